@@ -29,105 +29,149 @@ sys.path.insert(0, str(ROOT))  # a checkout need not be installed
 from bench import measure
 
 
-class Way(NamedTuple):
+class Variant(NamedTuple):
     """A path, and the edits (file below the package's folder, old text, new text) that leave it out."""
 
     name: str
     edits: tuple
 
 
+LEVELS = "pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)", "0"
+BYTES = (
+    ("pipeline/resolve.py", "if factor == 1 and is_plain", "if False and is_plain"),
+    ("pipeline/resolve.py", "is_direct = factor == 1 and", "is_direct = False and"),
+)
 PATHS = (
-    Way("clusters", (("engine/prepared_scene.py", "is_used = self.uses_clusters\n", "return None\n"),)),
-    Way(
-        "covered bits of small boxes",
+    Variant("packed entries", (LEVELS,)),
+    Variant(
+        "planes",
         (
-            ("pipeline/scan.py", "if covered > 0 and not", "if covered > 2**28 and not"),
-            ("pipeline/setup.py", "index(BLOCK if n_small >= LEAST_SMALL else 0)", "index(0)"),
+            LEVELS,
+            ("pipeline/gradients.py", "&= way != EXACT", "= 0"),
+            ("pipeline/gradients.py", "&= ints[s.WAY + k] == IN_PLANES", "= 0"),
         ),
     ),
-    Way(
-        "cull: small boxes without a sample",
-        (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
-    ),
-    Way("small boxes filled whole", (("pipeline/scan.py", "elif is_small and not", "elif False and not"),)),
-    Way(
-        "by hand: merge_box",
-        (("pipeline/simd.py", '@spelled_out("build_merge_box")', "@helper"),),
-    ),
-    Way(
-        "by hand: planes",
-        (
-            ("pipeline/simd.py", '@spelled_out("build_evaluate_planes")\ndef evaluate_planes(', "@helper\ndef evaluate_planes("),
-            ("pipeline/simd.py", '@spelled_out("build_evaluate_values")\ndef evaluate_values(', "@helper\ndef evaluate_values("),
-        ),
-    ),
-    Way(
-        "by hand: planes with slopes",
-        (
-            ("pipeline/screen_points.py", '@spelled_out("build_evaluate_with_slopes")', "@helper"),
-            ("pipeline/texture_planes.py", '@spelled_out("build_evaluate_slopes")\ndef evaluate_slopes(', "@helper\ndef evaluate_slopes("),
-        ),
-    ),
-    Way(
-        "limits of lights",
-        (
-            ("pipeline/lighting.py", "lighting.has_limits and not is_within", "False and not is_within"),
-            ("pipeline/lighting.py", "n if lighting.has_limits else 0", "0"),
-        ),
-    ),
-    Way("lights behind a batch", (("pipeline/lighting.py", "if is_behind(batch, n):", "if False:"),)),
-    Way(
-        "light sets",
+    Variant(
+        "float32",
         (
             (
-                "engine/light_sets.py",
-                "if not (any(has_end) or (cones is not None and lights)) or not math.isfinite(diagonal):",
-                "if True:",
+                "engine/material_plans.py",
+                "needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE",
+                "is_double = True; needs = g.NEEDS_DOUBLE",
             ),
         ),
     ),
-    Way("distant twins of reflection functions", (("engine/uniforms.py", "function.distant or function.evaluate", "function.evaluate"),)),
-    Way("grey sums over lights", (("engine/uniforms.py", "if (colors == greys).all():", "if False:"),)),
-    Way("plain bytes", (
-        ("pipeline/resolve.py", "if factor == 1 and is_plain", "if False and is_plain"),
-        ("pipeline/resolve.py", "is_direct = factor == 1 and", "is_direct = False and"),
-    )),
-    Way("one sample a pixel", (
-        ("pipeline/resolve.py", "if factor == 1 and is_plain", "if False and is_plain"),
-        ("pipeline/resolve.py", "is_direct = factor == 1 and", "is_direct = False and"),
-        ("pipeline/resolve.py", "    if factor == 1:\n", "    if False:\n"),
-        ("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if len(grid[0]) == 1 else"),
-    )),
-    Way("pixels covered as a whole", (("pipeline/box_filter.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),)),
-    Way("grey encoding", (("engine/coding.py", "is_grey = bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "is_grey = False"),)),
-    Way("common tint", (
-        ("engine/plan.py", "    if sources.products is not None or material.texture is not None:\n        return None\n", "    return None\n"),
-    )),
-    Way("packed entries", (("pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)", "0"),)),
-    Way("planes", (
-        ("pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)", "0"),
-        ("pipeline/gradients.py", "ints[s.HAS_PLANES + k] &= way != EXACT", "ints[s.HAS_PLANES + k] = 0"),
-        ("pipeline/gradients.py", "ints[s.HAS_PLANES + k] &= ints[s.WAY + k] == IN_PLANES", "ints[s.HAS_PLANES + k] = 0"),
-    )),
-    Way("float32", (("engine/material_plans.py", "needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE", "is_double = True; needs = g.NEEDS_DOUBLE"),)),
-    Way("pieces of mixed batches", (("pipeline/shade.py", "is_mixed = has_weighted or (has_affine and band.counts.n_level > 0)", "is_mixed = False"),)),
-    Way("extents of rows", (
-        ("pipeline/visibility.py", "min(visibility.left[strip], left)", "np.int64(0) if visibility.width else min(visibility.left[strip], left)"),
-        ("pipeline/visibility.py", "max(visibility.right[strip], right)", "max(visibility.right[strip], right, np.int64(visibility.width))"),
-    )),
-    Way("stretches of one material", (("pipeline/visibility.py", "    if material >= 0:\n        return end, material\n", "    if material > -2:\n        return end, np.int64(-1)\n"),)),
-    Way("busiest bands first", (("engine/draw.py", 'np.argsort(-n_in_band, kind="stable").tolist()', "list(range(len(n_in_band)))"),)),
-    Way("polynomials of powers", (
-        ("pipeline/power.py", "power_single if is_single(base) else power_double", "power_libm if is_single(base) else power_double"),
-        ("pipeline/power.py", "def power_double(", "def power_libm(base, exponent):\n    return np.float32(min(base, np.float32(1)) ** exponent) if base > 0 else np.float32(0)\n\n\ndef power_double("),
-    )),
-    Way("casters that a map can't show", (("engine/shadow_maps.py", "        if planes is not None:\n            seen", "        if False:\n            seen"),)),
-    Way("buffers from a picture's entries", (("engine/passes.py", "render_pass.opacity is None and counts.n_level == 0", "False"),)),
-    Way("blocks of one material", (
-        ("pipeline/setup.py", "    if others == 0:\n", "    if others == 1 << 30:\n"),
-        ("pipeline/setup.py", "    if n_double == 0:", "    if n_double < 0:"),
-    )),
-    Way("triangles in parallel on few cores", (("engine/draw.py", "is_long = n_face", "is_long = True or n_face"),)),
+    Variant(
+        "one channel",
+        (
+            (
+                "engine/plan.py",
+                "    if sources.products is not None or material.texture is not None:\n        return None\n",
+                "    return None\n",
+            ),
+        ),
+    ),
+    Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
+    Variant("boxes: by hand", (("pipeline/simd.py", '@spelled_out("build_merge_box")', "@helper"),)),
+    Variant("planes: by hand", (("pipeline/simd.py", '@spelled_out("build_evaluate_planes")', "@helper"),)),
+    Variant("slopes: by hand", (("pipeline/texture_planes.py", '@spelled_out("build_evaluate_slopes")', "@helper"),)),
+    Variant(
+        "cull: boxes without a sample",
+        (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
+    ),
+    Variant("lights that don't arrive", (("pipeline/lighting.py", "if not arrives(batch, n):", "if False:"),)),
+    Variant("plain bytes", BYTES),
+    Variant(
+        "one sample a pixel",
+        (
+            *BYTES,
+            ("pipeline/resolve.py", "    if factor == 1:\n", "    if False:\n"),
+            ("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),
+        ),
+    ),
+    Variant(
+        "pixels covered as a whole",
+        (("pipeline/box_filter.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
+    ),
+    Variant(
+        "grey encoding",
+        (("engine/coding.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
+    ),
+    Variant(
+        "pieces of mixed batches",
+        (("pipeline/shade.py", "has_weighted or (has_affine and band.counts.n_level > 0)", "False"),),
+    ),
+    Variant(
+        "extents of rows",
+        (
+            (
+                "pipeline/visibility.py",
+                "min(visibility.left[strip], left)",
+                "np.int64(0) if visibility.width else min(visibility.left[strip], left)",
+            ),
+            (
+                "pipeline/visibility.py",
+                "max(visibility.right[strip], right)",
+                "max(visibility.right[strip], right, np.int64(visibility.width))",
+            ),
+        ),
+    ),
+    Variant(
+        "stretches of one material",
+        (
+            (
+                "pipeline/visibility.py",
+                "    if material >= 0:\n        return end, m",
+                "    if material > -2:\n        return end, -1 + 0 * m",
+            ),
+        ),
+    ),
+    Variant(
+        "blocks of one material",
+        (
+            ("pipeline/setup.py", "    if others == 0:\n", "    if others == 1 << 30:\n"),
+            ("pipeline/setup.py", "    if n_double == 0:", "    if n_double < 0:"),
+        ),
+    ),
+    Variant(
+        "busiest bands first",
+        (("engine/draw.py", 'np.argsort(-n_in_band, kind="stable").tolist()', "list(range(len(n_in_band)))"),),
+    ),
+    Variant(
+        "polynomials of powers",
+        (
+            (
+                "pipeline/power.py",
+                "power_single if is_single(base) else power_double",
+                "power_libm if is_single(base) else power_double",
+            ),
+            (
+                "pipeline/power.py",
+                "def power_double(",
+                "def power_libm(base, exponent):\n"
+                "    return np.float32(min(base, np.float32(1)) ** exponent) if base > 0 else np.float32(0)\n\n\n"
+                "def power_double(",
+            ),
+        ),
+    ),
+    Variant(
+        "exponents by squaring",
+        (("pipeline/reflection.py", "if shininess == np.floor(shininess) and", "if False and"),),
+    ),
+    Variant(
+        "casters that a map can't show",
+        (
+            (
+                "engine/shadow_maps.py",
+                "        if planes is not None:\n            seen",
+                "        if False:\n            seen",
+            ),
+        ),
+    ),
+    Variant(
+        "buffers from a picture's entries",
+        (("engine/passes.py", "render_pass.opacity is None and counts.n_level == 0", "False"),),
+    ),
 )
 
 CHILD = """
@@ -147,6 +191,7 @@ for line in sys.stdin:
 """
 SCENES = ("scan", "dense", "textured", "room", "look", "quads", "buffers")
 SIZE = (1920, 1080)
+MOST_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
 
 
 def make_renderers(names, scan, threads):
@@ -192,8 +237,12 @@ class Drawer:
         self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment,
                                          text=True, cwd=ROOT.anchor,
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
+        self._folder = folder
+
+    def wait(self) -> None:
+        """Wait until all scenes are ready."""
         if self._process.stdout.readline().strip() != "ready":
-            raise SystemExit(f"the package in {folder} can't draw these scenes")
+            raise SystemExit(f"the package in {self._folder} can't draw these scenes")
 
     def draw(self, k) -> tuple[float, str]:
         """Milliseconds of one frame of scene number k, and what its bytes are."""
@@ -208,7 +257,7 @@ class Drawer:
         self._process.wait()
 
 
-def leave_out(path: Way, folder: Path) -> None:
+def leave_out(path: Variant, folder: Path) -> None:
     """Copy the package into a folder and leave a path out of the copy."""
     shutil.copytree(ROOT / "rasterizer", folder / "rasterizer", ignore=shutil.ignore_patterns("__pycache__", "kernels"))
     for file, old, new in path.edits:
@@ -219,16 +268,19 @@ def leave_out(path: Way, folder: Path) -> None:
         target.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def compare(path: Way, args) -> list[dict]:
+def compare(path: Variant, args) -> list[dict]:
     """Draw frames with and without a path in turns; return the medians of each scene."""
     names = args.scenes.split(",")
     arguments = args.scenes, args.scan, args.threads
     with tempfile.TemporaryDirectory() as folder:
         leave_out(path, Path(folder))
         with_it, without = Drawer(ROOT, arguments), Drawer(folder, arguments)
+        with_it.wait()
+        without.wait()
         rows = []
         for k, name in enumerate(names):
-            found = [(with_it.draw(k), without.draw(k)) for _ in range(args.frames)]
+            n = max(3, min(args.frames, int(MOST_TIME / (with_it.draw(k)[0] + without.draw(k)[0]))))
+            found = [(with_it.draw(k), without.draw(k)) for _ in range(n)]
             times = np.array([[milliseconds for milliseconds, _ in pair] for pair in found])
             ratio = float(np.median(times[:, 1] / times[:, 0]))
             is_same = all(one == other for (_, one), (_, other) in found)

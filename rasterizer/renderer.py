@@ -177,7 +177,7 @@ class Renderer:
         )
         with compiling_ahead(lambda: self._list_needs(self.scene.camera, is_prepared=False)):
             self._prepared = PreparedScene(self.scene, self.options)
-        self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
+        self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
 
     @property

@@ -13,8 +13,8 @@ from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .vectors import FLOATS, data_of, half, in_fours, load, shuffle, splat, transpose
-from .widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT
+from .vectors import FLOATS, data_of, in_fours, load, shuffle, splat, transpose
+from .widths import ID_BIT, LANES, PLANE_GROUP
 
 if is_seen(numba.__version__):
     from numba.core import cgutils
@@ -58,204 +58,77 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
 
 
 def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `simd.evaluate_planes`, or `evaluate_planes_at`."""
-    return _build_evaluation(_values, entries, group, (x, y), out)
-
-
-def build_evaluate_values(typing_context, entries, group, x, y, out, start, stride, weights):
-    """Build `simd.evaluate_values`, or `evaluate_values_at`."""
-    return _build_evaluation(_weighted_values, entries, group, (x, y), out, types.uint64)
+    """Build `simd.evaluate_planes`."""
+    return _build_evaluation(entries, group, out, has_slopes=False)
 
 
 def build_evaluate_slopes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `texture_planes.evaluate_slopes`, or `evaluate_slopes_at`."""
-    return _build_evaluation(_values_and_slopes, entries, group, (x, y), out)
+    """Build `texture_planes.evaluate_slopes`."""
+    return _build_evaluation(entries, group, out, has_slopes=True)
 
 
-def build_evaluate_with_slopes(typing_context, entries, group, first, out, start, stride, behind, behind_start):
-    """Build `screen_points.evaluate_with_slopes`: eight planes of a sample side by side."""
-    is_list, unsigned = isinstance(first, types.NamedTuple), types.uint64
-    axes = (types.int32, types.int32) if is_list else (types.int64, types.int64)
-    if tuple(getattr(axis, "dtype", axis) for axis in tuple(first)[:2]) != axes or not _is_known(group, out, behind):
-        return None
-    signature = types.void(entries, group, first, out, unsigned, unsigned, behind, unsigned)
-
-    def generate(context, builder, signature, arguments):
-        out, behind = (data_of(context, builder, signature.args[k], arguments[k]) for k in (3, 6))
-        place = cgutils.unpack_tuple(builder, arguments[2])[:2]
-        if is_list:
-            place = [data_of(context, builder, kind, axis) for kind, axis in zip(first, place, strict=False)]
-        reader, n = _make_reader(context, builder, signature, arguments, place, is_list, out)
-        with in_fours(builder, n) as (first_of_four, four):
-            position = reader.begin_four()
-            samples = [_pair_and_slopes(reader, reader.at(position, j, k)) for j, k in enumerate(four)]
-            pairs, slopes = (transpose(builder, vectors) for vectors in zip(*samples, strict=True))
-            rows = [half(builder, pair, 0) for pair in pairs]
-            rows_behind = [half(builder, pair, 1) for pair in pairs]
-            rows_behind += [half(builder, slope, side) for side in (0, 1) for slope in slopes[:-1]]
-            for data, start, some in ((out, arguments[4], rows), (behind, arguments[7], rows_behind)):
-                _store_rows(builder, data, builder.add(start, first_of_four), arguments[5], some)
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
-def _is_known(group, *outs):
-    """Whether the types of a group of planes, and of what is written, are those that instructions are written for."""
-    numbers, *layout = group
-    is_single = all(kind.dtype == types.float32 for kind in (numbers, *outs))
-    return is_single and all(out.layout == "C" for out in outs) and layout == [types.int64, types.uint64, types.uint64]
-
-
-def _make_reader(context, builder, signature, arguments, place, is_list, out):
-    """A reader of the records that entries show, which are the first two arguments; and the number of entries."""
-    entries = context.make_array(signature.args[0])(context, builder, arguments[0])
-    numbers, *layout = cgutils.unpack_tuple(builder, arguments[1])
-    numbers = data_of(context, builder, signature.args[1][0], numbers)
-    kind = _PointReader if is_list else _PlaneReader
-    return kind(builder, entries.data, (numbers, *layout), place, out), entries.nitems
-
-
-def _store_rows(builder, data, target, stride, rows):
-    """Store four samples of each row; `target` is where those of the first one begin."""
-    for values in rows:
-        builder.store(values, builder.bitcast(builder.gep(data, [target]), FLOATS.as_pointer()), align=4)
-        target = builder.add(target, stride)
-
-
-def _build_evaluation(sample, entries, group, place, out, *others):
+def _build_evaluation(entries, group, out, has_slopes):
     """Build a loop that evaluates planes: four samples at a time, each with its four planes, which are then transposed.
 
-    sample : (_PlaneReader, place of the sample, its number, *others) -> vectors of four: planes, slopes of three
-    place : types of x and y: of the first sample of a row; or of arrays, of points that lie anywhere
-    others : types of further arguments
+    `has_slopes` says whether the slopes of the first three planes are written, too: d/dx of each, then d/dy.
     """
-    unsigned, signed = types.uint64, types.int64
-    if not _is_known(group, out):
+    numbers, *layout = group
+    is_single = all(kind.dtype == types.float32 for kind in (numbers, out)) and out.layout == "C"
+    if not is_single or layout != [types.int64, types.uint64, types.uint64]:
         return None
-    is_list = isinstance(place[0], types.Array)
-    if is_list and any(axis.dtype != types.int32 for axis in place):
-        return None
-    place = place if is_list else (signed, signed)
-    signature = types.void(entries, group, *place, out, unsigned, unsigned, *others)
+    signature = types.void(entries, group, types.int64, types.int64, out, types.uint64, types.uint64)
 
     def generate(context, builder, signature, arguments):
-        out, place = data_of(context, builder, signature.args[4], arguments[4]), arguments[2:4]
-        if is_list:
-            place = [data_of(context, builder, signature.args[axis], arguments[axis]) for axis in (2, 3)]
-        reader, n = _make_reader(context, builder, signature, arguments, place, is_list, out)
-        with in_fours(builder, n) as (first, four):
-            position, rows = reader.begin_four(), []
-            samples = [sample(reader, reader.at(position, j, k), k, *arguments[7:]) for j, k in enumerate(four)]
+        out = data_of(context, builder, signature.args[4], arguments[4])
+        reader = _PlaneReader(context, builder, signature, arguments)
+        with in_fours(builder, reader.n_entry) as (first, four):
+            position = reader.begin_four()
+            samples = [reader.read(position, j, k, has_slopes) for j, k in enumerate(four)]
+            target = builder.add(arguments[5], first)
             for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
-                rows += transpose(builder, vectors)[:n_row]
-            _store_rows(builder, out, builder.add(arguments[5], first), arguments[6], rows)
+                for values in transpose(builder, vectors)[:n_row]:
+                    builder.store(values, builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer()), align=4)
+                    target = builder.add(target, arguments[6])
         return context.get_dummy_value()
 
     return signature, generate
 
 
 class _PlaneReader:
-    """The records that entries show, and where the samples of a row lie in them; `out` is what is written."""
+    """The records that entries show, and where the samples of a row lie in them."""
 
-    def __init__(self, builder, entries, group, first, out):
-        self.builder, self._entries, (self._numbers, self._mask, self._shift, self._column) = builder, entries, group
-        self.out = out
-        self._begin(first)
-
-    def _begin(self, first):
-        self._position = cgutils.alloca_once_value(self.builder, self._placed(first))
-
-    def _placed(self, coordinates):
-        """A vector that has coordinates where a record has its anchor."""
-        position = ir.Constant(_WHOLES, [0] * PLANE_GROUP)
-        for lane, coordinate in zip(_ANCHOR, coordinates, strict=True):
-            if coordinate.type != ir.IntType(32):
-                coordinate = self.builder.trunc(coordinate, ir.IntType(32))
-            position = self.builder.insert_element(position, coordinate, ir.IntType(32)(lane))
-        return position
+    def __init__(self, context, builder, signature, arguments):
+        entries = context.make_array(signature.args[0])(context, builder, arguments[0])
+        numbers, self._mask, self._shift, self._column = cgutils.unpack_tuple(builder, arguments[1])
+        self._numbers = data_of(context, builder, signature.args[1][0], numbers)
+        self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
+        first = ir.Constant(_WHOLES, [0] * PLANE_GROUP)
+        for lane, coordinate in zip(_ANCHOR, arguments[2:4], strict=True):
+            first = builder.insert_element(first, builder.trunc(coordinate, ir.IntType(32)), ir.IntType(32)(lane))
+        self._position = cgutils.alloca_once_value(builder, first)
 
     def begin_four(self):
         """The position of the first of four samples, where a record has its anchor; moves on by four."""
-        position = self.builder.load(self._position)
-        self.builder.store(self._moved(position, PLANE_GROUP), self._position)
+        position = self._builder.load(self._position)
+        self._builder.store(self._moved(position, PLANE_GROUP), self._position)
         return position
 
     def _moved(self, position, n):
-        return self.builder.add(position, ir.Constant(_WHOLES, [n if lane == _ANCHOR[0] else 0 for lane in range(4)]))
+        return self._builder.add(position, ir.Constant(_WHOLES, [n if lane == _ANCHOR[0] else 0 for lane in range(4)]))
 
-    def at(self, position, j, k):
-        """The planes of sample number k, the j-th of four, and how far it lies from the anchor, across and down."""
-        builder = self.builder
+    def read(self, position, j, k, has_slopes):
+        """The values of four planes at sample number k, the j-th of four; and their slopes, where these are asked
+        for."""
+        builder = self._builder
         number = _record_number(builder, builder.load(builder.gep(self._entries, [k])), self._mask)
         record = builder.gep(self._numbers, [builder.shl(number, self._shift)])
-        offset = self._offset(load(builder, record, 0, _WHOLES), position, j, k)
+        anchor = load(builder, record, 0, _WHOLES)
+        offset = builder.sitofp(builder.sub(self._moved(position, j), anchor), FLOATS)
         across, down = (shuffle(builder, offset, offset, [lane] * PLANE_GROUP) for lane in _ANCHOR)
-        return builder.gep(record, [self._column]), across, down
-
-    def _offset(self, anchor, position, j, k):
-        return self.builder.sitofp(self.builder.sub(self._moved(position, j), anchor), FLOATS)
-
-    def part(self, planes, number):
-        """Four numbers of a group: values, d/dx, d/dy, least, greatest."""
-        return load(self.builder, planes, number * PLANE_GROUP, FLOATS)
-
-
-class _PointReader(_PlaneReader):
-    """The same for points that lie anywhere, in 1/POINT_UNIT of a sample's width."""
-
-    def _begin(self, first):
-        self._points = first
-
-    def begin_four(self):
-        """Nothing: each point tells where it lies."""
-
-    def _offset(self, anchor, position, j, k):
-        builder = self.builder
-        point = self._placed([builder.load(builder.gep(axis, [k])) for axis in self._points])
-        parts = builder.mul(anchor, ir.Constant(_WHOLES, [POINT_UNIT] * PLANE_GROUP))
-        unit = ir.Constant(FLOATS, [1.0 / POINT_UNIT] * PLANE_GROUP)
-        return builder.fmul(builder.sitofp(builder.sub(point, parts), FLOATS), unit)
-
-
-def _plane_values(reader, place):
-    """The values of four planes at a sample."""
-    builder, (planes, across, down) = reader.builder, place
-    value = builder.fadd(reader.part(planes, 0), builder.fmul(across, reader.part(planes, 1)))
-    return builder.fadd(value, builder.fmul(down, reader.part(planes, 2)))
-
-
-def _values(reader, place, k):
-    """The four planes of a sample."""
-    return (_plane_values(reader, place),)
-
-
-def _weighted_values(reader, place, k, weights):
-    """The four planes of a sample, multiplied and kept within a range."""
-    builder = reader.builder
-    weight = splat(builder, FLOATS, builder.load(builder.gep(reader.out, [builder.add(weights, k)])))
-    value = builder.fmul(_plane_values(reader, place), weight)
-    least, greatest = reader.part(place[0], 3), reader.part(place[0], 4)
-    value = builder.select(builder.fcmp_ordered(">", value, least), value, least)
-    return (builder.select(builder.fcmp_ordered("<", value, greatest), value, greatest),)
-
-
-def _values_and_slopes(reader, place, k):
-    """The four planes of a sample, and the slopes of three of them."""
-    return _plane_values(reader, place), reader.part(place[0], 1), reader.part(place[0], 2)
-
-
-def _pair_and_slopes(reader, place):
-    """The planes of a group and of the one behind it, eight of a sample, and the slopes of the latter."""
-    builder, (planes, across, down) = reader.builder, place
-    both, behind = list(range(2 * PLANE_GROUP)), builder.gep(planes, [ir.IntType(64)(3 * PLANE_GROUP)])
-    value, dx, dy = (
-        shuffle(builder, reader.part(planes, number), reader.part(behind, number), both) for number in range(3)
-    )
-    across, down = (shuffle(builder, offset, offset, [k % PLANE_GROUP for k in both]) for offset in (across, down))
-    value = builder.fadd(value, builder.fmul(across, dx))
-    slopes = shuffle(builder, reader.part(behind, 1), reader.part(behind, 2), both)
-    return builder.fadd(value, builder.fmul(down, dy)), slopes
+        planes = builder.gep(record, [self._column])
+        value, dx, dy = (load(builder, planes, part * PLANE_GROUP, FLOATS) for part in range(3))
+        value = builder.fadd(builder.fadd(value, builder.fmul(across, dx)), builder.fmul(down, dy))
+        return (value, dx, dy) if has_slopes else (value,)
 
 
 def _record_number(builder, entry, mask):

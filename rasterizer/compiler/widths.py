@@ -4,4 +4,3 @@ LANES = 8  # samples of a box that are merged
 PLANE_GROUP = 4  # planes that are evaluated
 ID_BIT = 24  # of a visibility entry: it holds the index of a record
 TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
-POINT_UNIT = 256  # into so many parts the width of a sample is divided where a point may lie between samples

@@ -45,7 +45,7 @@ class GivenPlan:
 
     def lighting_for(self, plan: Plan, view, screen, dtype: np.dtype, shadows) -> Lighting:
         """The illumination in one type; see `ViewPlans.lighting_for`."""
-        return make_lighting(plan, view, dtype, shadows, screen.is_perspective)
+        return make_lighting(plan, view, dtype, shadows)
 
 
 class WholeView(NamedTuple):
@@ -91,7 +91,7 @@ def declare_lights(sample: "PreparedScene", camera: Camera) -> None:
     plan = sample.plan_for(camera).plan
     is_lit = gather_sources(sample.scene, sample.options).is_lit
     for dtype in plan.dtypes if plan.is_lit.sum() < is_lit.sum() else ():
-        list_materials(plan._replace(is_lit=is_lit), dtype, camera.is_perspective)
+        list_materials(plan._replace(is_lit=is_lit), dtype)
 
 
 def follow(sample: "PreparedScene", whole: WholeView, origins: list[int]) -> bool:

@@ -115,9 +115,9 @@ def shorten(numbers: tuple[int, ...]) -> str:
 _WAY_NAMES = ("entries", "planes", "exact records")
 
 
-def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> PlanSummary:
+def summarize(plan: Plan, ways: Ways | None = None) -> PlanSummary:
     """Put a plan into words."""
-    of_lights, of_materials = used_functions_of(plan, is_perspective)
+    of_lights, of_materials = used_functions_of(plan)
     features = {
         "textures": plan.textures is not None,
         "shadows": plan.has_shadows,
@@ -144,9 +144,9 @@ def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> Pla
     )
 
 
-def used_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
+def used_functions_of(plan: Plan) -> tuple[list, list]:
     """Return the batch functions of lights, and those of materials, that are evaluated."""
-    of_lights, of_materials = batch_functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan)
     n_term = len(of_lights) // max(len(plan.lights), 1)
     is_used = np.repeat(plan.is_lit, n_term, axis=1)
     lights = [function for function, used in zip(of_lights, is_used.any(axis=0).tolist(), strict=True) if used]

@@ -78,7 +78,7 @@ def illuminate(
     meshes = [SimpleNamespace(palette=(material,))]
     scene = SimpleNamespace(background=None, lights=lights, meshes=meshes, depth_cue=None)
     plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
-    lighting = make_lighting(plan, view, plan.dtype, (), is_perspective)
+    lighting = make_lighting(plan, view, plan.dtype)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
     surface = SurfacePoints(

@@ -17,13 +17,13 @@ from .spectral_products import split_fresnel
 _COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 
 
-def make_lighting(plan: Plan, view, dtype, shadows=(), is_perspective=True) -> Lighting:
+def make_lighting(plan: Plan, view, dtype, shadows=()) -> Lighting:
     """Write lights and materials as arrays, for one view; only the rows of materials that are lit in `dtype` are read.
 
     `shadows` holds a light's shadow map (see engine/shadow_maps.py), or None, for each light; nothing where no light
     has one. Whoever draws keeps it until the picture is done.
     """
-    return light_view(list_materials(plan, dtype, is_perspective), plan, view, shadows)
+    return light_view(list_materials(plan, dtype), plan, view, shadows)
 
 
 def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
@@ -41,17 +41,16 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
     )
 
 
-def list_materials(plan: Plan, dtype, is_perspective=True) -> Lighting:
+def list_materials(plan: Plan, dtype) -> Lighting:
     """Write what doesn't depend on the view: materials, which lights light each, and what they are weighted with.
 
     The coefficients of lights are zeros, and no light casts shadows.
     """
     material = _list_materials(plan, dtype)
-    color, n_light_channels = _color_lights(plan)
     highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
-    of_lights, of_materials = batch_functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan)
     is_lit_here = plan.of_materials.is_double == (dtype == np.float64)
     is_lit = plan.is_lit & is_lit_here[:, None]
     if is_parted(plan):
@@ -68,11 +67,10 @@ def list_materials(plan: Plan, dtype, is_perspective=True) -> Lighting:
         has_highlight=highlights,
         is_view_dependent=is_view_dependent,
         n_channels=np.where(plan.of_materials.is_colored, 3, 1),
-        n_light_channels=n_light_channels,
         needs_view=bool(is_view_dependent.any()),
         needs_position=plan.needs_position,
         has_albedo=plan.of_materials.has_albedo,
-        colors=color.astype(dtype),
+        colors=_color_lights(plan).astype(dtype),
         shadows=None,
     )
 
@@ -132,23 +130,22 @@ def _list_materials(plan, dtype) -> np.ndarray:
     return material
 
 
-def _color_lights(plan) -> tuple[np.ndarray, np.ndarray]:
-    """What the sums over the lights are weighted with, (1 or n_material, n_light, 6), and how many channels they need,
-    (n_material,).
+def _color_lights(plan) -> np.ndarray:
+    """What the sums over the lights are weighted with, (1 or n_material, n_light, 6).
 
     With two terms a light (see `is_parted`), n_light is twice the number of lights.
     """
     n_light, is_colored = len(plan.lights), plan.of_materials.is_colored
     if is_parted(plan):
-        return _color_parts(plan), np.full(len(is_colored), 3)
+        return _color_parts(plan)
     if plan.products is not None:
-        return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2), np.full(len(is_colored), 3)
+        return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2)
     colors = np.array([light.color for light in plan.lights]).reshape(n_light, 3) * plan.is_lit.any(axis=0)[:, None]
     greys = np.repeat(colors.max(axis=1, keepdims=True, initial=0.0), 3, axis=1)
     if (colors == greys).all():
-        return np.concatenate([greys, greys], axis=1)[None], np.ones(len(is_colored), np.int64)
+        return np.concatenate([greys, greys], axis=1)[None]
     rows = np.where(is_colored[:, None, None], colors, greys)
-    return np.concatenate([rows, rows], axis=2), np.where(is_colored, 3, 1)
+    return np.concatenate([rows, rows], axis=2)
 
 
 def is_parted(plan: Plan) -> bool:
@@ -173,7 +170,7 @@ def _color_parts(plan) -> np.ndarray:
     return color
 
 
-def batch_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
+def batch_functions_of(plan: Plan) -> tuple[list, list]:
     """The batch functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
     light.
 
@@ -184,8 +181,7 @@ def batch_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
     of_materials = []
     for material in plan.materials:
         function = reflection_table.entry_of(material).function(material)
-        distant = function.evaluate if is_perspective else function.distant or function.evaluate
-        of_materials.append([distant if entry.is_distant else function.evaluate for entry in lights])
+        of_materials.append([function.evaluate] * len(lights))
     if not is_parted(plan):
         return of_lights, of_materials
     seconds = [_second_term(material) for material in plan.materials]

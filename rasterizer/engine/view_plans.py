@@ -50,23 +50,22 @@ class ViewPlan(NamedTuple):
 class FixedParts:
     """What follows from a plan whatever the view: kept until a view needs other types, or another projection."""
 
-    def __init__(self, plan: Plan, is_perspective: bool) -> None:
-        self._plan, self._is_perspective = plan, is_perspective
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
         self._lightings: dict[np.dtype, Lighting] = {}
-        self.summary = summarize(plan, is_perspective)
+        self.summary = summarize(plan)
         self.steps = list_fixed_steps(plan)
         self.filters = bound_filters(plan)
 
-    def is_of(self, plan: Plan, is_perspective: bool) -> bool:
+    def is_of(self, plan: Plan) -> bool:
         """Tell whether it follows from a plan, which may differ in what rounding adds."""
         own = self._plan
-        is_alike = own is plan or (own.reflected is plan.reflected and own.of_materials.is_like(plan.of_materials))
-        return is_alike and self._is_perspective == is_perspective
+        return own is plan or (own.reflected is plan.reflected and own.of_materials.is_like(plan.of_materials))
 
     def lighting(self, dtype: np.dtype) -> Lighting:
         """The part of the illumination in one type that is the same in all views."""
         if dtype not in self._lightings:
-            self._lightings[dtype] = list_materials(self._plan, dtype, self._is_perspective)
+            self._lightings[dtype] = list_materials(self._plan, dtype)
         return self._lightings[dtype]
 
 
@@ -124,8 +123,8 @@ class ViewPlans:
 
     def _fixed_of(self, plan, screen) -> "FixedParts":
         """What follows from a plan, whatever the view."""
-        if self._fixed is None or not self._fixed.is_of(plan, screen.is_perspective):
-            self._fixed = FixedParts(plan, screen.is_perspective)
+        if self._fixed is None or not self._fixed.is_of(plan):
+            self._fixed = FixedParts(plan)
         return self._fixed
 
     def _make_plan(self, clearances, sets: LightSets | None) -> Plan:

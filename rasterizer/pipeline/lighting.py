@@ -39,7 +39,6 @@ class Lighting(NamedTuple):
     has_highlight: np.ndarray  # (n_material,) bool
     is_view_dependent: np.ndarray  # (n_material,) bool: the reflection functions read N·V and the view directions
     n_channels: np.ndarray  # (n_material,) int64: 1 or 3
-    n_light_channels: np.ndarray  # (n_material,) int64: 1 where the sums over the lights need one channel only
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a position
     has_albedo: np.ndarray  # (n_material,) bool: colours are given with the model
@@ -111,7 +110,7 @@ def sum_lights(batch, n, lighting, material):
 
     A light that doesn't arrive at any of the points adds 0: it is left out.
     """
-    n_channel, is_first = lighting.n_light_channels[material], True
+    n_channel, is_first = lighting.n_channels[material], True
     for nth in range(index(lighting.n_lights[material])):
         light = index(lighting.light_idx[material, nth])
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
@@ -145,7 +144,7 @@ def add_reflected(batch, n, lighting, material, light, is_first):
         lighting.reflection_functions[material, light],
         batch.ctypes.data, n, lighting.materials[material].ctypes.data,
     )  # fmt: skip
-    for channel in range(index(lighting.n_light_channels[material])):
+    for channel in range(index(lighting.n_channels[material])):
         diffuse = lighting.colors[color_set, light, channel]
         add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, is_first)
         if lighting.has_highlight[material]:
@@ -178,9 +177,7 @@ def combine_channel(batch, n, channel, lighting, material):
         materials[material, index(m.AMBIENT) + channel],
     )
     kd, ks = materials[material, index(m.DIFFUSE) + channel], materials[material, index(m.SPECULAR) + channel]
-    # With grey lights all channels read the sums of channel 0.
-    source = channel * f.NEXT if lighting.n_light_channels[material] > 1 else index(0)
-    diffuse_sums, specular_sums = f.DIFFUSE_SUM + source, f.SPECULAR_SUM + source
+    diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
     albedo, out = f.ALBEDO + channel * f.NEXT, f.INTENSITY + channel * f.NEXT
     has_albedo, has_highlight = lighting.has_albedo[material], lighting.has_highlight[material]
     for k in range(index(n)):

@@ -40,7 +40,7 @@ from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of,
 from .screen_points import (
     ScreenPoints,
     evaluate_planes_here,
-    evaluate_values_here,
+    evaluate_values,
     evaluate_with_slopes,
     fill_positions_of_points,
     is_list,
@@ -233,7 +233,7 @@ def evaluate_fragments(entries, band, first, material, texturing, is_perspective
     if needs & NEEDS_ALBEDO:
         fill_weights(entries, depths, batch)
         group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
-        evaluate_values_here(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
+        evaluate_values(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
     if band.coding.needs_distance:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
         for k in range(index(len(entries))):

@@ -41,7 +41,6 @@ class ReflectionFunction(NamedTuple):
     needs_view: bool  # it reads N_DOT_V and VIEW_DIR
     has_highlight: bool  # it writes SPECULAR
     needs_tangent: bool = False  # it reads TANGENT, which nobody else fills for it
-    distant: Callable | None = None  # takes the place of `evaluate` where light and viewer are at infinity
     second_term: Callable | None = None  # follows `evaluate` where F0 has a colour, see fresnel.py
 
 
@@ -69,13 +68,6 @@ def blinn(batch, n, material):
     finish_highlights(batch, n, material)
 
 
-def distant_blinn(batch, n, material):
-    """Blinn's highlight where light and viewer are at infinity."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    fill_distant_n_dot_h(batch, n)
-    finish_highlights(batch, n, material)
-
-
 def weighted_phong(batch, n, material):
     """Phong's highlight times W(θ), or normalised, or both."""
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
@@ -88,14 +80,6 @@ def weighted_blinn(batch, n, material):
     """Blinn's highlight times W(θ), or normalised, or both."""
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_n_dot_h(batch, n)
-    finish_highlights(batch, n, material)
-    weight_highlights(batch, n, material)
-
-
-def weighted_distant_blinn(batch, n, material):
-    """The same where light and viewer are at infinity."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    fill_distant_n_dot_h(batch, n)
     finish_highlights(batch, n, material)
     weight_highlights(batch, n, material)
 
@@ -152,13 +136,9 @@ def toon(batch, n, material):
 REFLECTION_FUNCTIONS = {
     "lambert": ReflectionFunction(lambert, needs_view=False, has_highlight=False),
     "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "blinn": ReflectionFunction(
-        blinn, needs_view=True, has_highlight=True, distant=distant_blinn, second_term=grazing_term
-    ),
+    "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
     "weighted phong": ReflectionFunction(weighted_phong, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "weighted blinn": ReflectionFunction(
-        weighted_blinn, needs_view=True, has_highlight=True, distant=weighted_distant_blinn, second_term=grazing_term
-    ),
+    "weighted blinn": ReflectionFunction(weighted_blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
     "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
     "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
     "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
@@ -221,20 +201,6 @@ def fill_n_dot_h(batch, n):
         difference = subtract(get_vector(batch, f.NORMAL, k), half_dir)
         # Where L = -V there is no half vector, and no highlight.
         batch[f.SPECULAR + k] = one - a_half * dot(difference, difference) if square > zero else zero
-
-
-@helper
-def fill_distant_n_dot_h(batch, n):
-    """Fill SPECULAR with N·H where H is the same everywhere: it is found once, for the first fragment."""
-    real = batch.dtype.type
-    zero, one, a_half = real(0), real(1), real(0.5)
-    half = add(get_vector(batch, f.LIGHT_DIR, index(0)), get_vector(batch, f.VIEW_DIR, index(0)))
-    square = dot(half, half)
-    has_half = square > zero
-    half_dir = scale(half, one / np.sqrt(square) if has_half else zero)
-    for k in range(index(n)):
-        difference = subtract(get_vector(batch, f.NORMAL, k), half_dir)
-        batch[f.SPECULAR + k] = one - a_half * dot(difference, difference) if has_half else zero
 
 
 @helper

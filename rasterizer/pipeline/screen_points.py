@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, spelled_out
+from ..compiler.kernels import choice, helper, index
 from ..compiler.widths import PLANE_GROUP
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import read_vector, set_vector
 from .lighting import view_from_direction
-from .simd import PlaneGroup, evaluate_planes, evaluate_planes_at, evaluate_values, evaluate_values_at
-from .texture_planes import evaluate_slopes, evaluate_slopes_at
+from .simd import PlaneGroup, evaluate_planes, record_number, values_of_planes
+from .texture_planes import copy_slopes, evaluate_slopes
 from .transform import HALF, SUBPIXEL
 
 
@@ -136,6 +136,36 @@ def step_of_samples(first):
 # ---------------------------------------------------------------- planes
 
 
+def choose_offset(first, k, group, record):
+    """Return what is compiled in the place of `offset_from`."""
+    return offset_of_point if is_list(first) else offset_of_sample
+
+
+@choice(choose_offset)
+def offset_from(first, k, group, record):
+    """Return how far sample k lies across and down from the one at which the planes of a record have their values,
+    float32."""
+    offset = offset_of_point if isinstance(first, ScreenPoints) else offset_of_sample
+    return offset(first, k, group, record)
+
+
+@helper
+def offset_of_point(first, k, group, record):
+    """See `offset_from`. What it is rounded from are multiples of 128 parts of a sample: a float32 holds them."""
+    whole, part = group.numbers.view(np.int32), np.float32(1.0 / SUBPIXEL)
+    across = np.int64(first.x[k]) - SUBPIXEL * np.int64(whole[record + index(1)])
+    down = np.int64(first.y[k]) - SUBPIXEL * np.int64(whole[record + index(2)])
+    return np.float32(across) * part, np.float32(down) * part
+
+
+@helper
+def offset_of_sample(first, k, group, record):
+    """See `offset_from`."""
+    whole = group.numbers.view(np.int32)
+    across = first[0] + np.int64(k) - np.int64(whole[record + index(1)])
+    return np.float32(across), np.float32(first[1] - np.int64(whole[record + index(2)]))
+
+
 def choose_planes_at(entries, group, first, out, start, stride):
     """Return what is compiled in the place of `evaluate_planes_here`."""
     return planes_of_points if is_list(first) else planes_of_samples
@@ -151,13 +181,57 @@ def evaluate_planes_here(entries, group, first, out, start, stride):
 @helper
 def planes_of_points(entries, group, first, out, start, stride):
     """See `evaluate_planes_here`."""
-    evaluate_planes_at(entries, group, first.x, first.y, out, start, stride)
+    rows = out.reshape(-1)
+    for k in range(index(len(entries))):
+        record = record_number(entries[k], group)
+        across, down = offset_from(first, k, group, record)
+        values = values_of_planes(group.numbers, record + group.column, across, down)
+        write_row(rows, start + k, stride, values)
+
+
+@helper
+def write_row(rows, place, stride, values):
+    """Write four values of a sample, one a row."""
+    rows[place], rows[place + stride] = values[0], values[1]
+    rows[place + stride + stride], rows[place + stride + stride + stride] = values[2], values[3]
 
 
 @helper
 def planes_of_samples(entries, group, first, out, start, stride):
     """See `evaluate_planes_here`."""
     evaluate_planes(entries, group, first[0], first[1], out, start, stride)
+
+
+@helper
+def evaluate_values(entries, group, first, out, start, stride, weights):
+    """Evaluate a group of four planes as `evaluate_planes_here`, multiply, and keep values within their ranges.
+
+    Parameters
+    ----------
+    group : PlaneGroup, in whose records the least values stand behind the planes, then the greatest
+    weights : uint64, where in `out` the factors of the samples begin
+    """
+    rows, numbers, behind = out.reshape(-1), group.numbers, index(3 * PLANE_GROUP)
+    for k in range(index(len(entries))):
+        record = record_number(entries[k], group)
+        across, down = offset_from(first, k, group, record)
+        plane, weight = record + group.column, rows[weights + k]
+        v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
+        values = (
+            within(v0 * weight, numbers, plane + behind),
+            within(v1 * weight, numbers, plane + behind + index(1)),
+            within(v2 * weight, numbers, plane + behind + index(2)),
+            within(v3 * weight, numbers, plane + behind + index(3)),
+        )
+        write_row(rows, start + k, stride, values)
+
+
+@helper
+def within(value, numbers, least_at):
+    """Return a value kept within its range; the least one where it is no number."""
+    least, greatest = numbers[least_at], numbers[least_at + index(PLANE_GROUP)]
+    value = value if value > least else least
+    return value if value < greatest else greatest
 
 
 def choose_slopes_at(entries, group, first, out, start, stride):
@@ -175,7 +249,8 @@ def evaluate_slopes_here(entries, group, first, out, start, stride):
 @helper
 def slopes_of_points(entries, group, first, out, start, stride):
     """See `evaluate_slopes_here`."""
-    evaluate_slopes_at(entries, group, first.x, first.y, out, start, stride)
+    planes_of_points(entries, group, first, out, start, stride)
+    copy_slopes(entries, group, out.reshape(-1), start, stride)
 
 
 @helper
@@ -184,34 +259,10 @@ def slopes_of_samples(entries, group, first, out, start, stride):
     evaluate_slopes(entries, group, first[0], first[1], out, start, stride)
 
 
-def choose_values_at(entries, group, first, out, start, stride, weights):
-    """Return what is compiled in the place of `evaluate_values_here`."""
-    return values_of_points if is_list(first) else values_of_samples
-
-
-@choice(choose_values_at)
-def evaluate_values_here(entries, group, first, out, start, stride, weights):
-    """Evaluate a group of four planes with ranges, see `simd.evaluate_values`."""
-    evaluate = values_of_points if isinstance(first, ScreenPoints) else values_of_samples
-    evaluate(entries, group, first, out, start, stride, weights)
-
-
 @helper
-def values_of_points(entries, group, first, out, start, stride, weights):
-    """See `evaluate_values_here`."""
-    evaluate_values_at(entries, group, first.x, first.y, out, start, stride, weights)
-
-
-@helper
-def values_of_samples(entries, group, first, out, start, stride, weights):
-    """See `evaluate_values_here`."""
-    evaluate_values(entries, group, first[0], first[1], out, start, stride, weights)
-
-
-@spelled_out("build_evaluate_with_slopes")
 def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start):
     """Evaluate a group of four planes into four rows of `out`, and the group that stands right behind it, with slopes,
-    into ten rows of `behind`, which begin at `behind_start`: each record is looked up once for both.
+    into ten rows of `behind`, which begin at `behind_start`.
 
     See `simd.evaluate_planes` and `texture_planes.evaluate_slopes`.
     """

@@ -35,7 +35,8 @@ from .interpolate import (
     row_extent,
 )
 from .records import ATTRIBUTE, VALUES, material_of, plane_group
-from .simd import evaluate_planes, evaluate_values
+from .screen_points import evaluate_values
+from .simd import evaluate_planes
 from .visibility import IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, record_of
 
 PIECE = index(64)  # entries
@@ -145,7 +146,7 @@ def decode_weighted(entries, band, first, n_channel, has_others, batch):
     while start < end:
         run = entries[start:end]
         fill_weights(run, band.coding.depths, batch)
-        evaluate_values(run, group, x + np.int64(start), y, batch, WEIGHTED, f.NEXT, f.WEIGHT)
+        evaluate_values(run, group, (x + np.int64(start), y), batch, WEIGHTED, f.NEXT, f.WEIGHT)
         for channel in range(index(n_channel)):
             target, source = f.NORMAL + channel * f.NEXT + start, WEIGHTED + channel * f.NEXT
             for k in range(end - start):

@@ -24,13 +24,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from ..compiler.widths import PLANE_GROUP, POINT_UNIT
+from ..compiler.widths import PLANE_GROUP
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE
 from .interpolate import ScannedBand
 from .records import material_of
 from .sample_grid import factor_of
 from .screen_points import ScreenPoints
+from .transform import SUBPIXEL
 from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
@@ -115,15 +116,15 @@ def list_batch(band, first, factor, n_pixel, order, is_textured, n, out):
     pixels, n_mixed = out.pixels[index(row) // factor, index(left) :], index(0)
     if is_whole and not is_textured:
         return list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out)
-    n_sample, half = factor * factor, np.int32((np.int64(factor) - 1) * (POINT_UNIT // 2))
-    y = np.int32((band.y_start + row) * POINT_UNIT) + half
+    n_sample, half = factor * factor, np.int32((np.int64(factor) - 1) * (SUBPIXEL // 2))
+    y = np.int32((band.y_start + row) * SUBPIXEL) + half
     for i in range(n_pixel):
         entry, is_uniform = entries[i * factor], differences[i] == 0
         is_point = is_uniform and is_listed(entry, band, is_textured)
         # Written whether it is a point or not: the next one takes the same place.
         depth = np.int64((index(totals[i]) + n_sample // index(2)) // n_sample)
         out.visibility.entries[n] = (depth << PAYLOAD_BITS) | (entry & PAYLOAD_MASK)
-        out.x[n] = np.int32((left + np.int64(i)) * np.int64(factor) * POINT_UNIT) + half
+        out.x[n] = np.int32((left + np.int64(i)) * np.int64(factor) * SUBPIXEL) + half
         out.y[n] = y
         pixels[i] = np.int32(n) if is_point else NO_POINT if is_uniform else SEVERAL
         mixed[n_mixed] = np.int64(i)
@@ -158,9 +159,9 @@ def compare_samples(entries, pitch, factor, n_pixel, differences, totals):
 def list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out):
     """List a point for each of a row's pixels behind n others; return how many there are now."""
     (row, left), n_sample = first, factor * factor
-    half = np.int32((np.int64(factor) - 1) * (POINT_UNIT // 2))
-    y, x = np.int32((band.y_start + row) * POINT_UNIT) + half, np.int32(left * np.int64(factor) * POINT_UNIT) + half
-    step, number = np.int32(np.int64(factor) * POINT_UNIT), np.int32(n)
+    half = np.int32((np.int64(factor) - 1) * (SUBPIXEL // 2))
+    y, x = np.int32((band.y_start + row) * SUBPIXEL) + half, np.int32(left * np.int64(factor) * SUBPIXEL) + half
+    step, number = np.int32(np.int64(factor) * SUBPIXEL), np.int32(n)
     listed, xs, ys = out.visibility.entries[n : n + n_pixel], out.x[n : n + n_pixel], out.y[n : n + n_pixel]
     for i in range(n_pixel):
         depth = np.int64((index(totals[i]) + n_sample // index(2)) // n_sample)
@@ -179,7 +180,7 @@ def list_mixed(band, first, start, factor, order, is_textured, n, out):
     samples show the same is a matter of chance.
     """
     entries, pitch, keys, numbers = band.visibility.entries, index(band.visibility.pitch), out.scratch[0], out.numbers
-    left, top = np.int32(first[1] * POINT_UNIT), np.int32((band.y_start + first[0]) * POINT_UNIT)
+    left, top = np.int32(first[1] * SUBPIXEL), np.int32((band.y_start + first[0]) * SUBPIXEL)
     for k in range(factor * factor):
         row, column = index(order[k]) // factor, index(order[k]) % factor
         here = start + row * pitch + column
@@ -194,8 +195,8 @@ def list_mixed(band, first, start, factor, order, is_textured, n, out):
         numbers[here] = np.int32(number) if is_point else NO_POINT
         # Written whether it is a new point or not: the next one takes the same place.
         out.visibility.entries[n] = entries[here]
-        out.x[n] = np.int32(left + np.int32(np.int64(column) * POINT_UNIT))
-        out.y[n] = np.int32(top + np.int32(np.int64(row) * POINT_UNIT))
+        out.x[n] = np.int32(left + np.int32(np.int64(column) * SUBPIXEL))
+        out.y[n] = np.int32(top + np.int32(np.int64(row) * SUBPIXEL))
         n += index(is_new & is_point)
     return n
 

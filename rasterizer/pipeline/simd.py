@@ -1,4 +1,4 @@
-"""Three inner loops as vector instructions: a small box of samples, and the planes of one sample.
+"""Two inner loops as vector instructions: a small box of samples, and the planes of the samples of a row.
 
 They stand here in Python, which is what runs with the JIT switched off; compiler/intrinsics.py spells them out for the
 compiler, which wouldn't find vector instructions for loops of eight or four by itself. tests/pipeline/test_simd.py
@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, spelled_out
-from ..compiler.widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT
+from ..compiler.kernels import helper, index, spelled_out
+from ..compiler.widths import ID_BIT, LANES, PLANE_GROUP
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
@@ -66,91 +66,36 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
     x, y : int64, the first sample
     out : float32, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
     """
-    out, numbers = out.reshape(-1), group.numbers
-    for k in range(len(entries)):
+    out, numbers, whole = out.reshape(-1), group.numbers, group.numbers.view(np.int32)
+    for k in range(index(len(entries))):
         record = record_number(entries[k], group)
+        across, down = np.float32(x + np.int64(k) - whole[record + index(1)]), np.float32(y - whole[record + index(2)])
+        values = values_of_planes(numbers, record + group.column, across, down)
         for i in range(PLANE_GROUP):
-            plane = record + np.int64(group.column) + i
-            out[np.int64(start) + i * np.int64(stride) + k] = value_at(numbers, record, plane, x + k, y)
-
-
-@spelled_out("build_evaluate_values")
-def evaluate_values(entries, group, x, y, out, start, stride, weights):
-    """Evaluate a group of four planes as `evaluate_planes`, multiply, and keep values within their ranges.
-
-    Parameters
-    ----------
-    entries : (n,) int64; of those without the index of a record, the values of record 0
-    group : PlaneGroup with ranges
-    weights : uint64, where in `out` the factors of the samples begin
-    """
-    out, numbers = out.reshape(-1), group.numbers
-    for k in range(len(entries)):
-        record = record_number(entries[k], group)
-        for i in range(PLANE_GROUP):
-            plane = record + np.int64(group.column) + i
-            value = np.float32(value_at(numbers, record, plane, x + k, y) * out[np.int64(weights) + k])
-            least, greatest = numbers[plane + 3 * PLANE_GROUP], numbers[plane + 4 * PLANE_GROUP]
-            value = value if value > least else least
-            out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
-
-
-@spelled_out("build_evaluate_planes")
-def evaluate_planes_at(entries, group, x, y, out, start, stride):
-    """Evaluate a group of four planes as `evaluate_planes`, at points that lie anywhere.
-
-    Parameters
-    ----------
-    x, y : (n,) int32, where each point lies: 1/POINT_UNIT of a sample's width, from the first column and row of
-        samples, and a multiple of 128 of them: a float32 holds how far it is from where the planes have their values
-    """
-    out, numbers = out.reshape(-1), group.numbers
-    for k in range(len(entries)):
-        record = record_number(entries[k], group)
-        for i in range(PLANE_GROUP):
-            plane = record + np.int64(group.column) + i
-            out[np.int64(start) + i * np.int64(stride) + k] = value_at_point(numbers, record, plane, x[k], y[k])
-
-
-@spelled_out("build_evaluate_values")
-def evaluate_values_at(entries, group, x, y, out, start, stride, weights):
-    """Evaluate a group of four planes as `evaluate_values`, at points that lie anywhere, see `evaluate_planes_at`."""
-    out, numbers = out.reshape(-1), group.numbers
-    for k in range(len(entries)):
-        record = record_number(entries[k], group)
-        for i in range(PLANE_GROUP):
-            plane = record + np.int64(group.column) + i
-            value = np.float32(value_at_point(numbers, record, plane, x[k], y[k]) * out[np.int64(weights) + k])
-            least, greatest = numbers[plane + 3 * PLANE_GROUP], numbers[plane + 4 * PLANE_GROUP]
-            value = value if value > least else least
-            out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
+            out[start + index(i) * stride + k] = values[i]
 
 
 @helper
 def record_number(entry, group):
-    """Return where the record that an entry shows begins; 0 where it shows none."""
+    """Return where the record that an entry shows begins, an `index`; 0 where it shows none."""
     mask = group.record_mask if entry >> ID_BIT & 1 else np.int64(0)
-    return (entry & mask) << np.int64(group.shift)
+    return index(entry & mask) << group.shift
 
 
 @helper
-def value_at(numbers, record, plane, x, y):
-    """Return the value of a plane at the sample (x, y); `record` and `plane` are where the two begin in `numbers`."""
-    whole = numbers.view(np.int32)
-    return value_beside(numbers, plane, np.float32(x - whole[record + 1]), np.float32(y - whole[record + 2]))
-
-
-@helper
-def value_at_point(numbers, record, plane, x, y):
-    """Return the value of a plane at the point (x, y), 1/256 of a sample's width."""
-    whole, part = numbers.view(np.int32), np.float32(1.0 / POINT_UNIT)
-    across, down = np.int64(x) - POINT_UNIT * whole[record + 1], np.int64(y) - POINT_UNIT * whole[record + 2]
-    return value_beside(numbers, plane, np.float32(np.float32(across) * part), np.float32(np.float32(down) * part))
+def values_of_planes(numbers, plane, across, down):
+    """Return the values of four planes beside the sample where they have their values; float32 is rounded after each
+    operation."""
+    return (
+        value_beside(numbers, plane, across, down),
+        value_beside(numbers, plane + index(1), across, down),
+        value_beside(numbers, plane + index(2), across, down),
+        value_beside(numbers, plane + index(3), across, down),
+    )
 
 
 @helper
 def value_beside(numbers, plane, across, down):
-    """Return the value of a plane beside the sample where it has its value; float32 is rounded after each operation."""
-    real = np.float32
-    value = real(numbers[plane] + real(across * numbers[plane + PLANE_GROUP]))
-    return real(value + real(down * numbers[plane + 2 * PLANE_GROUP]))
+    """Return the value of one plane, see `values_of_planes`."""
+    value = numbers[plane] + across * numbers[plane + index(PLANE_GROUP)]
+    return value + down * numbers[plane + index(2 * PLANE_GROUP)]

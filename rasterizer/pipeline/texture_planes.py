@@ -16,7 +16,7 @@ from ..compiler.kernels import helper, index, spelled_out
 from ..compiler.widths import PLANE_GROUP
 from . import setup as s
 from .planes import LEAST_INVERSE, compute_plane, inverse_ratios, values_at
-from .simd import evaluate_planes, evaluate_planes_at, record_number
+from .simd import evaluate_planes, record_number
 from .texture_packing import PackedTextures, texture_error
 from .textures import WRAP_CLAMP, WRAP_MIRROR
 
@@ -120,23 +120,14 @@ def evaluate_slopes(entries, group, x, y, out, start, stride):
     copy_slopes(entries, group, out.reshape(-1), start, stride)
 
 
-@spelled_out("build_evaluate_slopes")
-def evaluate_slopes_at(entries, group, xs, ys, out, start, stride):
-    """Evaluate a group of four planes as `evaluate_slopes`, at points that lie anywhere, see
-    `simd.evaluate_planes_at`."""
-    evaluate_planes_at(entries, group, xs, ys, out, start, stride)
-    copy_slopes(entries, group, out.reshape(-1), start, stride)
-
-
 @helper
 def copy_slopes(entries, group, out, start, stride):
     """Copy the slopes of three planes for each sample: d/dx of each, then d/dy, behind the planes."""
-    for k in range(len(entries)):
-        record = record_number(entries[k], group)
-        for i in range(2 * (PLANE_GROUP - 1)):
-            part = i // (PLANE_GROUP - 1)
-            source = record + np.int64(group.column) + PLANE_GROUP + part + i  # leaves the fourth plane out
-            out[np.int64(start) + (PLANE_GROUP + i) * np.int64(stride) + k] = group.numbers[source]
+    for k in range(index(len(entries))):
+        first = record_number(entries[k], group) + group.column + index(PLANE_GROUP)
+        for i in range(index(PLANE_GROUP - 1)):
+            out[start + (index(PLANE_GROUP) + i) * stride + k] = group.numbers[first + i]
+            out[start + (index(2 * PLANE_GROUP - 1) + i) * stride + k] = group.numbers[first + index(PLANE_GROUP) + i]
 
 
 @helper

@@ -15,7 +15,7 @@ from .fragments import BATCH_SIZE, get_vector
 from .gradients import NEEDS_TEXTURE, LevelCoding
 from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
-from .screen_points import evaluate_values_here, samples_from, skip_to
+from .screen_points import evaluate_values, samples_from, skip_to
 from .shade import fill_weights
 from .texture_sampling import BARYCENTRIC, fill_barycentric
 from .texturing import evaluate_texcoords, fill_texels, keep_exact
@@ -110,9 +110,9 @@ def mix_values(entries, band, first, start, batch, out_radiance):
     """Evaluate the planes of intensities, and mix them by the texels that the batch holds."""
     records, n = band.records, index(len(entries))
     fill_weights(entries, band.coding.depths, batch)
-    evaluate_values_here(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
+    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
-    evaluate_values_here(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
+    evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
     for channel in range(index(3)):
         step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
         for k in range(n):

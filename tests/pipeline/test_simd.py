@@ -11,7 +11,7 @@ from rasterizer.pipeline.screen_points import (
     ScreenPoints,
     evaluate_planes_here,
     evaluate_slopes_here,
-    evaluate_values_here,
+    evaluate_values,
     evaluate_with_slopes,
 )
 from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, merge_box
@@ -106,7 +106,7 @@ def evaluate(form, entries, group, first, out, places, behind):
     if form == PLANES:
         evaluate_planes_here(entries, group, first, out, start, stride)
     elif form == VALUES:
-        evaluate_values_here(entries, group, first, out, start, stride, weights)
+        evaluate_values(entries, group, first, out, start, stride, weights)
     elif form == SLOPES:
         evaluate_slopes_here(entries, group, first, out, start, stride)
     else:
