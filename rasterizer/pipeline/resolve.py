@@ -13,18 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .box_filter import PIECE, average_points, average_samples, gather_samples
-from .encode import (
-    ALPHA,
-    PIXELS_SHAPE,
-    RANGE_CLAMP,
-    encode_batch,
-    encode_channel,
-    pack_bytes,
-)
+from .box_filter import PIECE, average_points, average_samples
+from .encode import ALPHA, PIXELS_SHAPE, RANGE_CLAMP, encode_batch
 from .fragments import BATCH_SIZE, NEXT
 from .sample_grid import MOST_FACTOR, factor_of
-from .visibility import CLEAR, clear, extent_of_pixels
+from .visibility import clear, extent_of_pixels
 
 
 class Picture(NamedTuple):
@@ -70,50 +63,10 @@ def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, b
     """
     if translucent is not None:
         return resolve_translucent(visibility, radiance, translucent, (y_start, y_end), grid, encoding, batch, out)
-    factor = len(grid.axis)
-    if factor == 1 and is_plain(radiance.shape[0], encoding, out):
-        return resolve_bytes(visibility, radiance, y_start, y_end, encoding, out)
-    if factor == 1:
-        return resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out)
     return resolve_averages(visibility, radiance, None, y_start, y_end, grid, encoding, batch, out)
 
 
-@helper
-def is_plain(n_channel, encoding, out) -> bool:
-    """Tell whether pixels are encoded as they are: bytes alone are asked for, and nothing is to mix or to scale."""
-    is_clamped = encoding.policy == RANGE_CLAMP and not encoding.has_background
-    return is_clamped and len(out.color) == 0 and (n_channel == 3 or encoding.is_grey)
-
-
 # ---------------------------------------------------------------- kernels
-
-
-@kernel
-def resolve_bytes(visibility, radiance, y_start, y_end, encoding, out):
-    """Encode a sample a pixel into bytes, a row in one loop; clear the band; return how many samples are covered."""
-    entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
-    for j in range(y_start, y_end):
-        row = j - y_start
-        first, end = begin_row(visibility, row, 1, j, encoding, out)
-        start, n = index(row * visibility.pitch + first), index(end - first)
-        n_covered += encode_samples(entries[start : start + n], radiance, start, out.rgba[index(j), index(first) :])
-    clear(visibility, y_end - y_start)
-    return n_covered
-
-
-@kernel
-def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
-    """Write a sample a pixel; clear the band; return how many samples are covered."""
-    entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
-    for j in range(y_start, y_end):
-        row = j - y_start
-        first, end = begin_row(visibility, row, 1, j, encoding, out)
-        for left in range(first, end, BATCH_SIZE):
-            start, n = index(row * visibility.pitch + left), index(min(end - left, BATCH_SIZE))
-            n_covered += gather_samples(entries[start : start + n], radiance, start, batch.values)
-            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
-    clear(visibility, y_end - y_start)
-    return n_covered
 
 
 @kernel
@@ -141,9 +94,8 @@ def resolve_averages(visibility, radiance, points, y_start, y_end, grid, encodin
 @kernel
 def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out):
     """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns."""
-    entries, n_covered, n_channel, (y_start, y_end) = visibility.entries, np.int64(0), radiance.shape[0], rows
+    n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
     factor = factor_of(grid)
-    is_direct = factor == 1 and is_plain(n_channel, encoding, out)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = begin_row(visibility, row, factor, j, encoding, out)
@@ -154,13 +106,6 @@ def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding,
             is_weighted = weighted <= left < weighted_end
             stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
             n, here = index(min(stretch_end - left, BATCH_SIZE)), (row, left)
-            if is_direct and not is_weighted:
-                n, start = index(stretch_end - left), index(row * visibility.pitch + left)
-                n_covered += encode_samples(
-                    entries[start : start + n], radiance, start, out.rgba[index(j), index(left) :]
-                )
-                left = stretch_end
-                continue
             if is_weighted:
                 n_covered += average_samples(visibility, radiance, translucent, here, grid, n, batch)
             else:
@@ -211,36 +156,6 @@ def fill_blank(out, j, first, end, encoding):
                 out.color[index(j), i, 1] = green
                 out.color[index(j), i, 2] = blue
                 out.alpha[index(j), i] = alpha
-
-
-# ---------------------------------------------------------------- samples into pixels
-
-
-@helper
-def encode_samples(entries, radiance, start, out):
-    """Encode one sample a pixel, a row in one loop; transparent black where none is covered; return how many are
-    covered.
-
-    `start` is the first sample in the band; out is (n,) uint32.
-    """
-    n = index(len(entries))
-    blank, opaque = np.uint32(0), np.int32(255)
-    n_covered = np.int64(0)
-    red = radiance[0, start : start + n]
-    if radiance.shape[0] == 1:
-        for i in range(n):
-            level, is_covered = encode_channel(np.float32(red[i])), entries[i] < CLEAR
-            out[i] = pack_bytes(level, level, level, opaque) if is_covered else blank
-            n_covered += is_covered
-    else:
-        green, blue = radiance[1, start : start + n], radiance[2, start : start + n]
-        for i in range(n):
-            is_covered = entries[i] < CLEAR
-            r, g = encode_channel(np.float32(red[i])), encode_channel(np.float32(green[i]))
-            b = encode_channel(np.float32(blue[i]))
-            out[i] = pack_bytes(r, g, b, opaque) if is_covered else blank
-            n_covered += is_covered
-    return n_covered
 
 
 # ---------------------------------------------------------------- pixels
