@@ -19,7 +19,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a checkout need not be installed
-from bench import measure
+from bench import measure, scenes
 
 CHILD = """
 import sys, time
@@ -37,6 +37,7 @@ for _ in sys.stdin:
     print(1000 * (time.perf_counter() - start), flush=True)
 """
 KINDS = (("gouraud", "mono"), ("gouraud", "rgb"), ("phong", "mono"))
+OWN = (("phong", "own"),)  # of scenes with lights and materials of their own
 
 
 class Version:
@@ -81,7 +82,7 @@ def main(argv=None) -> int:
                            ("before", "ms_before", ".2f"), (" after", "ms_after", ".2f"), ("ratio", "ratio", ".3f"),
                            ("ratio of best", "ratio_of_best", ".3f")])  # fmt: skip
     for case in args.cases:
-        for shading, channels in KINDS:
+        for shading, channels in OWN if case in scenes.WHOLE else KINDS:
             row = {"case": Path(case).stem, "shading": shading, "channels": channels}
             row |= compare(args, (case, args.size, shading, channels, args.cull, args.threads))
             table.print(row)

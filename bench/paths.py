@@ -37,10 +37,6 @@ class Variant(NamedTuple):
 
 
 LEVELS = "pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)", "0"
-BYTES = (
-    ("pipeline/resolve.py", "if factor == 1 and is_plain", "if False and is_plain"),
-    ("pipeline/resolve.py", "is_direct = factor == 1 and", "is_direct = False and"),
-)
 PATHS = (
     Variant("packed entries", (LEVELS,)),
     Variant(
@@ -80,26 +76,13 @@ PATHS = (
         (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
     ),
     Variant("lights that don't arrive", (("pipeline/lighting.py", "if not arrives(batch, n):", "if False:"),)),
-    Variant("plain bytes", BYTES),
     Variant(
         "one sample a pixel",
-        (
-            *BYTES,
-            ("pipeline/resolve.py", "    if factor == 1:\n", "    if False:\n"),
-            ("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),
-        ),
-    ),
-    Variant(
-        "pixels covered as a whole",
-        (("pipeline/box_filter.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
+        (("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
     ),
     Variant(
         "grey encoding",
         (("engine/coding.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
-    ),
-    Variant(
-        "pieces of mixed batches",
-        (("pipeline/shade.py", "has_weighted or (has_affine and band.counts.n_level > 0)", "False"),),
     ),
     Variant(
         "extents of rows",
@@ -117,12 +100,12 @@ PATHS = (
         ),
     ),
     Variant(
-        "stretches of one material",
+        "strips of one material",
         (
             (
                 "pipeline/visibility.py",
-                "    if material >= 0:\n        return end, m",
-                "    if material > -2:\n        return end, -1 + 0 * m",
+                "    left, right = visibility.other_left[strip], visibility.other_right[strip]\n    if left <= first",
+                "    left, right = np.int64(0), end\n    if left <= first",
             ),
         ),
     ),
@@ -210,9 +193,9 @@ def make_renderer(name, scan, threads):
     elif name == "dense":  # small triangles, by Gouraud's
         scene, options["shading"] = scenes.build("dense", SIZE, "one", "mono"), "gouraud"
     elif name == "textured":
-        scene = scenes.build("globe", SIZE, "studio", "own")
+        scene = scenes.build("textured", SIZE)
     elif name == "room":  # lamps with shadows, glass, a texture
-        scene, options["samples"] = rz.load(scenes.MODELS / "room.json"), 4
+        scene, options["samples"] = scenes.build("room", SIZE), 4
         options["exposure"] = 0.2
     elif name == "look":  # several samples, lights that are grey
         scene, options["samples"] = scenes.build(scan, SIZE, "studio", "mono"), 4

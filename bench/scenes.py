@@ -51,11 +51,13 @@ def build(name: str, size: tuple[int, int], lights="one", channels="mono") -> rz
 
     Parameters
     ----------
-    name : one of GENERATED, "quads-front" or "quads-back" (the order in which 32 of them come), the name of a
+    name : one of GENERATED or WHOLE, "quads-front" or "quads-back" (the order in which 32 of them come), the name of a
         file in models/, or the path of any model file
     size : (width, height) in pixels: the camera depends on their ratio
     lights, channels : as on the command line
     """
+    if name in WHOLE:
+        return WHOLE[name](size)
     meshes, up = _meshes(name, channels, size[0] / size[1])
     lit = rz.studio() if lights == "studio" else rz.DirectionalLight((0.4, -0.5, -1.0), 1.0, "camera")
     if name.startswith("quads-"):
@@ -101,7 +103,7 @@ def find_file(name: str) -> Path:
 def all_names() -> list[str]:
     """Names of all scenes that `build` knows without a path."""
     models = {path.stem for path in MODELS.iterdir() if path.suffix in SUFFIXES}
-    return [*sorted(models), "quads-front", "quads-back", *GENERATED]
+    return [*sorted(models), "quads-front", "quads-back", *GENERATED, *WHOLE]
 
 
 # ── generated shapes ──────────────────────────────────────────────────────────────────────────────────────
@@ -195,4 +197,11 @@ GENERATED = {
     "dense": lambda: icosphere(8),  # 1 310 720 triangles
     "dense-torus": lambda: torus(1024, 640),  # 1 310 720
     "huge": lambda: uv_sphere(1582, 3162),  # 9 998 244
+}
+
+# Scenes with all that belongs to them: lights and channels are their own.
+WHOLE = {
+    "textured": lambda size: build("globe", size, "studio", "own"),
+    "room": lambda size: rz.load(MODELS / "room.json"),
+    "tabletop": lambda size: replace(build("teapot", size, "one", "own"), lights=rz.tabletop()),
 }

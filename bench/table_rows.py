@@ -326,11 +326,19 @@ def throughput(rows) -> list[str]:
     return lines_of(["processes", "s", "pictures a second", "gain"], found)
 
 
+def paths(rows) -> list[str]:
+    """Times without a path over those with it, a path a row and a scene a column."""
+    of = {(row["path"], row["scene"]): row["ratio"] for row in rows}
+    names, scenes = (list(dict.fromkeys(row[key] for row in rows)) for key in ("path", "scene"))
+    found = [[name, *("" if (name, s) not in of else f"{of[name, s]:.2f}" for s in scenes)] for name in names]
+    return lines_of(["without", *scenes], found)
+
+
 TABLES = {
     "tolerance of each way": tolerance_modes, "mixed shading": mixed, "throughput": throughput,
     "frames": frames, "frames in short": frames_in_short, "memory": memory, "tolerances": tolerances,
     "exactness": exactness, "methods": methods, "samples": samples, "one thing at a time": axes, "slopes": slopes,
     "finer meshes": finer, "hard cases": hard_cases, "features": features, "shadow maps": maps, "buffers": buffers,
     "peers": peers, "specks": specks, "programs": programs, "stages": stages, "writers": writers, "growth": growth,
-    "one more": one_more, "held memory": held, "large pictures": large,
+    "one more": one_more, "held memory": held, "large pictures": large, "paths": paths,
 }  # fmt: skip

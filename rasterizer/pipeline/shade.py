@@ -39,7 +39,6 @@ from .screen_points import evaluate_values
 from .simd import evaluate_planes
 from .visibility import IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, record_of
 
-PIECE = index(64)  # entries
 WEIGHTED = f.VIEW_DIR  # where the values of weighted planes are put: four quantities that nothing is in yet
 
 
@@ -87,24 +86,9 @@ def decode_nothing(entries, band, first, tint, batch, out_radiance, start):
 
 @helper
 def decode_entries(entries, band, first, tint, batch, out_radiance, start):
-    """See `decode_batch`: all entries at once where they are of one kind, else PIECE at a time: most pieces are."""
-    n, has_planes = index(len(entries)), band.counts.n_plane > 0
-    has_affine, has_weighted = kinds_of_planes(entries) if has_planes else (False, False)
-    is_mixed = has_weighted or (has_affine and band.counts.n_level > 0)
-    step = PIECE if is_mixed else n
-    for left in range(index(0), n, step):
-        some = entries[left : min(left + step, n)]
-        if is_mixed:
-            has_affine, has_weighted = kinds_of_planes(some)
-        kinds, where = (has_affine, has_weighted), (first[0] + np.int64(left), first[1])
-        decode_piece(some, kinds, band, where, tint, batch, out_radiance, start + left)
-
-
-@helper
-def decode_piece(entries, kinds, band, first, tint, batch, out_radiance, start):
-    """See `decode_batch`; `kinds` is what `kinds_of_planes` returns."""
+    """See `decode_batch`."""
     step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], index(len(entries))
-    has_affine, has_weighted = kinds
+    has_affine, has_weighted = kinds_of_planes(entries) if band.counts.n_plane > 0 else (False, False)
     if not has_affine and not has_weighted:
         for channel in range(index(n_channel)):
             # A level times the tint, as the resolve stage multiplies it: rounded twice.

@@ -17,6 +17,7 @@ from bench import (
     history,
     margins,
     measure,
+    paths,
     refinement,
     scale,
     startup,
@@ -36,6 +37,7 @@ RUNS = [
     (frame, ["cube", "quads-back", *SMALL, "--shadings", "gouraud", "phong", "--stages", *QUICK], 4),
     (frame, ["cube", *SMALL, "--shadings", "flat", "--memory"], 1),
     (before_after, [str(ROOT), "cube", "--size", "32", "--frames", "3", "--pairs", "1"], len(before_after.KINDS)),
+    (paths, ["one channel", "--scan", "cube", "--scenes", "scan,quads", "--frames", "3"], 2),
     (features, ["--model", "cube", "--size", "40", *QUICK], len(features.list_features())),
     (encode, ["cube", "noise", *SMALL, "--levels", "1", "6", "--rounds", "3", "--seconds", "0.01"], 9),
     (throughput, ["--models", "2", "--workers", "1", "2", "--size", "16", "--rounds", "1"], 2),
@@ -92,7 +94,7 @@ def test_what_is_measured_is_kept_and_plotted(folder, capsys):
         capsys.readouterr()
         assert history.main(["--file", "h.jsonl"]) == code
         assert ("slower: a, 1.20 times the line before" in capsys.readouterr().out) == bool(code)
-    rows = rows_of(capsys, encode, [*RUNS[4][1], "--json", "a/encode.json"])
+    rows = rows_of(capsys, encode, [*RUNS[5][1], "--json", "a/encode.json"])
     text = (folder / "a" / "encode.json").read_text()
     assert json.loads(text)["rows"] == rows
     assert sum(line.startswith('  {"case"') for line in text.splitlines()) == len(rows), "a row a line"
