@@ -23,8 +23,9 @@ from bench import measure, scenes
 
 CHILD = """
 import sys, time
-from bench import scenes
 from rasterizer import Renderer
+sys.path.insert(0, sys.argv.pop(1))
+from bench import scenes
 case, size, shading, channels, cull, threads = sys.argv[1:]
 size = scenes.size_of(size)
 scene = scenes.build(case, size, "one", channels)
@@ -46,8 +47,8 @@ class Version:
     def __init__(self, folder, arguments):
         # The bench of this checkout with the package of that folder: not that of the folder it is called from, which
         # Python would look at first.
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
-        self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment,
+        environment = os.environ | {"PYTHONPATH": str(folder)}
+        self._process = subprocess.Popen([sys.executable, "-c", CHILD, str(ROOT), *map(str, arguments)], env=environment,
                                          text=True, cwd=ROOT.anchor,
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
         if self._process.stdout.readline().strip() != "ready":
