@@ -48,8 +48,8 @@ class Version:
         # The bench of this checkout with the package of that folder: not that of the folder it is called from, which
         # Python would look at first.
         environment = os.environ | {"PYTHONPATH": str(folder)}
-        self._process = subprocess.Popen([sys.executable, "-c", CHILD, str(ROOT), *map(str, arguments)], env=environment,
-                                         text=True, cwd=ROOT.anchor,
+        command = [sys.executable, "-c", CHILD, str(ROOT), *map(str, arguments)]
+        self._process = subprocess.Popen(command, env=environment, text=True, cwd=ROOT.anchor,
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
         if self._process.stdout.readline().strip() != "ready":
             raise SystemExit(f"the package in {folder} can't draw this scene")
