@@ -32,7 +32,7 @@ with s of Oren-Nayar's formula (reflection_table.py). The table of highlights of
     phong         1              (0.7 √n + 0.7)·68 u + 1.5 n u   1.4 √n + 1.4  0.7 √n + 0.7   n = 200, F/d = 4
     blinn         1              the same with 53 u              0.7 √n + 0.7  1.4 √n + 1.4   n = 200
     ggx           W/(2 α³)       300 u                           4/α + 5       12             α = 0.3
-    beckmann      0.884 W/m³     1080 u                          8/m + 40      33             m = 0.5
+    beckmann      0.884 W/m³     1080 u                          5.6/m + 40    33             m = 0.5
     normalised    (n + 2)/2 or Blinn's scale: as much more
 
 That is float32, where |L + V| is LEAST_SUM at least, and W(θ) what a mirror reflects there. The last column is for

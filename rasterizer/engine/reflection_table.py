@@ -185,7 +185,7 @@ class CookTorranceEntry(ReflectionEntry):
         """Return that of the mirrors: ln D rises by at most 2/α a radian, G by 1/α, W(θ) by 5; α is the smaller one,
         as far as the tangent stands still. Beckmann's G is steeper where m is large."""
         r = least_roughness(material)
-        return 4.0 / r + 5.0 if material.distribution == "ggx" else 8.0 / r + 40.0
+        return 4.0 / r + 5.0 if material.distribution == "ggx" else 5.6 / r + 40.0
 
     def light_slope(self, material: Any, u: float) -> float:
         """Return what the mirrors change by where L turns."""

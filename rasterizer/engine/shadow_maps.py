@@ -19,10 +19,10 @@ from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import View
+from .bounds import NORMALS, ShadowBound
 from .coding import make_map_coding
 from .depth_range import NEAREST, fit_screen
 from .draw import NO_CLOCK, draw
-from .bounds import NORMALS, ShadowBound
 from .light_table import entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
 from .plan import Plan

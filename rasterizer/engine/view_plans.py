@@ -86,7 +86,7 @@ class ViewPlans:
         return light_view(self._lightings[key], plan, view, shadows)
 
     def _measure(self, view, screen) -> b.Distances:
-        """What this view says about positions; distances are rounded to the unsafe side, to a sixteenth of an octave."""
+        """What this view says about positions; distances are rounded to the unsafe side, to 1/16 of an octave."""
         furthest = b.furthest_of(self._bounds, view.eye)
         each = np.array([b.furthest_of(box[None], view.eye) for box in self._boxes])
         if np.isinf(self._clearances).all() and are_single(each):
@@ -229,7 +229,7 @@ def list_unstated(plan: Plan, options: Options, stated: NDArray[np.float64]) -> 
         )
     if np.isnan(stated).any():
         found.append(
-            "no bound is stated: a light, a highlight or the depths of the scene magnify the rounding of float64 beyond "
-            f"{b.EXACT:.0e}"
+            "no bound is stated: a light, a highlight or the depths of the scene magnify the rounding of float64 "
+            f"beyond {b.EXACT:.0e}"
         )
     return found

@@ -103,7 +103,7 @@ def test_only_sharp_cones_have_steps():
         (step,) = entry_of(sharp).steps(sharp, u)
         assert step.cause == "the edge of a sharp spot light" and step.near > u
         assert not any(entry_of(light).steps(light, u) for light in LIGHTS.values())
-    assert entry_of(sharp).steepness(sharp) == 0.0, "beside the step nothing changes"
+    assert entry_of(sharp).steepness(sharp) == 2.0, "beside the step the exponent alone counts"
     steep = replace(LIGHTS["spot"], inner=40.0 - 1e-5)
     assert entry_of(steep).steps(steep, DOUBLE) and entry_of(steep).steepness(steep) < 1e3
 

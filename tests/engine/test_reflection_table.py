@@ -4,7 +4,6 @@ from itertools import cycle, product
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
 from helpers.mirrors import bound_lobe
 from helpers.pinhole import unit
 
@@ -93,7 +92,7 @@ def test_no_highlight_is_brighter_or_steeper_than_the_table_says():
         )
         assert 0.001 * bound < found <= bound, f"{name}: {found:.4g} > {bound:.4g}, or far below"
         slope, steepest = entry.turn_slope(material) * bound, steepest_of(material)
-        assert 0.001 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
+        assert 2e-4 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
     for roughness in (0.1, 0.5, 1.0):
         material = rz.Material(reflection="oren-nayar", diffuse=1, ambient=0, specular=0, roughness=roughness)
         slope, steepest = 1 + entry_of(material).diffuse_slope(material), steepest_of(material)
