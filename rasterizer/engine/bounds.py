@@ -58,6 +58,7 @@ from .rounding import DOUBLE, SINGLE, Step, times
 
 EXACT = 1e-6  # what is stated of float64
 ROUNDED = 6e-7  # the most that float64 may err by before it becomes float32, where EXACT is stated
+MOST_LIGHT = 1024.0  # and the brightest that light may be without highlights
 WRITTEN = 6 * SINGLE  # a pixel over a background, in float32, of its own intensity
 # In units of u:
 LIT, INTERPOLATED, ROUGH, CONE = 24, 7, 20, 12

@@ -177,8 +177,9 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     of_materials, fades_to = plan.of_materials, 0.0 if plan.cue is None else float(plan.cue.color.max())
     written = b.WRITTEN * (plan.brightest_background + plan.brightness.at(plan.clearances).of_materials)
     single = b.rounding_errors(plan.brightness, distances, SINGLE, fades_to) + written
-    brightest = plan.brightness.at(distances.kept().clearances).of_materials
-    double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(brightest, 1.0)  # of full scale
+    lit = plan.brightness.at(distances.kept().clearances)
+    double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(lit.of_materials, 1.0)  # of full scale
+    double[lit.undirected + lit.diffuse.sum(axis=1) > b.MOST_LIGHT] = np.inf
     if plan.opacity is not None:
         single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/layers.py
         double += 2.0 * plan.opacity.least

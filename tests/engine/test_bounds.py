@@ -292,12 +292,12 @@ def test_floors_of_any_size_are_lit_from_the_side_that_is_seen():
 
 
 def test_amplifying_lights_at_a_distance_do_not_need_float64():
-    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them, that of each view where
-    they move with the camera."""
+    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them; nothing does where they
+    move with the camera."""
     mesh = rz.Mesh(*BALL, crease_angle=180)
     for attached, dtype, place in (
         ("world", "float32", (0.5, 1.0, 3.0)),
-        ("camera", "float32", (0.5, 1.0, 1.0)),
+        ("camera", "float64", (0.5, 1.0, 1.0)),
         ("camera", "float64", (0.0, 0.0, -1.9999)),  # next to the ball
     ):
         scene = rz.Scene([mesh], rz.PointLight(place, 2.0, (0, 0, 1), attached, amplify=True), FRONT)
@@ -384,7 +384,7 @@ def usual_scenes():
             scene = rz.load(path)
             yield path.name, scene
             if path.suffix == ".obj":
-                yield f"{path.name}, on a table", rz.Scene(scene.meshes, rz.tabletop().lights, scene.camera)
+                yield f"{path.name}, on a table", rz.Scene(scene.meshes, rz.tabletop(), scene.camera)
     ball = rz.load(models / "sphere.obj").meshes[0]
     spot = rz.SpotLight((2, 3, 3), (-2, -3, -3), 6.0, 20, 35, 2, attenuation=(0, 0, 1))
     area = rz.AreaLight((2, 3, 3), (1, 0, 0), (0, 0, 1), 0.9)

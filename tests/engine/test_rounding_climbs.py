@@ -90,7 +90,9 @@ def shares(material, light, points, normals):
         is_clear &= np.abs((normals * unit(to_light + to_eye)).sum(axis=1)) > step_cosine(SINGLE)
     if material.reflection in ("blinn", "cook-torrance"):
         is_clear &= np.linalg.norm(to_light + to_eye, axis=1) > LEAST_SUM[SINGLE]
-    return np.where(is_clear, np.abs(single - double) / bounds_at(plan, light, points), 0.0)
+    error, bounds = np.abs(single - double), bounds_at(plan, light, points)
+    assert not error[bounds == 0.0].any(), "light beyond its range"
+    return np.where(is_clear & (bounds > 0.0), error / np.maximum(bounds, np.finfo(float).tiny), 0.0)
 
 
 def starts(rng, light, n):
