@@ -123,12 +123,13 @@ def compare(made, frame, exact, faults, is_limit=False) -> dict:
     errors = {name: np.abs(one.color[is_same] - expected.color[is_same]).max(initial=0.0)
               for name, one in (("error", frame), ("exact", exact))}  # fmt: skip
     stored = STORED * np.abs(expected.color).max(initial=0.0)
-    is_over = errors["error"] > frame.stats.error_bound + stored or errors["exact"] > EXACT * scale + stored
+    bound = np.inf if frame.stats.error_bound is None else frame.stats.error_bound
+    is_over = errors["error"] > bound + stored or errors["exact"] > EXACT * scale + stored
     if depth > DEPTH:
         faults.append(f"depths are off by {depth:.1e}")
     if is_over and not (is_limit and frame.stats.steps):
         faults.append("an error is above its bound")
-    of_bound = errors["error"] / max(frame.stats.error_bound + stored, np.finfo(float).tiny)
+    of_bound = errors["error"] / max(bound + stored, np.finfo(float).tiny)
     return {"wrong": wrong, "unclear": int((is_hit & ~is_clear).sum()), "depth": float(depth),
             "exact": float(errors["exact"]), "error": float(errors["error"]), "of_bound": float(of_bound),
             "is_at_step": bool(is_over)}  # fmt: skip

@@ -109,8 +109,9 @@ def compare_with_reference(frame, expected, is_clear) -> dict:
     error = np.abs(frame.color - expected.color)[is_seen]
     levels = np.abs(frame.rgb.astype(int) - expected.rgb)[is_seen]
     largest = float(error.max(initial=0.0))
-    return {"max": largest, "rms": root_mean_square(error), "bound": frame.stats.error_bound,
-            "of_bound": largest / frame.stats.error_bound, "levels": int(levels.max(initial=0)),
+    bound = np.nan if frame.stats.error_bound is None else frame.stats.error_bound
+    return {"max": largest, "rms": root_mean_square(error), "bound": bound, "of_bound": largest / bound,
+            "levels": int(levels.max(initial=0)),
             "over_1": int((levels > 1).sum()), "other": int(is_other.sum())}  # fmt: skip
 
 

@@ -25,9 +25,9 @@ from .version import __version__
 # What public functions and attributes return without having a public name: where it stands.
 RESULTS = {
     "Stats": "frame",
-    "ErrorBounds": "engine.output_bounds",
-    "ShadowBound": "engine.output_bounds",
-    "FilterBound": "engine.output_bounds",
+    "ErrorBounds": "engine.bounds",
+    "ShadowBound": "engine.bounds",
+    "FilterBound": "engine.bounds",
     "PlanSummary": "engine.plan_summary",
     "MaterialNeeds": "engine.plan_summary",
     "Ways": "engine.plan_summary",

@@ -21,7 +21,7 @@ from .pipeline.threads import Workers
 if TYPE_CHECKING:
     from PIL import Image
 
-    from .engine.output_bounds import ErrorBounds
+    from .engine.bounds import ErrorBounds
     from .engine.plan_summary import PlanSummary
     from .picking import FrameSource
 
@@ -42,15 +42,17 @@ class Stats:
     samples : samples of the picture
     threads : how many worked
     error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1
-        is white, against the exact illumination of the same faces at the same samples, or at the same points with
-        antialias "shade-once": rounding to float32 or float64, and what was approximated. What rounding of vertices to
-        1/256 px changes is no part of it, see `position_bound`. 0 where no picture was asked for
+        is white, against the exact illumination of the same faces at the same samples: rounding to float32 or float64,
+        and what was approximated. At most the tolerance, or 1e-6 of full scale where that is more: of 1, or of the
+        largest intensity that the scene may have (`plan.bound`) where that is above. None where none is stated: then
+        `steps` says why. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`. 0 where
+        no picture was asked for
     milliseconds : dict of stage to time
     steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how
-        near to that the bound doesn't hold. Empty where it holds everywhere
+        near to that the bound doesn't hold; infinite where none is stated at all. Empty where it holds everywhere
     plan : PlanSummary, what the picture needed
     error_bounds : ErrorBounds, the largest error of each output that was asked for, `color` the same as `error_bound`;
-        and apart from these what shadow maps and texture filters add (engine/output_bounds.py)
+        and apart from these what shadow maps and texture filters add (engine/bounds.py)
     """
 
     faces: int
@@ -60,7 +62,7 @@ class Stats:
     covered: int
     samples: int
     threads: int
-    error_bound: float
+    error_bound: float | None
     milliseconds: dict[str, float] = field(default_factory=dict)
     steps: tuple[Any, ...] = ()
     plan: "PlanSummary | None" = None

@@ -69,7 +69,8 @@ class Row(NamedTuple):
     ns_triangle, ns_pixel : the same as nanoseconds for each triangle drawn from, and for each covered pixel
     error : Errors against the ground truth
     of_method, of_sampling : rms, linear intensity: the parts of the error that the method and the sampling make
-    rounding, bound : largest difference from tolerance 0, and what the frame says that it may be; linear intensity
+    rounding, bound : largest difference from tolerance 0, and what the frame says that it may be, NaN where it states
+        nothing; linear intensity
     is_beaten : whether another row is quicker and nearer to the ground truth
     has_steps : whether the bound leaves samples next to a step out, an edge of a shadow for one (`Stats.steps`)
     """
@@ -283,8 +284,13 @@ def _time_group(
 
 def _make_row(method: Method, ms: float, stats: Stats, compared: _Compared) -> Row:
     n_pixel = max(stats.covered / method.samples, 1.0)
-    row = Row(method, ms, 1e6 * ms / stats.faces, 1e6 * ms / n_pixel, *compared, stats.error_bound)
+    row = Row(method, ms, 1e6 * ms / stats.faces, 1e6 * ms / n_pixel, *compared, _number(stats.error_bound))
     return row._replace(has_steps=bool(stats.steps))
+
+
+def _number(bound: float | None) -> float:
+    """A bound as a number; NaN where none is stated."""
+    return np.nan if bound is None else bound
 
 
 def sort_by_front(rows: Sequence[Row]) -> list[Row]:

@@ -142,8 +142,7 @@ def render_model(targets, arguments, settings, messages, output, loaded=None, ma
             if getattr(arguments, "preview", False):
                 print_text(preview(frame.rgba), target.output == STDIO)
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
-            for line in describe_bounds(frame.stats):
-                messages.detail(f"{target.model}: {line}")
+            messages.detail(f"{target.model}: {describe_bounds(frame.stats)}")
             messages.detail(f"{target.model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + doubts)
@@ -192,26 +191,22 @@ def _as_keywords(options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
-def describe_bounds(stats) -> list[str]:
-    """Say how far a picture may be off, then what isn't counted, and next to what it may be further off."""
-    bounds, words = stats.error_bounds, [f"errors are at most {stats.error_bound:.2g} in linear intensity"]
-    if bounds.rgb is not None:
+def describe_bounds(stats) -> str:
+    """Say in a line how far a picture may be off, and what that leaves out; `stats` and --json say where and why."""
+    bounds, words, apart = stats.error_bounds, [], [step[0] for step in stats.steps]
+    if stats.error_bound is None:
+        words, apart = [cause for cause in apart if cause.startswith("no bound is stated")], []
+    elif bounds.rgb is not None:
+        words = [f"errors are at most {stats.error_bound:.2g} in linear intensity"]
         words.append(f"{bounds.rgb} level{'' if bounds.rgb == 1 else 's'} of 8 bits")
     if bounds.depth is not None:
         share = f" ({bounds.depth_share:.2g} of itself)" if math.isfinite(bounds.depth_share) else ""
         words.append(f"{bounds.depth:.2g} scene units of depth{share}")
     words += [] if bounds.normal is None else [f"{bounds.normal:.2g} a component of normals"]
     words += [] if bounds.face is None else ["faces exact"]
-    shadows = [
-        f"not counted: shadows of {light}s, within {near:.2g} scene units of their edges (a texel is {texel:.2g})"
-        for light, texel, near in bounds.shadows
-    ]
-    filters = [
-        f"not counted: the {name} filter of textures, up to {most:.2g} from their average over a pixel"
-        for name, most, _ in bounds.filters
-    ]
-    steps = [f"no bound next to a step: {cause} (within {near:.1g}, {unit})" for cause, near, unit in stats.steps]
-    return [", ".join(words), *shadows, *filters, *steps]
+    apart += ["texture filters"] if bounds.filters else []
+    more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
+    return ", ".join(words) + (f"; not counted: {apart[0]}{more}" if apart else "")
 
 
 def _content(frame, output, options, arguments) -> bytes:

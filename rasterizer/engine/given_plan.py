@@ -40,9 +40,6 @@ class GivenPlan:
         """The plan that is given, in any view."""
         return self._view_plan
 
-    def measure_all_lights(self, view) -> None:
-        """Do nothing: the plan is there."""
-
     def lighting_for(self, plan: Plan, view, screen, dtype: np.dtype, shadows) -> Lighting:
         """The illumination in one type; see `ViewPlans.lighting_for`."""
         return make_lighting(plan, view, dtype, shadows)
@@ -83,7 +80,6 @@ def view_whole(prepared: "PreparedScene", camera: Camera) -> WholeView:
 def measure_lights(sample: "PreparedScene", camera: Camera) -> None:
     """Ask for what finds plans, of all lights of a sample, whether or not they reach anything of it."""
     sample.plan_for(camera)
-    sample.view_plans.measure_all_lights(camera.view())
 
 
 def declare_lights(sample: "PreparedScene", camera: Camera) -> None:

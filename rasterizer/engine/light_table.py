@@ -3,12 +3,10 @@
 Who asks, and for what:
 
     plan                which lights are ambient, what area lights are made of, whether float32 holds their numbers
-    intensity_bounds    how much a light amplifies
-    error_bounds        how far its factors magnify rounding errors, where it jumps
-    uniforms            the pipeline's function for it, and the coefficients that this function reads
+    bounds              how strong it is at most, how far its factors magnify rounding errors, where it jumps
+    uniforms            the pipeline's function for it, the coefficients that this function reads, where it ends
     shadow_maps         the beam that a map has to show
     view_plans          how near the lit points come to it
-    reach, uniforms     where its strength ends
     analysis/mach       the beam, too: which side of a face is lit
 
 A kind of light of one's own derives from LightEntry and says only what is different; `rasterizer.registries` enters it
@@ -20,17 +18,18 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..pipeline import light_kinds as pipeline
 from ..scene.camera import View
 from ..scene.lights import kind_of
-from .light_fall import cone_cosines, exponent_rise, fall_at, fall_rise, strength_at, unweakened_to
-from .rounding import Step, step_cosine
+from .rounding import SINGLE, Step, step_cosine
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
+LEAST_FALL = 2.0**-18  # of cosines: a spot light that falls within less has an edge
+LEAST_SHARE = 2.0**-10  # of the fall between its cones: from there on its slope has a bound
 _LEAST_RANGE = 2.0**-500  # scene units: the square of a shorter one is no number of its own
 
 
@@ -93,33 +92,18 @@ class LightEntry:
         """
         return math.inf
 
-    def lasting_clearance(self, light: Any, distance: Distance) -> float:
-        """Return what `clearance` is at least in every view, with room for what a view takes off."""
-        return math.inf
-
-    def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """Return how much stronger than its colour the light is at most, at the clearance (...), scene units, and
-        beyond: (...) float64, at least 1."""
+    def strength(self, light: Any, clearance: float) -> float:
+        """Return how much stronger than its colour the light is at most, at the clearance and beyond; infinite where it
+        has no limit."""
         return 1.0
 
-    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far an error of the distance between point and light, of length 1, moves what the light gives.
-
-        Parameters
-        ----------
-        clearance : (...) scene units, above 0; infinite where positions play no part
-        slope : (...) what a reflection of height 1 changes by for each radian that the light's direction turns
-
-        Returns
-        -------
-        (...) float64, over the largest strength that `amplification` allows; of the first order in the error
-        """
-        return (slope + 2.0 + self.steepness(light)) / clearance
-
     def steepness(self, light: Any) -> float:
-        """Return how far factors of the strength magnify an error of the direction, or a relative one of the
-        distance."""
+        """Return how far factors of the strength magnify an error of a cosine, or a relative one of the distance."""
         return 0.0
+
+    def slope(self, light: Any) -> float:
+        """Return how far they magnify a turn of the direction, radians."""
+        return self.steepness(light)
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """Return where the strength jumps; u is the unit roundoff."""
@@ -191,45 +175,17 @@ class PointEntry(LightEntry):
         """Return the distance of the nearest lit point."""
         return distance(world_position(light, view))
 
-    def lasting_clearance(self, light: Any, distance: Distance) -> float:
-        """Return half of that; 0 for a light that moves with the camera."""
-        return 0.0 if light.attached == "camera" else 0.5 * distance(light.position)
-
-    def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """1/(kc + kl d + kq d²) is largest at the least distance d."""
-        if not light.amplify or light.attenuation[0] >= 1.0:
-            return 1.0
-        return strength_at(light, np.asarray(clearance, float), least=1.0)
-
-    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Bound the sum of both changes at one distance, the turn's and that of the strength.
-
-        Over the distance d an error e of a position turns the direction by e/d. With s = 1/q, q = kc + kl d + kq d²,
-        the change is at most
-
-            e·(slope·s/d + |s'|) = e·(slope + ρ)·s/d,    ρ = d q'/q = (kl d + 2 kq d²)/q <= 2
-
-        For slope >= 1 that falls with d: s/d does, and s/d + |s'| = (kc + 2 b + 3 a)/(q² d) with b = kl d, a = kq d²,
-        whose derivative has the sign of -(kc² + 3 b kc + 2 a kc + 4 b² + 11 a b + 9 a²) < 0. So it is largest at the
-        clearance. A light that may not amplify has s = 1 and ρ = 0 as far as q <= 1, and the formula from there on:
-        where both meet, at d_1, the second one is larger.
-
-        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r as far as d <= r,
-        with s of the clearance; beyond, there is no light.
-        """
-        slope = np.maximum(slope, 1.0)
-        largest = self.amplification(light, clearance)
-        if light.amplify:
-            found = fall_at(light, clearance, slope)
+    def strength(self, light: Any, clearance: float) -> float:
+        """1/(kc + kl d + kq d²) is largest at the least distance d; nothing arrives beyond the range."""
+        if light.range is not None and clearance > light.range * (1.0 + 16.0 * SINGLE):
+            return 0.0
+        constant, linear, quadratic = light.attenuation
+        if clearance == math.inf:  # 0 times infinity is 0 here
+            total = math.inf if linear > 0.0 or quadratic > 0.0 else constant
         else:
-            unweakened = unweakened_to(light)
-            found = np.where(clearance < unweakened, slope / clearance, 0.0)
-            found = np.maximum(found, fall_at(light, np.maximum(clearance, unweakened), slope))
-        if light.range is not None:
-            found = found + 4.0 * np.minimum(strength_at(light, clearance), largest) / np.maximum(
-                light.range, clearance
-            )
-        return found / largest
+            total = constant + linear * clearance + quadratic * clearance * clearance
+        found = 1.0 / total if total > 0.0 else math.inf
+        return found if light.amplify else min(found, 1.0)
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""
@@ -269,40 +225,33 @@ class SpotEntry(PointEntry):
         return Beam(world_position(light, view), world_direction(light, view), spread)
 
     def steepness(self, light: Any) -> float:
-        """Add that of the cone; infinite for a sharp one, whose edge is a step.
-
-        S = t² (3 - 2 t) rises by at most 3/2 of what t does, so S^p, p >= 1, by 3p/2; for 1/2 <= p < 1 the slope
-        6 p t^(2p-1) (1 - t) (3 - 2 t)^(p-1) is at most 6p, because the last three factors are at most 1; below 1/2 it
-        has no bound. c^e rises by at most e c^(e-1): by e for e >= 1, else most at the outer cone; where that is at 90
-        degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
-        """
+        """Add that of the cone, and of the exponent."""
         return super().steepness(light) + fall_rise(light) + exponent_rise(light)
 
-    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Add the cone's: a turn of the light's direction moves its fall, too."""
-        return super().sway(light, clearance, slope + self.cone_slope(light))
+    def slope(self, light: Any) -> float:
+        """Return what a turn changes.
 
-    def cone_slope(self, light: Any) -> float:
-        """Return what cone and exponent change the strength by, at most, for each radian; infinite for a sharp cone.
-
-        A turn moves the cosine of the angle from the axis by its sine, which is at most that of the outer cone. With
-        e >= 1 the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
+        It moves the cosine of the angle from the axis by its sine, which is at most that of the outer cone. With e >= 1
+        the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
         """
-        sine = math.sin(math.radians(light.outer))
-        of_exponent = exponent_rise(light)
+        sine, of_exponent = math.sin(math.radians(light.outer)), exponent_rise(light)
         if light.exponent >= 1.0:
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
-        return sine * fall_rise(light) + of_exponent
+        return super().steepness(light) + sine * fall_rise(light) + of_exponent
 
     def limits(self, light: Any) -> Limits:
         """Nothing arrives outside the outer cone, either."""
         return super().limits(light)._replace(cos_outer=cone_cosines(light)[1])
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
-        """A sharp cone has an edge."""
-        if light.inner < light.outer:
-            return ()
-        return (Step("the edge of a sharp spot light", step_cosine(u), "cosine of an angle"),)
+        """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
+        inner, outer = cone_cosines(light)
+        near = max(step_cosine(u), LEAST_FALL) if inner - outer < LEAST_FALL else 0.0
+        if light.falloff < 0.5:
+            near = max(near, LEAST_SHARE * (inner - outer))
+        if light.exponent < 1.0 and outer < LEAST_FALL:
+            near = max(near, LEAST_FALL)
+        return (Step("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
 
 
 class AreaEntry(LightEntry):
@@ -339,6 +288,51 @@ def entry_of(light: Any) -> LightEntry:
 def shadow_of(light: Any) -> Any:
     """Return the light's Shadow; None for a light that casts none, also of a kind that can't."""
     return getattr(light, "shadow", None)
+
+
+def is_black(light: Any) -> bool:
+    """Tell whether a light's colour is 0, so that no scene needs it.
+
+    A light that may amplify without limit is none: 0 times infinity is no number. A spectrum is what its samples are,
+    also where its RGB is 0.
+    """
+    if max(light.color) > 0.0 or min(light.color) < 0.0 or hasattr(light.color, "wavelengths"):
+        return False
+    return math.isfinite(entry_of(light).strength(light, 0.0))
+
+
+def cone_cosines(light: Any) -> tuple[float, float]:
+    """Return the cosines of a spot light's inner and outer angle."""
+    return math.cos(math.radians(light.inner)), math.cos(math.radians(light.outer))
+
+
+def fall_rise(light: Any) -> float:
+    """Return what the fall between a spot light's cones rises by for each unit of the cosine; 0 for a cone whose edge
+    is a step.
+
+    S = t² (3 - 2 t) rises by at most 3/2 of what t does, so S^p, p >= 1, by 3p/2; for 1/2 <= p < 1 the slope
+    6 p t^(2p-1) (1 - t) (3 - 2 t)^(p-1) is at most 6p, because the last three factors are at most 1; below 1/2 that is
+    t^(2p-1) times as much, from LEAST_SHARE on.
+    """
+    inner, outer = cone_cosines(light)
+    p, width = light.falloff, inner - outer
+    if width < LEAST_FALL:
+        return 0.0
+    return (1.5 * p if p >= 1.0 else 6.0 * p * LEAST_SHARE ** min(2.0 * p - 1.0, 0.0)) / width
+
+
+def exponent_rise(light: Any) -> float:
+    """Return what c^e of a spot light rises by for each unit of the cosine.
+
+    That is e c^(e-1): e for e >= 1, else most at the outer cone, and nowhere more than at LEAST_FALL; where the cone is
+    at 90 degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
+    """
+    inner, outer = cone_cosines(light)
+    exponent = light.exponent
+    if 0.0 < exponent < 1.0:
+        at_edge = 3.0 / inner**2 if inner > LEAST_FALL and light.falloff >= 1.0 else math.inf
+        exponent *= min(max(outer, LEAST_FALL) ** (exponent - 1.0), at_edge)
+    return exponent
 
 
 def is_carried(light: Any) -> bool:

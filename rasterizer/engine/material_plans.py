@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline import gradients as g
-from .float64_reasons import reasons_of
-from .light_sets import MOST_TURN
+from . import light_table, reflection_table
+from .bounds import Brightness
 from .rounding import SINGLE
 from .tint import common_tint
+
+SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
+MOST_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
 
 
 class MaterialPlans(NamedTuple):
@@ -24,7 +27,7 @@ class MaterialPlans(NamedTuple):
     needs: NDArray[np.uint8]  # (n,): bits, as there
     n_attributes: NDArray[np.int64]  # (n,): how many of the attributes are read
     normal_limits: NDArray[np.float64]  # (n,): how far float32 planes may turn a normal, as there
-    roundings: NDArray[np.float64]  # (n,): what rounding may add to an intensity, linear
+    roundings: NDArray[np.float64]  # (n,): what rounding may add to an intensity, linear; see view_plans.py
     has_albedo: NDArray[np.bool_]  # (n,): colours are given with the model, or a texture
     reasons: tuple[tuple[str, ...], ...]  # why float32 won't do; none where it does
 
@@ -75,34 +78,58 @@ class Facts(NamedTuple):
     tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
 
 
-def plan_materials(sources: Any, brightness: Any, options: Any, facts: Facts, tint: NDArray | None) -> MaterialPlans:
+def plan_materials(
+    sources: Any, brightest: Brightness, options: Any, facts: Facts, tint: NDArray | None
+) -> MaterialPlans:
     """Find out what each material needs.
 
     Parameters
     ----------
-    sources, brightness : Sources and Brightness of the scene (engine/plan.py)
+    sources : Sources of the scene (engine/plan.py)
+    brightest : as bright as lights are at their clearances
     options : Options
     tint : (3,) the colour of what has one channel; None where all has three
     """
-    materials, greatest, roundings = sources.materials, brightness.greatest, brightness.least_roundings
-    angles = options.tolerance / 4 / np.maximum(greatest.turn_slopes, 1e-30)
-    # Shadows depend on normals, however dim the lights are; so does which side of a surface a light is on.
-    if sources.has_shadows or sources.sets.is_one_sided:
+    materials, bounds = sources.materials, brightest.of_materials
+    angles = options.tolerance / 4 / np.maximum(brightest.turn_slopes, 1e-30)
+    if sources.has_shadows:  # which depend on normals, however dim the lights are
         angles = np.minimum(angles, MOST_TURN)
     normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     ways, needs, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
-        bound = greatest.bounds[k]
-        why = reasons_of(material, sources.lights_of(k), options.tolerance, roundings[k], bound)
+        why = reasons_of(material, sources.lights_of(k), options.tolerance, bounds[k])
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
-        ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], brightness.bound))
+        ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], bounds.max()))
         needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))
         n_attributes.append(count_attributes(material, options, sources, facts, k, is_colored))
         reasons.append(why)
     return MaterialPlans(
-        np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits, roundings,
-        facts.has_albedo, tuple(reasons),
+        np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits,
+        np.zeros(len(materials)), facts.has_albedo, tuple(reasons),
     )  # fmt: skip
+
+
+def reasons_of(material: Any, lights: Sequence[Any], tolerance: float, bound: float) -> tuple[str, ...]:
+    """Say why float32 won't do for a material in any view, in a few words each; nothing where it does.
+
+    Parameters
+    ----------
+    lights : those that it reflects
+    bound : the largest intensity that it may have; infinite where a light amplifies without limit
+    """
+    lengths = [length for light in lights for length in light_table.entry_of(light).lengths(light)]
+    reasons = {
+        "tolerance 0": tolerance == 0,
+        "lights without bound": not np.isfinite(bound),
+        "numbers of lights beyond float32": not are_single(lengths),
+        reflection_table.entry_of(material).reason_for_float64(material): True,
+    }
+    return tuple(reason for reason, holds in reasons.items() if reason and holds)
+
+
+def are_single(lengths: Sequence[float]) -> bool:
+    """Tell whether lengths, and their products with squares of lengths, keep their digits in float32."""
+    return all(SMALL <= length <= LARGE for length in lengths)
 
 
 def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound: float) -> int:

@@ -19,17 +19,12 @@ from ..pipeline.texture_packing import PackedTextures, pack_textures
 from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
-from .error_bounds import WRITTEN, bound_highlights, lighting_error
-from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
-from .light_sets import LightSets, all_lights
+from .bounds import Brightness, compute_brightness
 from .material_plans import Facts, MaterialPlans, plan_materials
-from .reach import is_black
-from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
 from .tint import common_color, common_tint
 
-SAME_SIDE = 2.0  # |L + V| where the light is behind the viewer
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 
 
@@ -41,10 +36,10 @@ class Plan(NamedTuple):
     of_materials: MaterialPlans
     level_scale: float  # levels a unit of intensity
     bound: float  # the largest intensity that any point can have
-    reflected: Reflected  # how bright each light makes each material, not amplified
+    brightness: Brightness  # how bright each light makes each material, where nothing weakens it
+    clearances: np.ndarray  # (n_material, n_light) scene units: no lit point may come nearer to a light
     is_lit: np.ndarray  # (n_material, n_light) bool: the material may reflect something of the light
     n_left_out: int  # lights that no material reflects anything of: black ones, which aren't listed, and others
-    most: np.ndarray  # (n_light,): how much each light amplifies at most
     brightest_background: float  # largest component of what lies behind the picture, or of what it fades to with depth
     is_flat: bool
     is_lit_per_sample: bool
@@ -102,8 +97,7 @@ class Sources(NamedTuple):
     lights: tuple  # the others; those of an area light one by one
     materials: tuple  # the different ones of all meshes
     products: Products | None  # those of spectra, in which the exposure is included
-    sets: LightSets  # which lights reach what
-    is_lit: np.ndarray  # (n_material, n_light) bool: the light reaches the material, which reflects something of it
+    is_lit: np.ndarray  # (n_material, n_light) bool: the material reflects something of the light
     n_black: int  # lights that are black, and no part of `lights`
 
     @property
@@ -127,52 +121,46 @@ class Sources(NamedTuple):
         return all(material.is_opaque for material in self.materials)
 
 
-class Brightness(NamedTuple):
-    """The largest intensities of a scene, linear."""
-
-    reflected: Reflected  # not amplified
-    most: np.ndarray  # (n_light,): how much each light amplifies at most
-    greatest: Reflected  # amplified
-    bound: float  # of any point, the colour of the depth cue included
-    behind: float  # of the background, or of the colour of the depth cue
-    rounding: float  # of float32: what it may add to an intensity, wherever lights, surfaces and the eye are
-    # (n_material,): the same in the best view: lights amplify nothing, and none is opposite to the eye
-    least_roundings: np.ndarray
-
-
-def make_plan(scene, options: Options, albedo, clearances=None, colored=None, sets=None) -> Plan:
+def make_plan(scene, options: Options, albedo, clearances=None, colored=None) -> Plan:
     """Find out what a scene needs.
 
     Parameters
     ----------
     albedo : (n_point, 3) float64, linear colours given with the model, or no rows
-    clearances : (n_light,) float64, distances that no lit point comes nearer to the lights than, or None: lights that
-        amplify without limit need float64 then
+    clearances : (n_material, n_light) float64, distances that no lit point of a material comes nearer to the lights
+        than; None = 0, so that those that amplify without limit need float64
     colored : (n_material,) bool, which materials have points whose albedo isn't grey; None = all if any
-    sets : LightSets, which of the lights `list_lights` reach what; None = all of them everything
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
-    sources = gather_sources(scene, options, sets)
+    sources = gather_sources(scene, options)
     materials, cue = sources.materials, scene.depth_cue
+    clearances = np.zeros(sources.is_lit.shape) if clearances is None else clearances
     facts = gather_facts(scene, sources, albedo, colored)
     tint = choose_tint(facts.tints)
-    brightness = bound_brightness(scene, sources, albedo, clearances)
-    of_materials = plan_materials(sources, brightness, options, facts, tint)
-    n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
-    least = least_transmittance(brightness.bound)
+    fades_to = max(cue.color) if cue is not None else 0.0
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
+        most_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
+        brightness = compute_brightness(materials, sources.lights, sources.ambient, most_albedo, sources.products)
+        check_brightness(max(brightness.of_materials.max(initial=0.0), fades_to))
+        brightest = brightness.at(clearances)
+        bound = max(float(brightest.of_materials.max(initial=0.0)), fades_to)
+    of_materials = plan_materials(sources, brightest, options, facts, tint)
+    n_channel = 3 if of_materials.is_colored.any() else 1
+    most_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
+    least = least_transmittance(bound)
     textures = list_textures(materials) if sources.is_textured else None
     return Plan(
         n_channel=n_channel,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
         of_materials=of_materials,
         level_scale=(int(LEVEL_MASK) - 1) / most_level if 0.0 < most_level < np.inf else 1.0,
-        bound=brightness.bound,
-        reflected=brightness.reflected,
+        bound=bound,
+        brightness=brightness,
+        clearances=clearances,
         is_lit=sources.is_lit,
         n_left_out=sources.n_black + int((~sources.is_lit.any(axis=0)).sum()),
-        most=brightness.most,
-        brightest_background=brightness.behind,
+        brightest_background=max(fades_to, *(scene.background or (0.0,))),
         is_flat=options.is_flat,
         is_lit_per_sample=options.shading == "phong",
         ambient=sources.ambient,
@@ -227,11 +215,11 @@ def list_lights(scene) -> tuple[tuple, int]:
     """List the lights that aren't ambient, those of an area light one by one, without black ones; and how many of these
     there are."""
     lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
-    shining = tuple(light for light in lights if not is_black(light))
+    shining = tuple(light for light in lights if not light_table.is_black(light))
     return shining, len(lights) - len(shining)
 
 
-def gather_sources(scene, options: Options, sets: LightSets | None = None) -> Sources:
+def gather_sources(scene, options: Options) -> Sources:
     """List lights and materials, and which lights count for which materials; the exposure is included."""
     ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
     (lights, n_black), materials = list_lights(scene), number_materials(scene.meshes)[0]
@@ -239,14 +227,13 @@ def gather_sources(scene, options: Options, sets: LightSets | None = None) -> So
     if products is None and options.exposure != 0.0:
         ambient_lights, lights, materials = expose(ambient_lights, lights, materials, 2.0**options.exposure)
     ambient = sum((np.array(light.color) for light in ambient_lights), np.zeros(3))
-    sets = all_lights(len(materials), len(lights)) if sets is None else sets
     if products is None:
         is_reflecting = [[any(material.diffuse) or any(material.specular)] for material in materials]
     else:
         is_reflecting = [products.diffuse.any(axis=2), products.specular.any(axis=2), products.grazing.any(axis=2)]
         is_reflecting = np.logical_or.reduce(is_reflecting)
-    is_lit = sets.reaches & np.array(is_reflecting, np.bool_)
-    return Sources(ambient, lights, materials, products, sets, is_lit, n_black)
+    is_lit = np.ones((len(materials), len(lights)), np.bool_) & np.array(is_reflecting, np.bool_)
+    return Sources(ambient, lights, materials, products, is_lit, n_black)
 
 
 def expose(ambient_lights, lights, materials, scale):
@@ -260,24 +247,6 @@ def expose(ambient_lights, lights, materials, scale):
         tuple(brighter(light, "color") for light in lights),
         tuple(brighter(material, "emissive") for material in materials),
     )
-
-
-def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
-    """Bound the intensities that a scene may have; SceneError where a picture can't hold them."""
-    fades_to = max(scene.depth_cue.color) if scene.depth_cue is not None else 0.0
-    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
-        most_albedo = albedo.max(initial=1.0) * brightest_texel(sources.materials)
-        reflected = compute_reflected(
-            sources.materials, sources.lights, sources.ambient, most_albedo, sources.products, sources.sets
-        )
-    check_brightness(max(reflected.bound, fades_to))
-    most = compute_amplifications(sources.lights, clearances)
-    greatest = reflected.amplified(most)
-    bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
-    rounding = lighting_error(greatest, SINGLE).max(initial=0.0) + WRITTEN * SINGLE * (behind + bound)
-    highlights = bound_highlights(reflected, SINGLE, SAME_SIDE)
-    least_roundings = lighting_error(reflected, SINGLE, highlights) + WRITTEN * SINGLE * (behind + reflected.bounds)
-    return Brightness(reflected, most, greatest, bound, behind, float(rounding), least_roundings)
 
 
 def check_brightness(bound) -> None:

@@ -65,8 +65,7 @@ class PlanSummary(NamedTuple):
     reflection_functions : the same for reflection models
     features : what else the scene uses: "textures", "shadows", "transparency", "depth cueing", "spectra", "tangents"
     bound : the largest intensity that any point may have, linear
-    left_out : how many lights were left out of everything: black ones, and others that reach nothing or of which
-        nothing is reflected
+    left_out : how many lights were left out of everything: black ones, and others of which nothing is reflected
     ways : how many triangles took which way; None before anything was drawn
     """
 

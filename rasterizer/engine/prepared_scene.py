@@ -19,11 +19,11 @@ from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NONE, Attributes, NormalAttributes, light_all
+from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffer_tables import BufferTables
 from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding, scale_depths
 from .depth_range import check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import Counts, draw
-from .output_bounds import ErrorBounds, bound_depths, bound_levels, bound_normals, furthest_of
 from .output_buffers import BUFFER_TABLE
 from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .plan import Plan
@@ -266,21 +266,17 @@ class PreparedScene:
         view_plan : that of the picture; None without one
         screen : that of the buffers, or of the picture
         """
-        found: dict[str, Any] = {"face": 0} if "face" in outputs else {}
+        found: dict[str, Any] = {}
+        view = camera.view()
         if view_plan is not None:
             error = view_plan.error_bound
             found |= {"color": error} if "color" in outputs else {}
             found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
             if view_plan.plan.has_shadows:
-                found["shadows"] = self.shadows.list_bounds(view_plan.plan, camera.view())
-        if "depth" in outputs or "normal" in outputs:
-            view = camera.view()
-            furthest = furthest_of(self.bounds, view.eye)
-            if "depth" in outputs:
-                nearest = depths_of_boxes(view, self.bounds)[0]
-                found["depth_share"], found["depth"] = bound_depths(screen, furthest, nearest)
-            if "normal" in outputs:
-                found["normal"] = bound_normals(screen, furthest, self._shortest_normal)
+                found["shadows"] = self.shadows.list_bounds(view_plan.plan, view)
+        shortest = 1.0 if {"normal", "normal_camera"}.isdisjoint(outputs) else self._shortest_normal
+        nearest = depths_of_boxes(view, self.bounds)[0]
+        found |= bound_buffers(outputs, screen, furthest_of(self.bounds, view.eye), nearest, shortest)
         return ErrorBounds(**found)
 
     @cached_property

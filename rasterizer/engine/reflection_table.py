@@ -2,42 +2,26 @@
 
 Who asks, and for what:
 
-    plan                which models need float64
-    intensity_bounds    how bright a highlight is at most
-    error_bounds        how far rounding moves it, and how far it moves when directions turn; where it jumps
+    material_plans      which models need float64
+    bounds              how bright a highlight is at most, how far rounding and turns of directions move it, its steps
     uniforms            the pipeline's functions, and the coefficients that these read
     spectral_products   whether a highlight is two sums, because its F0 has a colour
 
 A model of one's own derives from ReflectionEntry and says only what is different; `rasterizer.registries` enters it
-here and in the tables of the other layers. u is the unit roundoff throughout. The bounds of a highlight are those of
-one whose largest value is 1:
-
-    (R·V)^n R = 2 (N·L) N - L errs by 2·16 + 2·6.5 + 6.5 + 3 u, V by 12.5 u, R - V by 68 u = e. With h = 1 - |R - V|²/2
-            the power moves by n h^(n-1)·|R - V|·e, at most (0.7 √n + 0.72)·e (`power_slope`), plus 1.5 n u by the
-            rounding of h and the product of n factors, plus 4 u
-    (N·H)^n H errs by (6.5 + 12.5 + 1)/|L + V| + 5.5 u, N - H by 13 + 20/|L + V| u. That has no limit where L = -V,
-            which is a step of Blinn's model: the highlight of a light straight ahead on the horizon may have any size.
-            The bound holds where |L + V| is at least LEAST_SUM
-    h^n with n < 1 is steep at 0 without limit, but |(h + e)^n - h^n| <= e^n, so that is taken; such scenes are drawn in
-            float64
-
-The errors of N, L and V themselves: see engine/error_bounds.py.
+here and in the tables of the other layers. The bounds of a highlight are those of one whose largest value is 1: see the
+table at the head of bounds.py.
 """
 
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
-from .reflection_entry import HighlightBounds, ReflectionEntry
-from .rounding import DOUBLE, SINGLE, Step, step_cosine, times
+from .reflection_entry import ReflectionEntry
+from .rounding import DOUBLE, SINGLE, Step, step_cosine
 
-REFLECTED = 68  # u: of R - V, see above
-MIRRORS = 30  # u: the half vector of Cook-Torrance, whose highlight shrinks with N·L as |L + V| does
-LEAST_SUM = {SINGLE: 2.0**-3, DOUBLE: 2.0**-20}  # by u: |L + V| from which the bound of Blinn's highlight holds
+LEAST_SUM = {SINGLE: 2.0**-1, DOUBLE: 2.0**-5}  # by u: |L + V| from which bounds of half vectors hold
+LEAST_BASE = 2.0**-20  # of a power with an exponent below 1: from there on its bound holds
 
 
 class LambertEntry(ReflectionEntry):
@@ -64,13 +48,17 @@ class OrenNayarEntry(ReflectionEntry):
 
 
 class PowerEntry(ReflectionEntry):
-    """Lambert's diffuse term, and a highlight that is a power h^n: Phong's and Blinn's models."""
+    """Lambert's diffuse term, and a highlight that is a power h^n: Phong's and Blinn's models.
+
+    With h = 1 - |R - V|²/2 an error e of R - V moves h^n by n h^(n-1)·|R - V|·e, at most `power_slope`·e; 1.5 n u more
+    by the rounding of h and the product of n factors, and 4 u. With n < 1 that is steep at 0 without limit: such
+    materials are lit in float64, and the bound holds where h is LEAST_BASE at least.
+    """
 
     is_lambert_when_dull = True
-    turns = 1.0  # how many times as far as the normal the direction turns whose cosine h is
 
-    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
-        """Return the error of the vectors whose distance |R - V| or |N - H| gives h."""
+    def error(self, u: float) -> float:
+        """Return the error of R - V or N - H."""
         raise NotImplementedError
 
     def name(self, material: Any) -> str:
@@ -83,7 +71,7 @@ class PowerEntry(ReflectionEntry):
         return pipeline.reflection_function_of(self.name(material))
 
     def reason_for_float64(self, material: Any) -> str:
-        """h^n with n < 1 is steep without limit at h = 0."""
+        """Return that h^n with n < 1 is steep without limit at h = 0."""
         return "an exponent below 1" if material.shininess < 1.0 else ""
 
     def brightest_highlight(self, material: Any) -> float:
@@ -91,56 +79,41 @@ class PowerEntry(ReflectionEntry):
         return max(self.highlight_scale(material), 1.0)
 
     def turn_slope(self, material: Any) -> float:
-        """Return that of the power, of W(θ), which rises by 5 at most, and of N·L; infinite for n < 1."""
-        if material.shininess < 1.0:
-            return np.inf
-        return self.turns * power_slope(material.shininess) + weight_slope(material)
+        """Return that of the power, of W(θ), which rises by 5 at most, and of N·L."""
+        return power_slope(material.shininess) + weight_slope(material)
 
     def highlight_rounding(self, material: Any, u: float) -> float:
-        """Return what is said by `highlight_roundings` where nothing is known of |L + V|."""
-        return float(self.highlight_roundings(material, u, np.zeros(1))[0])
+        """Return what the head of this class derives, and the rounding of the weights."""
+        n = material.shininess
+        return power_slope(n) * self.error(u) + (1.5 * n + 4.0) * u + 16.0 * u * weight_slope(material)
 
-    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> HighlightBounds:
-        """Know more of the rounding where |L + V| is known."""
-        bounds = super().highlight_bounds(material, u, least_sums)
-        return bounds._replace(roundings=self.highlight_roundings(material, u, least_sums))
-
-    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the head of this file derives, (n_light,)."""
-        n, error = material.shininess, self.highlight_error(u, least_sums)
-        if n < 1.0:
-            return np.minimum(1.0, (1.5 * error) ** n + 4.0 * u) + 0.0 * least_sums
-        found = power_slope(n) * error + (1.5 * n + 4.0) * u + 16.0 * u * weight_slope(material)
-        return np.minimum(1.0, found) + 0.0 * least_sums
-
-    def highlight_change(self, material: Any, angle: ArrayLike, beside: float = 0.0) -> NDArray[np.float64]:
-        """Bound h^n with n < 1 by the power of the error itself: |R - V| <= 2, so h errs by 3 times the angle at
-        most."""
+    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+        """A classic highlight ends with a step; one that is normalised falls to 0 there. An exponent below 1 makes its
+        beginning one."""
+        steps = []
+        if not material.normalized:
+            cause = "a highlight ends where its light grazes the surface, N·L = 0"
+            steps.append(Step(cause, step_cosine(u), "cosine of an angle"))
         if material.shininess < 1.0:
-            return np.minimum(1.0, (3.0 * angle) ** material.shininess + times(beside, angle))
-        return super().highlight_change(material, angle, beside)
-
-    def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
-        """A classic highlight ends with a step; one that is normalised falls to 0 there."""
-        if material.normalized:
-            return ()
-        cause = "a highlight ends where its light grazes the surface, N·L = 0"
-        return (Step(cause, step_cosine(u), "cosine of an angle"),)
+            cause = "a highlight with an exponent below 1 begins, R·V = 0 or N·H = 0"
+            steps.append(Step(cause, LEAST_BASE, "cosine of an angle"))
+        return tuple(steps)
 
 
 class PhongEntry(PowerEntry):
     """Phong's highlight: h = R·V."""
 
-    turns = 2.0  # the mirrored light direction turns twice as far as the normal
-
-    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """R turns as far as L does."""
-        slope = power_slope(material.shininess) if material.shininess >= 1.0 else np.inf
-        return np.full(least_sums.shape, slope + weight_slope(material))
-
-    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
+    def error(self, u: float) -> float:
         """Return the error of R - V."""
-        return REFLECTED * u
+        return 68.0 * u
+
+    def turn_slope(self, material: Any) -> float:
+        """The mirrored light direction turns twice as far as the normal."""
+        return 2.0 * power_slope(material.shininess) + weight_slope(material)
+
+    def light_slope(self, material: Any, u: float) -> float:
+        """R turns as far as L does."""
+        return power_slope(material.shininess) + weight_slope(material)
 
     def highlight_scale(self, material: Any) -> float:
         """Return (n + 2)/2. Source: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
@@ -148,36 +121,38 @@ class PhongEntry(PowerEntry):
 
 
 class BlinnEntry(PowerEntry):
-    """Blinn's highlight: h = N·H."""
+    """Blinn's highlight: h = N·H. What is over |L + V| has no limit where L = -V, which is a step."""
 
-    needs_least_sums = True
+    def error(self, u: float) -> float:
+        """Return the error of N - H where |L + V| is LEAST_SUM at least."""
+        return (13.0 + 20.0 / LEAST_SUM[u]) * u
 
-    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
-        """Return the error of N - H where |L + V| is `least_sum`, but no less than LEAST_SUM."""
-        return (13.0 + 20.0 / np.maximum(least_sum, LEAST_SUM[u])) * u
-
-    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    def light_slope(self, material: Any, u: float) -> float:
         """H turns by 1/|L + V| of what L does across their plane, and by half of it within."""
-        slope = power_slope(material.shininess) if material.shininess >= 1.0 else np.inf
-        return slope / np.maximum(least_sums, LEAST_SUM[u]) + weight_slope(material)
+        return power_slope(material.shininess) / LEAST_SUM[u] + weight_slope(material)
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of Blinn's highlight."""
         return blinn_scale(material)
 
-    def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Add that of the half vector, which a normalised highlight hides behind N·L = 0."""
-        steps = super().highlight_steps(material, u)
+        steps = super().steps(material, u)
         half = Step("Blinn's half vector, where the light is opposite to the viewer", LEAST_SUM[u], "|L + V|")
-        return (*steps, half) if steps else ()
+        return steps if material.normalized else (*steps, half)
 
 
 class CookTorranceEntry(ReflectionEntry):
-    """Microscopic mirrors, tilted as GGX or Beckmann says; also more across a direction than along it."""
+    """Microscopic mirrors, tilted as GGX or Beckmann says; also more across a direction than along it.
+
+    With S = D(δ)·f(N·L)·g(N·V), δ between N and H, both cosines are cos(θ + δ) at least, cos θ = |L + V|/2. So D, g and
+    the slopes of f and g are never large together. The largest sums of products of these over all δ, and over |L + V|
+    from LEAST_SUM on, lie below the numbers here (tests/engine/test_reflection_table.py): for float32, where W(θ)
+    changes by three times itself for each radian at most, and for float64.
+    """
 
     is_lambert_when_dull = True
     default_fresnel = 0.04
-    needs_least_sums = True
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the distribution, and of the direction along which the surface is brushed."""
@@ -208,36 +183,35 @@ class CookTorranceEntry(ReflectionEntry):
 
     def turn_slope(self, material: Any) -> float:
         """Return that of the mirrors: ln D rises by at most 2/α a radian, G by 1/α, W(θ) by 5; α is the smaller one,
-        as far as the tangent stands still."""
-        r = min(material.roughness) if material.is_anisotropic else material.roughness
-        return 4.0 / r + 5.0
+        as far as the tangent stands still. Beckmann's G is steeper where m is large."""
+        r = least_roughness(material)
+        return 4.0 / r + 5.0 if material.distribution == "ggx" else 5.6 / r + 40.0
+
+    def light_slope(self, material: Any, u: float) -> float:
+        """Return what the mirrors change by where L turns."""
+        r, is_ggx = least_roughness(material), material.distribution == "ggx"
+        if u == SINGLE:
+            return 12.0 if is_ggx else 33.0
+        return (2.4 + 2.2 / r) / r if is_ggx else (5.0 + 3.4 / r) / r + 28.0
 
     def highlight_rounding(self, material: Any, u: float) -> float:
-        """Return the error of the half vector, magnified."""
-        return min(1.0, MIRRORS * u * self.turn_slope(material))
+        """Return what errors of N, L, V and their products add."""
+        r, is_ggx = least_roughness(material), material.distribution == "ggx"
+        if u == SINGLE:
+            return u * (300.0 if is_ggx else 1080.0)
+        return u * ((110.0 + 44.0 / r) / r if is_ggx else (182.0 + 68.0 / r) / r + 910.0)
 
-    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> HighlightBounds:
-        """Return those of mirror_bounds.py for isotropic mirrors, over the largest value that the highlight counts
-        with."""
-        from .mirror_bounds import bound_lobe
+    def weight(self, material: Any, u: float) -> float:
+        """Return the largest W(θ)."""
+        f0 = first_fresnel(material)
+        return f0 + (1.0 - f0) * (1.0 - LEAST_SUM[u] / 2.0) ** 5
 
-        slope, brightest = self.turn_slope(material), self.brightest_highlight(material)
-        if material.is_anisotropic:
-            return super().highlight_bounds(material, u, least_sums)
-        lobe = bound_lobe(material.distribution, material.roughness, least_sums)
-        return HighlightBounds(
-            peaks=np.minimum(1.0, lobe.peak / brightest),
-            roundings=np.minimum(1.0, u * lobe.rounding / brightest),
-            normal_slopes=np.minimum(slope, lobe.normal_slope / brightest),
-            light_slopes=lobe.light_slope / brightest,
-        )
-
-    def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
-        """GGX mirrors that are tilted by more than a right angle count as none. Where a normal looks away from the
-        viewer, and the light is opposite to him, the highlight doesn't shrink as the half vector does."""
+    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+        """GGX mirrors that are tilted by more than a right angle count as none. What the half vector errs by has no
+        bound where the light is opposite to the viewer."""
         if material.is_anisotropic:
             return ()
-        opposite = "Cook-Torrance where a normal looks away from the viewer, the light opposite to him"
+        opposite = "Cook-Torrance where the viewer looks towards the light, which is opposite to him"
         steps = (Step(opposite, LEAST_SUM[u], "|L + V|"),)
         if material.distribution != "ggx":
             return steps
@@ -261,7 +235,7 @@ class ToonEntry(ReflectionEntry):
         than it need be where a material has both."""
         return max(blinn_scale(material), 1.0)
 
-    def diffuse_steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Every level ends with a step, the highlight too."""
         return (Step("a toon's levels", step_cosine(u), "cosine of an angle"),)
 
@@ -300,6 +274,17 @@ def has_highlight(material: Any) -> bool:
     return entry_of(material).has_highlight(material)
 
 
+def highlight_height(material: Any) -> float:
+    """Return the largest value of a material's highlight where `specular` is 1; 0 where it has none."""
+    entry = entry_of(material)
+    return entry.brightest_highlight(material) if entry.has_highlight(material) else 0.0
+
+
+def least_roughness(material: Any) -> float:
+    """Return the roughness of a material; of two the smaller one."""
+    return min(material.roughness) if material.is_anisotropic else material.roughness
+
+
 def has_colored_fresnel(material: Any) -> bool:
     """Tell whether a material's F0 is a colour: then its highlight is two sums, see pipeline/fresnel.py."""
     is_colored = isinstance(material.fresnel, tuple) and has_highlight(material)
@@ -331,8 +316,11 @@ def weight_slope(material: Any) -> float:
 
 
 def power_slope(exponent: float) -> float:
-    """Return the largest n h^(n-1)·|R - V| with h = R·V = 1 - |R - V|²/2, for n >= 1.
+    """Return the largest n h^(n-1)·|R - V| with h = R·V = 1 - |R - V|²/2; with n < 1 for h >= LEAST_BASE.
 
     With s = |R - V|/2 it is 2 n (1 - 2 s²)^(n-1)·s, largest where s² = 1/(4 n - 2): √2 for n = 1, 0.61 √n for large n.
+    For n < 1 it is largest at LEAST_BASE, where |R - V| is √2 at most.
     """
-    return 0.7 * np.sqrt(exponent) + 0.72
+    if exponent < 1.0:
+        return math.sqrt(2.0) * exponent * LEAST_BASE ** (exponent - 1.0)
+    return 0.7 * math.sqrt(exponent) + 0.72

@@ -19,12 +19,11 @@ from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import View
+from .bounds import NORMALS, ShadowBound
 from .coding import make_map_coding
 from .depth_range import NEAREST, fit_screen
 from .draw import NO_CLOCK, draw
-from .error_bounds import CORNERS
 from .light_table import entry_of, is_carried, shadow_of
-from .output_bounds import ShadowBound
 from .passes import shadow_map_pass
 from .plan import Plan
 from .rounding import DOUBLE, SINGLE
@@ -48,7 +47,7 @@ class ShadowMap(NamedTuple):
         products with the axes of the map and with the position, by 8 u.
         """
         limits, u = plan.of_materials.normal_limits[~plan.of_materials.is_double], _unit(self.block.dtype)
-        turned = CORNERS + 8 if u == DOUBLE else max(np.sqrt(3.0) * limits.max(initial=0.0), CORNERS) + 8
+        turned = NORMALS + 8 if u == DOUBLE else max(np.sqrt(3.0) * limits.max(initial=0.0), NORMALS) + 8
         radius = int(self.block[lookup.FILTER]) >> 1
         self.block[lookup.ORIGIN : lookup.ORIGIN + 3] = self.origin - eye
         self.block[lookup.NORMAL_ERROR] = turned * u * (0.5 + radius)

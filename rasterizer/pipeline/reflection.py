@@ -175,7 +175,7 @@ def fill_r_dot_v(batch, n):
     """Fill SPECULAR with R·V = 1 - |R - V|²/2, as both have unit length. Never above 1.
 
     An error e of a vector moves that by e·|R - V| alone, which the n-th power magnifies by about √n
-    (engine/error_bounds.py); that of R·V itself, or of a vector's length, it would magnify by n.
+    (engine/bounds.py); that of R·V itself, or of a vector's length, it would magnify by n.
     """
     real = batch.dtype.type
     one, two, a_half = real(1), real(2), real(0.5)

@@ -11,7 +11,7 @@ import pytest
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.engine.output_bounds import ErrorBounds, FilterBound, bound_levels
+from rasterizer.engine.bounds import ErrorBounds, FilterBound, bound_levels
 from rasterizer.scene.color import srgb_from_linear
 
 OUTPUTS = ("color", "depth", "face", "normal")

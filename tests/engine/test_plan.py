@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
+from rasterizer.engine.bounds import Distances
 from rasterizer.engine.coding import make_coding, scale_depths
-from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.view_plans import plan_of_view
 from rasterizer.geometry.points import gather_geometry
@@ -44,9 +44,11 @@ def scene_of(materials, lights, **mesh):
 
 
 def plan_of(scene, **options):
-    """The plan of a scene."""
+    """The plan of a scene, in a view of it from near."""
     options = Options(**options)
-    return make_plan(scene, options, gather_geometry(scene, options.is_flat).albedo)
+    plan = make_plan(scene, options, gather_geometry(scene, options.is_flat).albedo)
+    near = Distances(np.ones(len(plan.materials)), np.full(plan.is_lit.shape, 5.0))
+    return plan_of_view(plan, options.tolerance, near)
 
 
 def screen_for(camera, depth_range):
@@ -240,11 +242,14 @@ def test_no_intensity_is_above_the_bound():
         assert 0 < most <= bound, f"{name}, {shading}: {most:.4g} > the bound {bound:.4g}"
 
 
+LOST = "rounding beyond half of the tolerance"
+
+
 def test_a_light_on_a_surface_needs_float64():
     found = plan_of(scene_of([GREY], GREY_LIGHTS))
 
     def fits(furthest, clearance, shortest=1.0):
-        around = Surroundings(furthest, np.array([np.inf, clearance]), shortest, True)
+        around = Distances(np.array([furthest]), np.array([[np.inf, clearance]]), shortest, True)
         return plan_of_view(found, DEFAULT_TOLERANCE, around).dtype == np.float32
 
     assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
@@ -253,9 +258,10 @@ def test_a_light_on_a_surface_needs_float64():
     for unit in (1e-30, 1e-21, 1e19, 1e30):
         assert not fits(5.0 * unit, unit), unit
     assert not fits(5.0, 1e25)
-    lost = plan_of_view(found, DEFAULT_TOLERANCE, Surroundings(5.0, np.array([np.inf, 0.0]), 1.0, True))
+    around = Distances(np.array([5.0]), np.array([[np.inf, 0.0]]), 1.0, True)
+    lost = plan_of_view(found, DEFAULT_TOLERANCE, around)
     assert lost.dtype == np.float64 and lost.of_materials.ways.tolist() == [EXACT]
-    assert lost.of_materials.needs.tolist() == [NEEDS_DOUBLE] and lost.reasons == ("this view",)
+    assert lost.of_materials.needs.tolist() == [NEEDS_DOUBLE] and lost.reasons == (LOST,)
     assert found.of_materials.needs.tolist() == [NEEDS_SINGLE], "the plan of the scene is another"
 
 
@@ -265,13 +271,13 @@ def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
     found = plan_of(scene_of([dull, shiny], (rz.DirectionalLight((0, -1, -1), 0.6),)), shading="phong")
     ways = {}
     for shortest in (1.0, 0.1, 0.03, 0.01, 1e-3):
-        around = Surroundings(5.0, np.array([np.inf]), shortest, True)
+        around = Distances(np.full(2, 5.0), np.full((2, 1), np.inf), shortest, True)
         of_view = plan_of_view(found, DEFAULT_TOLERANCE, around).of_materials
         is_double = of_view.is_double.tolist()
         ways[shortest] = is_double
         for k, double in enumerate(is_double):
             assert of_view.ways[k] == (EXACT if double else IN_PLANES)
-            assert of_view.reasons[k] == (("this view",) if double else ())
+            assert of_view.reasons[k] == ((LOST,) if double else ())
             assert double or of_view.roundings[k] <= DEFAULT_TOLERANCE / 2
     assert ways[1.0] == [False, False] and [False, True] in ways.values(), ways
 

@@ -65,7 +65,7 @@ def test_a_renderer_tells_its_plan_before_and_after_a_picture():
 def test_a_view_that_needs_float64_says_so():
     """A light in the very surface: its clearance is 0 in every view."""
     plan = plan_of(lights=(rz.PointLight((0, 0, 1.0), 1.0, (0, 0, 1)),), shading="phong")
-    assert plan.dtype == "float64" and plan.reasons == ("this view",), plan
+    assert plan.dtype == "float64" and plan.reasons == ("rounding beyond half of the tolerance",), plan
 
 
 def test_a_plan_counts_the_lights():

@@ -4,13 +4,14 @@ from itertools import cycle, product
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
+from helpers.mirrors import bound_lobe
 from helpers.pinhole import unit
 
 import rasterizer as rz
-from rasterizer.engine.mirror_bounds import bound_lobe
 from rasterizer.engine.reflection_table import (
     LAMBERT,
+    LEAST_BASE,
+    LEAST_SUM,
     REFLECTION_TABLE,
     blinn_scale,
     entry_of,
@@ -91,7 +92,7 @@ def test_no_highlight_is_brighter_or_steeper_than_the_table_says():
         )
         assert 0.001 * bound < found <= bound, f"{name}: {found:.4g} > {bound:.4g}, or far below"
         slope, steepest = entry.turn_slope(material) * bound, steepest_of(material)
-        assert 0.001 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
+        assert 2e-4 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
     for roughness in (0.1, 0.5, 1.0):
         material = rz.Material(reflection="oren-nayar", diffuse=1, ambient=0, specular=0, roughness=roughness)
         slope, steepest = 1 + entry_of(material).diffuse_slope(material), steepest_of(material)
@@ -140,20 +141,24 @@ def test_the_lobes_of_mirrors_are_no_larger_or_steeper_than_their_bounds():
             assert 0.05 * bound < worst <= bound * (1 + 1e-5), f"{case}: {worst:.4g} > {bound:.4g}, or far below"
 
 
-def test_bounds_of_lobes_fall_with_the_least_sum_and_are_below_the_brightest_highlight():
-    sums = np.linspace(0, 2, 41)
-    for distribution, roughness in product(("ggx", "beckmann"), (0.001, 0.05, 0.3, 0.7, 1.0)):
-        material, case = (
-            made("cook-torrance", roughness=roughness, distribution=distribution),
-            (distribution, roughness),
-        )
-        bounds = bound_lobe(distribution, roughness, sums)
-        for name, values in zip(bounds._fields, bounds, strict=True):
-            assert np.isfinite(values).all() and (np.diff(values) <= 1e-12 * values[:-1]).all(), f"{name}, {case}"
-        assert (entry_of(material).highlight_bounds(material, SINGLE, sums).peaks <= 1.0).all(), case
-        assert bounds.peak[0] <= 1.001 * entry_of(material).brightest_highlight(material), case
-        if 0.05 < roughness < 1.0:  # N = H is brightest where light and viewer are one: 1/(4 α²)
-            assert bounds.peak[-1] == pytest.approx(1 / (4 * roughness**2), rel=0.08), case
+@pytest.mark.parametrize("u", [SINGLE, DOUBLE])
+def test_the_table_of_mirrors_lies_above_their_lobes(u):
+    """Over all |L + V| for which it is said, and not far above: its numbers are those of a highlight of height 1."""
+    sums = np.linspace(LEAST_SUM[u], 2.0, 60)
+    for distribution, roughness in product(("ggx", "beckmann"), np.geomspace(0.001, 1.0, 40)):
+        material = made("cook-torrance", roughness=roughness, distribution=distribution)
+        entry, lobe = entry_of(material), bound_lobe(distribution, roughness, sums)
+        height, fresnel = entry.brightest_highlight(material), 1.0 if u == DOUBLE else 3.0
+        # In float32 W(θ) changes by three times itself; the lobes have 2.5 for it.
+        more = (fresnel - 2.5) * lobe.peak if u == SINGLE else 0.0
+        for name, found, bound in (
+            ("rounding", (lobe.rounding + 20.0 * more) * u, entry.highlight_rounding(material, u)),
+            ("light", lobe.light_slope + more, entry.light_slope(material, u)),
+            ("normal", lobe.normal_slope, entry.turn_slope(material)),
+            ("height", lobe.peak, 1.001),
+        ):
+            worst = found.max() / height
+            assert worst <= bound, f"{name}, {distribution}, {roughness:.3g}: {worst:.4g} > {bound:.4g}"
 
 
 def test_the_slope_of_a_power_is_bounded():
@@ -164,18 +169,18 @@ def test_the_slope_of_a_power_is_bounded():
         assert slope <= bound <= 2.2 * slope, f"h^{exponent}: {slope:.4g} > {bound:.4g}, or far below"
 
 
-def test_rounding_grows_with_the_exponent_and_never_exceeds_the_highlight():
+def test_rounding_grows_with_the_exponent():
     for u in (SINGLE, DOUBLE):
         for word in ("phong", "blinn"):
-            found = [
-                entry_of(m).highlight_rounding(m, u) for m in (made(word, shininess=n) for n in (1, 10, 1e3, 1e12))
-            ]
-            assert found == sorted(found) and 0 < found[0] and found[-1] <= 1
-        steep = made("phong", shininess=0.1)
-        assert 0.01 < entry_of(steep).highlight_rounding(steep, u) <= 1
-        assert entry_of(steep).turn_slope(steep) == np.inf
-        change = entry_of(steep).highlight_change(steep, np.array([0.0, 1e-9, 1.0, np.inf]))
-        assert change[0] == 0 and 0 < change[1] < 1 and not differences(change[2:], 1)
+            found = [entry_of(m).highlight_rounding(m, u) for m in (made(word, shininess=n) for n in (1, 10, 1e3, 1e6))]
+            assert found == sorted(found) and 0 < found[0]
+
+
+def test_a_power_with_an_exponent_below_1_has_a_slope_where_its_bound_holds():
+    h = np.geomspace(LEAST_BASE, 1.0, 4001)
+    for exponent in (0.05, 0.3, 0.9):
+        slope = (exponent * h ** (exponent - 1.0) * np.sqrt(2.0 - 2.0 * h)).max()
+        assert slope <= power_slope(exponent) <= 1.01 * slope, exponent
 
 
 def test_models_say_why_they_need_float64():

@@ -12,8 +12,8 @@ from helpers.lit_points import light_points_of, plan_of_points
 from helpers.pinhole import unit
 
 import rasterizer as rz
-from rasterizer.engine.error_bounds import Surroundings, frame_error
-from rasterizer.engine.intensity_bounds import compute_amplifications
+from rasterizer.engine.bounds import Distances, rounding_errors
+from rasterizer.engine.reflection_table import LEAST_SUM
 from rasterizer.engine.rounding import SINGLE, step_cosine
 
 EYE = np.array([0.0, 0.0, 5.0])
@@ -71,24 +71,11 @@ def directions(light, points):
 
 
 def bounds_at(plan, light, points):
-    """What `frame_error` says of each point, (n,): each counts as a material of its own."""
-    to_light, to_eye, distances = directions(light, points)
-    away = np.inf if isinstance(light, rz.DirectionalLight) else float(np.linalg.norm(np.array(light.position) - EYE))
-    n, reflected = len(points), plan.reflected
-    rows = {
-        name: np.repeat(getattr(reflected, name), n, axis=0)
-        for name in ("undirected", "diffuse", "specular", "diffuse_slopes")
-    }
-    around = Surroundings(
-        furthest=float(np.linalg.norm(points - EYE, axis=1).max()),
-        clearances=distances[:, None],
-        shortest=1.0,
-        is_lit_per_sample=False,
-        eye_distances=np.array([away]),
-        least_sums=np.linalg.norm(to_light + to_eye, axis=1)[:, None] - 1e-9,
-    )
-    reflected = reflected._replace(materials=reflected.materials * n, **rows)
-    return frame_error(reflected.amplified(compute_amplifications(plan.lights, around.clearances)), around, SINGLE)
+    """What `rounding_errors` says of each point, (n,): each counts as a material of its own."""
+    distances, brightness, n = directions(light, points)[2], plan.brightness, len(points)
+    rows = {name: np.repeat(getattr(brightness, name), n, axis=0) for name in ("undirected", "diffuse", "specular")}
+    around = Distances(furthest=np.linalg.norm(points - EYE, axis=1), clearances=distances[:, None])
+    return rounding_errors(brightness._replace(materials=brightness.materials * n, **rows), around, SINGLE)
 
 
 def shares(material, light, points, normals):
@@ -101,9 +88,11 @@ def shares(material, light, points, normals):
     is_clear = (np.abs(n_dot_l) > step_cosine(SINGLE)) & (n_dot_v > 1e-4)
     if "cook" in material.reflection:  # N·H = 0
         is_clear &= np.abs((normals * unit(to_light + to_eye)).sum(axis=1)) > step_cosine(SINGLE)
-    if material.reflection == "blinn":
-        is_clear &= np.linalg.norm(to_light + to_eye, axis=1) > 2.0**-3
-    return np.where(is_clear, np.abs(single - double) / bounds_at(plan, light, points), 0.0)
+    if material.reflection in ("blinn", "cook-torrance"):
+        is_clear &= np.linalg.norm(to_light + to_eye, axis=1) > LEAST_SUM[SINGLE]
+    error, bounds = np.abs(single - double), bounds_at(plan, light, points)
+    assert not error[bounds == 0.0].any(), "light beyond its range"
+    return np.where(is_clear & (bounds > 0.0), error / np.maximum(bounds, np.finfo(float).tiny), 0.0)
 
 
 def starts(rng, light, n):

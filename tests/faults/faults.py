@@ -661,7 +661,7 @@ HELD_OUT = (
     ),
     Fault(
         "spot light: the outer angle is that of the whole cone",
-        "engine/light_fall.py",
+        "engine/light_table.py",
         "math.cos(math.radians(light.outer))",
         "math.cos(0.5 * math.radians(light.outer))",
         "engine pictures",
@@ -681,10 +681,10 @@ HELD_OUT = (
         "pictures engine pipeline",
     ),
     Fault(
-        "reach: a light ends for whole meshes at half its range",
-        "engine/reach.py",
-        "<= limits.range * (1.0 + 16.0 * SINGLE)",
-        "<= 0.5 * limits.range",
+        "bounds: a light counts for nothing from half its range on",
+        "engine/light_table.py",
+        "clearance > light.range * (1.0 + 16.0 * SINGLE)",
+        "clearance > 0.5 * light.range",
         "engine pictures",
     ),
     Fault(

@@ -102,8 +102,11 @@ def check_alone(case, frame, which="") -> list:
         faults.append(f"{which}a depth is not finite, or finite where nothing is")
     if frame.color.min() < 0.0 and not has_spectra(case):
         faults.append(f"{which}a colour is {frame.color.min():.3g}")
-    if not np.isfinite(frame.stats.error_bound):
-        faults.append(f"{which}the stated bound is {frame.stats.error_bound}")
+    most, bound = max(EXACT, 0.0 if which else case.options["tolerance"]), frame.stats.error_bound
+    if bound is not None and not bound <= most:
+        faults.append(f"{which}the stated bound is {bound:.3g} > {most:.3g}")
+    if (bound is None) != any(step[0].startswith("no bound is stated") for step in frame.stats.steps):
+        faults.append(f"{which}the stated bound is {bound}, and no reason is given, or one for nothing")
     if not (0.0 <= frame.alpha.min() and frame.alpha.max() <= 1.0):
         faults.append(f"{which}alpha is within {frame.alpha.min()}..{frame.alpha.max()}")
     return faults
@@ -132,7 +135,11 @@ def check_shadows(case, frame, exact) -> list:
     bright = replace(scene, lights=bare)
     options = case.options | {"tolerance": 0.0, "outputs": OUTPUTS, "threads": 1}
     low, high = (rz.render(each, case.size, **{"samples": 1} | options) for each in (dark, bright))
+    if high.stats.error_bound is None:
+        return []
     for name, one in (("its tolerance", frame), ("tolerance 0", exact)):
+        if one.stats.error_bound is None:
+            continue
         room = one.stats.error_bound + high.stats.error_bound + ROUNDED * np.abs(high.color)
         weight = 1.0 if is_opaque(scene) else frame.alpha[..., None]
         over = weight * np.maximum(one.color - high.color, low.color - one.color) - room
@@ -227,7 +234,7 @@ def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
     scene, faults, worst, n_step = case.scene, [], 0.0, 0
     stored = ROUNDED * np.abs(expected.color)
     promised = EXACT * max(np.abs(expected.color).max(), 1.0)  # of full scale
-    bound, least = frame.stats.error_bound, exact.stats.error_bound
+    bound, least = (np.nan if one.stats.error_bound is None else one.stats.error_bound for one in (frame, exact))
     of_exact, of_both = exact.stats.steps, (*exact.stats.steps, *frame.stats.steps)
     pairs = (
         ("tolerance 0 against the reference", color_errors(scene, exact, expected), promised + stored, of_exact),

@@ -29,13 +29,15 @@ def output_ratios(case, frame, expected, is_clear, find_clear) -> dict[str, floa
     found["normal"] = largest(normal[is_unit], bounds.normal)
     is_whole = is_clear & (expected.alpha == 1.0) & (frame.alpha == 1.0)
     levels = np.abs(frame.rgb.astype(int) - expected.rgb.astype(int)).max(axis=-1)
-    if (is_whole & (levels > bounds.rgb)).any():
+    if bounds.rgb is not None and (is_whole & (levels > bounds.rgb)).any():
         is_whole &= find_clear() & ~next_to_step(case, frame.stats.steps)
     found["rgb"] = largest(levels[is_whole], bounds.rgb)
     return found
 
 
 def largest(errors, bound) -> float:
-    """Return the largest error over its bound; where both are 0, that is 0."""
+    """Return the largest error over its bound; 0 where both are 0, or no bound is stated."""
+    if bound is None:
+        return 0.0
     error = float(errors.max(initial=0.0))
     return error / bound if bound else (np.inf if error else 0.0)

@@ -17,16 +17,19 @@ from rasterizer.reference.materials import channels_of
 from rasterizer.reference.vectors import blend, dot, length, unit
 
 # Words that the causes of `frame.stats.steps` are known by.
-LEVELS, GRAZES, HALF, AWAY, CONE = "toon", "grazes", "half vector", "N·H = 0", "sharp spot"
+LEVELS, GRAZES, HALF, AWAY, CONE = "toon", "grazes", "half vector", "looks away from the viewer, N·H = 0", "sharp spot"
+BASE = "exponent below 1"
 OPPOSITE = "opposite to him"
 TEXELS, NEAR_LIGHT, SHORT, SHADOW = "texels", "light on a surface", "without length", "shadow"
-CAUSES = (LEVELS, GRAZES, HALF, AWAY, OPPOSITE, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW)
+CAUSES = (LEVELS, GRAZES, HALF, AWAY, OPPOSITE, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW, BASE)
 
 
 def next_to_step(case, steps) -> np.ndarray:
     """Tell which pixels (h, w) have a sample next to one of the steps (cause, near, unit) that a frame states."""
     near = {}
     for cause, distance, _ in steps:
+        if not np.isfinite(distance):
+            continue  # no step, but why nothing is stated
         (word,) = (word for word in CAUSES if word in cause)
         near[word] = max(distance, near.get(word, 0.0))
     if not near:
@@ -78,9 +81,11 @@ class Marker:
             to_light, _ = lamps.arriving_light(lamp, points)
             if NEAR_LIGHT in self.near and lamp.position is not None:
                 is_near |= length(lamp.position - points)[:, 0] < self.near[NEAR_LIGHT]
-            if CONE in self.near and getattr(lamp.light, "outer", None) == getattr(lamp.light, "inner", ()):
-                edge = np.cos(np.radians(lamp.light.outer))
-                is_near |= np.abs(-dot(to_light, lamp.axis) - edge) <= self.near[CONE]
+            if CONE in self.near and hasattr(lamp.light, "outer"):
+                inner, outer = np.cos(np.radians([lamp.light.inner, lamp.light.outer]))
+                cosines, near = -dot(to_light, lamp.axis), self.near[CONE]
+                is_edge = (outer - near <= cosines) & (cosines <= (inner if inner - outer < near else outer) + near)
+                is_near |= is_edge
             is_near |= self._is_near_model_step(table, normals, to_light, view_dirs)
         return np.where(is_near[:, None], np.nan, diffuse), specular
 
@@ -97,6 +102,11 @@ class Marker:
             is_near |= (model == "toon") & is_at
         if GRAZES in near:
             is_near |= np.isin(model, ("phong", "blinn")) & ~table["normalized"] & (np.abs(n_dot_l) <= near[GRAZES])
+        if BASE in near:
+            halves = dot(normals, unit(to_light + view_dirs))
+            bases = np.where(model == "blinn", halves, dot(2 * n_dot_l[:, None] * normals - to_light, view_dirs))
+            is_begun = np.isin(model, ("phong", "blinn")) & (table["shininess"] < 1.0)
+            is_near |= is_begun & (np.abs(bases) <= near[BASE])
         if HALF in near:
             is_near |= (model == "blinn") & (length(to_light + view_dirs)[:, 0] < near[HALF])
         if OPPOSITE in near:

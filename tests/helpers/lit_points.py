@@ -16,7 +16,7 @@ def plan_of_points(material, light, tolerance, clearance=None):
     """The plan of a scene of one light and one material; float64 for tolerance 0."""
     meshes = [SimpleNamespace(palette=(material,))]
     scene = SimpleNamespace(background=None, lights=(light,), depth_cue=None, meshes=meshes)
-    clearances = None if clearance is None else np.full(1, clearance)
+    clearances = None if clearance is None else np.full((1, 1), clearance)
     return make_plan(scene, rz.Options(tolerance=tolerance), np.empty((0, 3)), clearances=clearances)
 
 

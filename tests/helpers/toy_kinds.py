@@ -90,9 +90,6 @@ class SlabEntry(LightEntry):
     def clearance(self, light, view, distance):
         return light.width  # the relative slope 2 s/width² / (1 + (s/width)²) is 1/width at most
 
-    def lasting_clearance(self, light, distance):
-        return light.width
-
     def lengths(self, light):
         return (light.width, 1.0 / light.width)
 

@@ -20,7 +20,7 @@ UNUSED = (
     "registries", "viewer",
     "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.flags_page", "cli.info",
     "cli.processes", "cli.sheet", "cli.tiles", "cli.turntable", "cli.view", "cli.warmup",
-    "engine.edge_overlay", "engine.given_plan", "engine.mirror_bounds", "engine.point_lighting", "engine.probe",
+    "engine.edge_overlay", "engine.given_plan", "engine.point_lighting", "engine.probe",
     "engine.shadow_maps", "engine.shadow_views", "engine.strips",
     "geometry.ears", "geometry.subdivide",
     "io.animation", "io.array_files", "io.gif", "io.gltf", "io.material_libraries", "io.mtl", "io.other_formats",

@@ -1,24 +1,30 @@
-"""Check that no picture is further from the exact one than its `Stats.error_bound` says: hard cases by name, and a
-seeded campaign of small scenes; that of all features is tests/pictures/test_campaign.py.
+"""Check that no picture is further from the exact one than its `Stats.error_bound` says, and that it says something:
+hard cases by name, usual scenes, and a seeded campaign of small scenes; that of all features is
+tests/pictures/test_campaign.py.
 
 The exact picture is the judge's, or that of tolerance 0 where the judge would take too long.
 """
 
 import warnings
 from dataclasses import replace
-from itertools import cycle
+from itertools import cycle, product
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.against_reference import depth_resolution
 from helpers.arrays import differences
 from helpers.bounded_scenes import random_scene
+from helpers.campaign_scenes import make_case
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render_command import describe_bounds
+from rasterizer.engine.bounds import EXACT
+from rasterizer.engine.prepared_scene import PreparedScene
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
+from rasterizer.options import Options
 
 SMALL = (24, 18)
 FRONT = rz.Camera.perspective((0, 0, 3), fov=50)
@@ -45,9 +51,14 @@ def assert_bounded(name, scene, size=SMALL, shading="phong", tolerance=DEFAULT, 
         bound = frame.stats.error_bound
     else:
         frame, exact = (rz.render(scene, size, **chosen | {"tolerance": t, "samples": 1}) for t in (tolerance, 0))
-        error, bound = np.abs(frame.color - exact.color).max(), frame.stats.error_bound + exact.stats.error_bound
+        stated = [one.stats.error_bound for one in (frame, exact)]
+        error, bound = np.abs(frame.color - exact.color).max(), None if None in stated else sum(stated)
         assert exact.color.max() > 0.1, f"{name}: black pictures keep any bound"
-    assert np.isfinite(frame.color).all() and np.isfinite(bound), f"{name}: a colour, or the bound, is not finite"
+    assert np.isfinite(frame.color).all(), f"{name}: a colour is not finite"
+    if bound is None:
+        assert frame.stats.steps[-1].cause.startswith("no bound is stated: "), f"{name}: no reason is given"
+        return frame
+    assert bound <= max(2 * tolerance, 2 * EXACT), f"{name}: the bound {bound:.3g} is above the tolerance"
     assert error <= bound, f"{name}, {shading}, {tolerance:.2g}: {error:.3g} > the stated bound {bound:.3g}"
     assert most is None or bound <= max(most, 2 * tolerance), f"{name}: the bound {bound:.3g} > {most:.3g}"
     return frame
@@ -281,12 +292,12 @@ def test_floors_of_any_size_are_lit_from_the_side_that_is_seen():
 
 
 def test_amplifying_lights_at_a_distance_do_not_need_float64():
-    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them, that of each view where
-    they move with the camera."""
+    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them; nothing does where they
+    move with the camera."""
     mesh = rz.Mesh(*BALL, crease_angle=180)
     for attached, dtype, place in (
         ("world", "float32", (0.5, 1.0, 3.0)),
-        ("camera", "float32", (0.5, 1.0, 1.0)),
+        ("camera", "float64", (0.5, 1.0, 1.0)),
         ("camera", "float64", (0.0, 0.0, -1.9999)),  # next to the ball
     ):
         scene = rz.Scene([mesh], rz.PointLight(place, 2.0, (0, 0, 1), attached, amplify=True), FRONT)
@@ -320,8 +331,8 @@ def test_steps_are_told_by_their_cause():
     frame = rz.render(rz.Scene([rz.Mesh(SQUARE, QUAD)], sun, FRONT), SMALL, outputs=("depth",))
     assert frame.stats.error_bound == 0 and frame.stats.steps == ()
     stats = rz.render(rz.Scene([rz.Mesh(SQUARE, QUAD)], sun, FRONT), SMALL, tolerance=0, samples=1).stats
-    first, step = describe_bounds(stats)
-    assert first.startswith("errors are at most ") and "N·L = 0 (within 2e-12, cosine of an angle)" in step
+    line = describe_bounds(stats)
+    assert line.startswith("errors are at most 1e-06 in linear intensity, ") and "N·L = 0" in line
 
 
 def test_what_float32_cannot_hold_is_refused_with_the_legal_range():
@@ -345,13 +356,73 @@ def test_what_float32_cannot_hold_is_refused_with_the_legal_range():
 
 
 def test_a_renderer_states_the_bound_of_each_view():
-    """Not that of the view before: one through which the furthest point is very many times as far as the nearest has a
-    larger one."""
-    points = [(-1, -1, -1e-5), (1, -1, -1e-5), (0, 1, -1e-5), (-1e7, -1e7, -1e7), (1e7, -1e7, -1e7), (0, 1e7, -1e7)]
-    scene = rz.Scene(rz.Mesh(points, [[0, 1, 2], [3, 4, 5]]), [rz.DirectionalLight((0.2, -0.3, -1))])
-    cameras = [rz.Camera.perspective((0, 0, 0), (0, 0, -1), near=near) for near in (1e-3, 1e-6)]
-    options = {"tolerance": 0, "samples": 1}
-    with rz.Renderer(scene, (16, 12), **options) as renderer:
-        bounds = [renderer.render(camera).stats.error_bound for camera in cameras]
-    alone = [rz.render(replace(scene, camera=each), (16, 12), **options).stats.error_bound for each in cameras]
-    assert bounds == alone and bounds[1] > 2 * bounds[0], f"{bounds} of one Renderer, {alone} of two"
+    """Not that of the view before: from far away a light on a surface leaves too little."""
+    light, dull = rz.PointLight((0, 0, 0.05), 0.5), rz.Material(specular=0)
+    scene = rz.Scene(rz.Mesh(SQUARE, QUAD, material=dull), [light])
+    cameras = [rz.Camera.perspective((0, 0, 3 * away), fov=50 / away) for away in (1, 50)]
+    with rz.Renderer(scene, (16, 12), shading="phong", samples=1) as renderer:
+        found = [renderer.render(camera).stats for camera in cameras]
+    alone = [rz.render(replace(scene, camera=each), (16, 12), shading="phong", samples=1).stats for each in cameras]
+    assert [one.error_bound for one in found] == [one.error_bound for one in alone]
+    assert [one.plan.dtype for one in found] == ["float32", "float64"] and found[1].error_bound == EXACT
+
+
+# ---------------------------------------------------------------- what is said of scenes as they come
+
+
+def plan_in(scene, **options):
+    """(ViewPlan) of a scene, before anything is drawn."""
+    prepared = PreparedScene(scene, Options(**{"size": (64, 48), "samples": 1} | options))
+    return prepared.plan_for(scene.camera_for((64, 48)))
+
+
+def usual_scenes():
+    """What people draw: (name, scene)."""
+    models = Path(__file__).resolve().parents[2] / "models"
+    for path in sorted(models.iterdir()):
+        if path.suffix in (".obj", ".ply", ".stl") or path.name in ("materials.json", "parallel.json"):
+            scene = rz.load(path)
+            yield path.name, scene
+            if path.suffix == ".obj":
+                yield f"{path.name}, on a table", rz.Scene(scene.meshes, rz.tabletop(), scene.camera)
+    ball = rz.load(models / "sphere.obj").meshes[0]
+    spot = rz.SpotLight((2, 3, 3), (-2, -3, -3), 6.0, 20, 35, 2, attenuation=(0, 0, 1))
+    area = rz.AreaLight((2, 3, 3), (1, 0, 0), (0, 0, 1), 0.9)
+    lights = {"studio": rz.studio(), "point": rz.PointLight((2, 3, 3), 0.9), "spot": spot, "area": area}
+    for (kind, of_kind), n, model in product(lights.items(), (5, 32, 200), ("phong", "blinn")):
+        material = rz.Material(reflection=model, shininess=n, specular=0.4)
+        yield f"{model}, {n}, {kind}", rz.Scene([replace(ball, material=material)], of_kind)
+    for roughness in (0.35, 0.6, 1.0):
+        material = rz.Material(reflection="cook-torrance", roughness=roughness, specular=0.5)
+        yield f"ggx, {roughness}", rz.Scene([replace(ball, material=material)], rz.studio())
+
+
+def test_usual_scenes_are_lit_in_float32():
+    for name, scene in usual_scenes():
+        for shading in SHADINGS:
+            found = plan_in(scene, shading=shading)
+            assert not found.plan.of_materials.is_double.any(), f"{name}, {shading}: {found.plan.reasons}"
+            assert 0 < found.error_bound <= DEFAULT, f"{name}, {shading}: {found.error_bound}"
+
+
+def test_nearly_all_scenes_of_the_campaign_have_a_small_bound():
+    """At tolerance 0: 1e-6, for 95 of 100; but where pixels are shaded once. At their own one no bound is above it."""
+    n_case, n_unstated = 0, 0
+    for index in range(200):
+        case = make_case(8, index)
+        if len(case.scene.lights) > 400:
+            continue
+        for tolerance in (0.0, case.options["tolerance"]):
+            options = case.options | {"tolerance": tolerance, "antialias": "supersample", "size": case.size}
+            bound = plan_in(case.scene, **options).error_bound
+            assert bound is None or bound <= max(tolerance, EXACT), f"{index}: {bound} > {tolerance}"
+            n_case, n_unstated = n_case + (tolerance == 0), n_unstated + (tolerance == 0 and bound is None)
+    assert n_unstated <= 0.05 * n_case, f"{n_unstated} of {n_case} scenes state nothing"
+
+
+def test_shading_once_states_nothing_where_it_shades_once():
+    for shading, samples, is_stated in (("phong", 4, False), ("phong", 1, True), ("gouraud", 4, True)):
+        scene = rz.Scene(rz.Mesh(SQUARE, QUAD), [rz.DirectionalLight((0, 0, -1))], FRONT)
+        stats = rz.render(scene, SMALL, shading=shading, samples=samples, antialias="shade-once").stats
+        assert (stats.error_bound is not None) == is_stated == (stats.error_bounds.rgb is not None)
+        assert is_stated or "shaded once" in stats.steps[-1].cause and "shaded once" in describe_bounds(stats)

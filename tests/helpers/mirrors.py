@@ -1,4 +1,5 @@
-"""How bright and how steep the highlight of isotropic mirrors is where light and viewer are not opposite.
+"""How bright and how steep the highlight of isotropic mirrors is: the paper behind the constants of
+engine/reflection_table.py.
 
     S = D(δ)·f(N·L)·g(N·V)      GGX         D = α²/(α² cos²δ + sin²δ)²         f = x/(x + r(x))    g = 1/(x + r(x))
                                 Beckmann    D = e^(-tan²δ/m²)/(m² cos⁴δ)       f = G1(x)           g = G1(x)/(4 x)
@@ -22,7 +23,7 @@ N_CELL = 96
 FURTHEST_TAN = 7.5  # of Beckmann's tan δ/m in cells of one size; the last cell is all that is beyond
 WHOLE = 1.6  # a = x/(m √(1 - x²)) from which Beckmann's G1 is 1
 FRESNEL_SLOPE = 2.5  # of W(θ), for each radian that one of L and V turns: 5 for θ, of which H takes half
-# In units of u, see the head of error_bounds.py:
+# In units of u, see the head of engine/bounds.py:
 TURNED_NORMAL = 7  # N, and what is rounded in N×(L + V)
 TURNED_SUM = 20  # L, V and their sum, over |L + V|
 N_DOT_L, N_DOT_V = 16, 22  # the cosines: 6.5 of N, 6.5 of L or 12.5 of V, 3 of the product
