@@ -30,7 +30,6 @@ Distance = Callable[[Sequence[float]], float]  # from a position in the world to
 
 LEAST_FALL = 2.0**-18  # of cosines: a spot light that falls within less has an edge
 LEAST_SHARE = 2.0**-10  # of the fall between its cones: from there on its slope has a bound
-_LEAST_RANGE = 2.0**-500  # scene units: the square of a shorter one is no number of its own
 
 
 class Beam(NamedTuple):
@@ -39,16 +38,6 @@ class Beam(NamedTuple):
     origin: NDArray[np.float64] | None  # (3,); None = infinitely far away
     axis: NDArray[np.float64] | None  # (3,) unit, the way the light travels; None = to all sides
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
-
-
-class Limits(NamedTuple):
-    """Where a light's strength ends: beyond, its function writes exactly 0."""
-
-    range: float  # scene units, of the distance from the light; infinite where there is no end
-    cos_outer: float  # cosine of the largest angle from the axis, at most 90 degrees; -1 where it shines to all sides
-
-
-UNLIMITED = Limits(math.inf, -1.0)
 
 
 class LightEntry:
@@ -108,14 +97,6 @@ class LightEntry:
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
-
-    def limits(self, light: Any) -> Limits:
-        """Return where the strength ends.
-
-        Of a light that has a `range` its `beam` has an origin, and its coefficients have the position in VECTOR; of one
-        that has a cone they have the axis, too, in AXIS.
-        """
-        return UNLIMITED
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
@@ -191,10 +172,6 @@ class PointEntry(LightEntry):
         """(d/r)^4 rises by four times the relative error of d."""
         return 4.0 if light.range is not None else 0.0
 
-    def limits(self, light: Any) -> Limits:
-        """Nothing arrives beyond the range."""
-        return UNLIMITED if light.range is None or light.range < _LEAST_RANGE else Limits(light.range, -1.0)
-
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients of the attenuation, and the range."""
         reach = () if light.range is None else (light.range,)
@@ -238,10 +215,6 @@ class SpotEntry(PointEntry):
         if light.exponent >= 1.0:
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
         return super().steepness(light) + sine * fall_rise(light) + of_exponent
-
-    def limits(self, light: Any) -> Limits:
-        """Nothing arrives outside the outer cone, either."""
-        return super().limits(light)._replace(cos_outer=cone_cosines(light)[1])
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
