@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, SavedArray, Shading
-from .compiler.kernels import compiling_ahead
+from .compiler.kernels import Job, compiling_ahead
 from .engine.clock import Clock
 from .engine.memory import check_memory, checked_out
 from .engine.passes import RowSink
@@ -175,7 +175,7 @@ class Renderer:
             edge_color=edge_color,
             edge_width=edge_width,
         )
-        with compiling_ahead(lambda: self._list_needs(self.scene.camera, is_prepared=False)):
+        with compiling_ahead(lambda: list_kernels_of(self.scene, self.options)):
             self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
@@ -237,7 +237,7 @@ class Renderer:
         if azimuth is not None or elevation is not None:
             camera = framed_from(self.scene, self.options.size, azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
             return self._render(camera, words)
 
     def render_to(
@@ -301,7 +301,7 @@ class Renderer:
         if "color" not in outputs and (wanted == "color" or "rgb" not in outputs):
             Frame(None, {}, None, self.options.size).array(wanted)  # says what to ask for
         camera, clock = self._checked_camera(camera), Clock()
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
             self._check_open()
             file.begin()
             with_color = wanted == "color" or (wanted == "alpha" and "color" in outputs)
@@ -334,11 +334,9 @@ class Renderer:
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)
 
-    def _list_needs(self, camera: Camera | None, is_prepared: bool = True) -> dict:
-        """Return the kernels that a picture through a camera needs, {(function, signature): True}."""
-        from .kernel_needs import list_needs
-
-        return list_needs(self, camera, is_prepared)
+    def _list_kernels(self, camera: Camera) -> list[Job]:
+        """List the kernels of a picture through a camera."""
+        return list_kernels_of(self.scene, self.options, camera, self._prepared.plan_for(camera).plan)
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
@@ -390,6 +388,13 @@ class Renderer:
             plan=self._plan,
             error_bounds=bounds,
         )
+
+
+def list_kernels_of(*arguments: Any) -> list[Job]:
+    """Return what `list_kernels` does, which is imported where a kernel is missing."""
+    from .engine.kernels_of_plan import list_kernels
+
+    return list_kernels(*arguments)
 
 
 def _arguments_of(options: Options) -> dict:

@@ -15,10 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiler import kernels
+from ..engine.kernels_of_plan import list_kernels
 from ..errors import counted
 from ..frame import Stats
+from ..options import Options
 from ..renderer import Renderer
-from ..scene.sample import SIZE, sample_scene
 from ..scene.scene import Scene
 from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors, rms_error
 from .timing import take_turns
@@ -178,14 +180,14 @@ def study(
 
 
 def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> None:
-    """Compile what the methods need, as far as a sample of the scene shows it: that is no part of any time."""
-    sample = sample_scene(scene)
-    settings = dict.fromkeys(tuple(method.options.items()) for method in methods)
-    truth = (("shading", "phong"), ("samples", 16), ("tolerance", 0.0))
-    for chosen in (*settings, truth):
+    """Compile what the methods need: that is no part of any time."""
+    listed: list[kernels.Job] = []
+    truth = {"shading": "phong", "samples": 16, "tolerance": 0.0}
+    for chosen in (*(method.options for method in methods), truth):
         for output in ("color", "rgb"):
-            with Renderer(sample, SIZE, **options | dict(chosen) | {"outputs": (output,)}) as renderer:
-                renderer.render()
+            settings = Options(**options | chosen | {"outputs": (output,)})
+            listed += list_kernels(scene, settings)
+    kernels.compile_into(kernels.STORE, kernels.missing_in(kernels.STORE, listed))
 
 
 def _groups(scene: Scene, methods: Sequence[Method]) -> Iterator[tuple[list[Method], Scene | None]]:

@@ -35,7 +35,7 @@ class StripRenderer(Renderer):
         screen: Any = None
         arrays: dict = {}
         rgba, buffers = None, None
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
             self._check_open()
             self._check_edges()
             if "color" in outputs or "rgb" in outputs:
@@ -57,7 +57,7 @@ class StripRenderer(Renderer):
     def measure_strip(self, rows: tuple[int, int], camera: Camera | None = None) -> float:
         """Return the largest component of the linear colours of some rows (first, end) of the picture."""
         camera, rows = self._checked_camera(camera), self._checked_rows(rows)
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
             self._check_open()
             return compute_brightest(self._prepared, camera, Clock(), rows)
 

@@ -1,6 +1,6 @@
-"""`raster warmup`: compile what any picture may need, by drawing small ones of every kind.
+"""`raster warmup`: compile the kernels of pictures of every kind.
 
-Which kernels that are is kept in the store, too: where all of them are there, nothing is drawn.
+Which kernels that are is kept in the store, too: where all of them are there, nothing is listed.
 """
 
 import ast
@@ -16,10 +16,9 @@ import numpy as np
 from ..choices import BUFFERS
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
-from ..engine.sample_variants import list_variants
+from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
 from ..errors import OutputError
-from ..geometry.normals import vertex_normals
-from ..renderer import render
+from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
 from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTIONS, Material
@@ -86,14 +85,14 @@ def _warm_up(messages, folder) -> None:
 def _fill(store, messages) -> list:
     """Compile what the store lacks; return what that was."""
     with compilation_shown(messages):
-        needs = list_all_needs()
-        missing = kernels.missing_in(store, needs)
+        listed = list_all_kernels()
+        missing = kernels.missing_in(store, listed)
         kernels.compile_into(store, missing)
-        failed = kernels.missing_in(store, dict.fromkeys(missing))
+        failed = kernels.missing_in(store, missing)
     if failed:
         names = ", ".join(sorted({function.__name__ for function, _ in failed}))
         raise OutputError(f"not all kernels could be compiled into {store.own}: {names} (-v says why)")
-    found = [(kernels.title_of(function), signature) for function, signature in needs if kernels.is_own(function)]
+    found = [(kernels.title_of(function), signature) for function, signature in listed if kernels.is_own(function)]
     store.keep(_LIST, (hash_package(),), repr(found).encode())
     return missing
 
@@ -120,44 +119,30 @@ def _store_in(folder):
         raise OutputError(f"no store can be made in {folder}: {fault.strerror or fault}") from fault
 
 
-def list_all_needs() -> dict:
-    """Return the kernels of all kinds of pictures, {(function, signature): True}: Python draws small ones."""
-    with kernels.noting_needs() as needs:
-        draw_all_kinds()
-    for function, signature in list(needs):
-        needs |= {(function, variant): True for variant in list_variants(signature)}
-    # Which of the two a picture takes depends on its size and its lights.
-    for function in [function for function, signature in needs if signature[:1] == ("batch function",)]:
-        needs |= {(function, ("batch function", dtype)): True for dtype in ("float32", "float64")}
-    return needs
+def list_all_kernels() -> list[kernels.Job]:
+    """List the kernels of all kinds of pictures, each once."""
+    found: dict[kernels.Job, None] = dict.fromkeys(list_mesh_kernels())
+    for scene, settings in _pictures():
+        for tolerance in (0.0, DEFAULT_TOLERANCE):
+            options = Options(size=SIZE, tolerance=tolerance, threads=1, **settings)
+            found |= dict.fromkeys(list_kernels(scene, options))
+    return list(found)
 
 
-def draw_all_kinds() -> None:
-    """Draw a picture of every kind that has kernels of its own."""
-    scenes = [_scene(reflection, is_colored) for reflection in ("phong", "blinn") for is_colored in (False, True)]
-    for scene in scenes:
+def _pictures():
+    """Yield scenes of all kinds, each with how it is drawn, in all ways that have kernels of their own."""
+    plain = [_scene(reflection, is_colored) for reflection in ("phong", "blinn") for is_colored in (False, True)]
+    polygons = replace(plain[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])])
+    for scene in (*plain, polygons, *_rarer_scenes()):
         for shading in _SHADINGS:
-            for tolerance in (0.0, 1 / 4096):
-                render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1, threads=1, color_range="global")
-    for samples, tolerance in ((1, 1 / 4096), (4, 1 / 4096), (4, 0.0)):
-        render(scenes[0], SIZE, samples=samples, tolerance=tolerance, outputs=("rgb",), threads=1, cull="back")
-    for outputs in (_BUFFERS, ("rgb", *_BUFFERS)):  # alone, and from the entries of a picture
-        render(scenes[0], SIZE, shading="phong", outputs=outputs, samples=1, threads=1)
-    render(scenes[0], SIZE, outputs="rgb", threads=1, edges="all")
-    polygons = replace(
-        scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
-    )  # a convex one, and one with ears
-    for tolerance in (0.0, 1 / 4096):
-        render(polygons, SIZE, tolerance=tolerance, samples=1, threads=1, outputs=("rgb",))
-    vertex_normals(_VERTICES, _FACES)
-    for scene in _rarer_scenes():
-        for shading in _SHADINGS:
-            for tolerance in (0.0, 1 / 4096):
-                render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1, threads=1, outputs=("rgb",))
-    for scene in (*scenes, *_rarer_scenes()):
-        for shading in ("gouraud", "phong"):
-            for tolerance in (0.0, 1 / 4096):
-                render(scene, 3, shading=shading, tolerance=tolerance, threads=1, samples=4, antialias="shade-once")
+            for samples in (1, 4, 9, 16):
+                for output in ("rgb", "color"):
+                    yield scene, {"shading": shading, "samples": samples, "outputs": output}
+                if samples > 1:
+                    yield scene, {"shading": shading, "samples": samples, "antialias": "shade-once"}
+    yield plain[0], {"color_range": "global"}
+    for shading in ("flat", "phong"):
+        yield plain[0], {"shading": shading, "outputs": _BUFFERS}
 
 
 def _rarer_scenes():

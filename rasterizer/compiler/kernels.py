@@ -23,7 +23,7 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -36,6 +36,8 @@ from .store import Store
 # access, and the test keeps loops from becoming vector instructions. A sum of a signed and an unsigned integer is a
 # float64, so what is added to such an index has this type, too. Constants alone may be plain integers.
 index = np.uint64
+
+Job = tuple[Callable, tuple]  # a kernel that is compiled: its plain function, and a signature
 
 IS_COMPILING = not fingerprint.setting("DISABLE_JIT")
 STORE = Store.of_process(IS_COMPILING)
@@ -78,8 +80,6 @@ class Kernel:
 
     def __call__(self, *arguments):
         """Run the loop."""
-        if _needs.get() is not None:
-            return self._note(arguments)
         for entry_point, table in self._entries:
             result = entry_point(arguments, table)
             if result is not NotImplemented:
@@ -108,8 +108,7 @@ class Kernel:
         with _turn:
             if kind not in self._known and self._by_numba is None:
                 entry_point = self._find_entry_point(signature)
-                # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
-                if entry_point is not None and kind not in self._known:
+                if entry_point is not None:
                     self._known[kind] = (entry_point, table.address), table
                     self._entries.append(self._known[kind][0])
             entry, _ = self._known.get(kind, (None, None))
@@ -121,27 +120,10 @@ class Kernel:
             self._by_numba = _internals().compile_by_numba(self.py_func)
         return self._by_numba(*arguments)
 
-    def _note(self, arguments):
-        """Note what is called, and let Python do it; numbers are returned as compiled code returns them."""
-        arguments = plain(arguments)
-        _needs.get()[self.py_func, signature_of(arguments)] = True
-        token = _needs.set({})  # what a kernel calls is compiled with it
-        try:
-            with np.errstate(all="ignore"):
-                result = self.py_func(*arguments)
-        finally:
-            _needs.reset(token)
-        if isinstance(result, tuple):
-            return tuple(item.item() if isinstance(item, np.generic) else item for item in result)
-        return result.item() if isinstance(result, np.generic) else result
-
     def _find_entry_point(self, signature: tuple):
         """Return the entry point for a signature; None where numba calls the kernel from now on."""
         if signature not in self._loaded:
             loaded = load(self.py_func, signature) if STORE.is_used else None
-            if signature in self._loaded or self._by_numba is not None:
-                # Likewise, it may be loaded by now.
-                return self._loaded.get(signature, (None,))[0]
             if loaded is None:
                 self._by_numba = _internals().compile_by_numba(self.py_func)
                 return None
@@ -199,30 +181,18 @@ def is_own(function: Callable) -> bool:
 # ---------------------------------------------------------------- many at once
 
 # What the current context does about kernels that are not in the store.
-_needs = contextvars.ContextVar("needs", default=None)  # {(function, signature): True} while they are noted
-_ahead = contextvars.ContextVar("ahead", default=None)  # what lists the needs, until the first kernel is missing
+_ahead = contextvars.ContextVar("ahead", default=None)  # what lists them, until the first one is missing
 _notice = contextvars.ContextVar("notice", default=lambda name, n_done, n_job: None)
 
 
 @contextlib.contextmanager
-def noting_needs():
-    """Let Python run all kernels inside the block; yield what notes them, {(function, signature): True}."""
-    needs = {}
-    token = _needs.set(needs)
-    try:
-        yield needs
-    finally:
-        _needs.reset(token)
-
-
-@contextlib.contextmanager
-def compiling_ahead(list_needs: Callable[[], dict]):
-    """Where a kernel is missing inside the block, compile what `list_needs()` returns at once, on all cores.
+def compiling_ahead(list_kernels: Callable[[], Iterable[Job]]):
+    """Where a kernel is missing inside the block, compile all that `list_kernels()` returns at once, on all cores.
 
     Without effect where there is no folder for new kernels, or no Python to start.
     """
     is_possible = STORE.own is not None and bool(sys.executable) and not getattr(sys, "frozen", False)
-    token = _ahead.set(list_needs if is_possible else None)
+    token = _ahead.set(list_kernels if is_possible else None)
     try:
         yield
     finally:
@@ -240,23 +210,23 @@ def noticing_compilation(notice: Callable[[str, int, int], None]):
 
 
 def _compile_ahead(missing) -> None:
-    """Compile a missing kernel and what else is needed, as far as it isn't stored."""
-    list_needs = _ahead.get()
+    """Compile a missing kernel and what else the picture takes, as far as it isn't stored."""
+    list_kernels = _ahead.get()
     _ahead.set(None)  # once: what is still missing afterwards is compiled where it is met
-    compile_into(STORE, missing_in(STORE, {missing: True} | list_needs()))
+    compile_into(STORE, missing_in(STORE, [missing, *list_kernels()]))
 
 
-def missing_in(store: Store, needs: dict) -> list:
-    """Return those of the needs, (function, signature) each, that a store doesn't have, and can."""
+def missing_in(store: Store, listed: Iterable[Job]) -> list[Job]:
+    """Return those of some kernels that a store doesn't have, and can, each once."""
     return [
         (function, signature)
-        for function, signature in needs
+        for function, signature in dict.fromkeys(listed)
         if is_own(function) and not any(store.find(title_of(function), signature))
     ]
 
 
-def compile_into(store: Store, jobs: list) -> None:
-    """Compile kernels, (function, signature) each, into a store, in as many processes as there are cores."""
+def compile_into(store: Store, jobs: list[Job]) -> None:
+    """Compile kernels into a store, in as many processes as there are cores."""
     from .jobs import compile_together  # it starts processes: most runs have no need of it
 
     compile_together(jobs, store.own, _notice.get())
@@ -344,8 +314,9 @@ class BatchFunction:
 
     def __init__(self, function: Callable, dtype):
         self.py_func = function
+        self.signatures = [("batch function", np.dtype(dtype).name)]
         with _turn:
-            loaded = load(function, ("batch function", np.dtype(dtype).name)) if STORE.is_used else None
+            loaded = load(function, self.signatures[0]) if STORE.is_used else None
             self._kept = loaded or _internals().compile_callback(function, dtype)
         self.address = self._kept.address
 
@@ -376,17 +347,12 @@ def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunct
     A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
     every reflection model, and only those that a scene uses are ever compiled.
     """
-    name, kind = np.dtype(dtype).name, BatchFunction
-    if not IS_COMPILING or _needs.get() is not None:
-        kind = PlainBatchFunction
-    if _needs.get() is not None:
-        _needs.get()[function, ("batch function", name)] = True
-    key = kind, function, name
+    key = function, np.dtype(dtype).name
     if key not in _batch_functions:
         with _turn:  # two threads must get the same one: what is not kept is taken out of memory
             if key not in _batch_functions:
-                made = kind(function, np.dtype(dtype))
-                _batch_functions.setdefault(key, made)  # who lists what is to be compiled ahead may have needed it, too
+                kind = BatchFunction if IS_COMPILING else PlainBatchFunction
+                _batch_functions[key] = kind(function, np.dtype(dtype))
     return _batch_functions[key]
 
 

@@ -140,7 +140,6 @@ class ColorPass(Pass):
     picture: Picture  # written, unless there is a sink
     sink: RowSink | None = None
     is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
-    is_thorough: bool = False  # takes the longer way of two also where the shorter one would do
     is_filled: bool = True
 
     @property

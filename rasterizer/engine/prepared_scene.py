@@ -3,12 +3,12 @@ buffers."""
 
 from collections.abc import Collection, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.points import Geometry, gather_geometry
+from ..geometry.points import gather_geometry
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.encode import Encoding, encode_picture, with_blank
@@ -28,9 +28,6 @@ from .output_buffers import BUFFER_TABLE
 from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .plan import Plan
 from .view_plans import ViewPlan, ViewPlans
-
-if TYPE_CHECKING:
-    from .given_plan import GivenPlan
 
 NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 
@@ -95,20 +92,13 @@ class PreparedScene:
         self.bounds = np.stack([mesh.bounds for mesh in scene.meshes])
         check_extent(self.bounds)
         self.geometry = gather_geometry(scene, options.is_flat)
-        self.view_plans: ViewPlans | GivenPlan = ViewPlans(scene, options, self.geometry, self.bounds)
+        self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
         self.buffer_tables = BufferTables(scene, self.geometry)
         self.shadows: Any = self._make_shadows() if self.view_plans.casts_shadows else None
-        self.is_thorough = False  # takes the longer way of two also where the shorter one would do, as for samples
         self._edges: Any = None  # made for the first picture that shows edges
         self.workspaces = WorkspacePool()
         self._plan_parts: PlanParts | None = None  # those of the last picture
-
-    def be_drawn_by(self, geometry: Geometry, plan: "GivenPlan") -> None:
-        """Take the plan of another scene from now on, and the geometry with that one's materials."""
-        self.geometry, self.normals, self.view_plans = geometry, NormalAttributes(geometry), plan
-        self.buffer_tables = BufferTables(self.scene, geometry)
-        self.shadows = self._make_shadows() if plan.casts_shadows else None
 
     def plan_for(self, camera: Camera) -> ViewPlan:
         """Return the plan for a view, before anything is drawn."""
@@ -171,7 +161,6 @@ class PreparedScene:
             "encoding": parts.encoding,
             "picture": picture,
             "is_shaded_once": options.antialias == "shade-once",
-            "is_thorough": self.is_thorough,
         }
         if plan.is_lit_per_sample:
             attributes = self.normals.of(plan)

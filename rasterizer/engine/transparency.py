@@ -79,7 +79,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     render_pass.spread(workspace, band.n_row, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
-    if count_fragments(task, surfaces, a_buffer) or render_pass.is_thorough:
+    if count_fragments(task, surfaces, a_buffer):
         with scan_by_index(task) as surfaces:
             count_fragments(task, surfaces, a_buffer)
             translucent = composite_band(task, surfaces, in_front, a_buffer)
@@ -145,7 +145,7 @@ def composite_band(task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer:
             list_rows(task, surfaces, lists, rows)
             for some in split_rows(rows, a_buffer):
                 is_any |= composite_rows(task, surfaces, counts, a_buffer, lists, some, translucent)
-    return translucent if is_any or task.render_pass.is_thorough else None
+    return translucent if is_any else None
 
 
 def rows_of(lists: FragmentLists, a_buffer: ABuffer) -> Rows:

@@ -23,7 +23,7 @@ def make_lighting(plan: Plan, view, dtype, shadows=()) -> Lighting:
     `shadows` holds a light's shadow map (see engine/shadow_maps.py), or None, for each light; nothing where no light
     has one. Whoever draws keeps it until the picture is done.
     """
-    return light_view(list_materials(plan, dtype), plan, view, shadows)
+    return light_view(with_functions(list_materials(plan, dtype), plan, dtype), plan, view, shadows)
 
 
 def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
@@ -44,25 +44,20 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
 def list_materials(plan: Plan, dtype) -> Lighting:
     """Write what doesn't depend on the view: materials, which lights light each, and what they are weighted with.
 
-    The coefficients of lights are zeros, and no light casts shadows.
+    The coefficients of lights and the addresses of functions are zeros, and no light casts shadows.
     """
     material = _list_materials(plan, dtype)
     highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
-    of_lights, of_materials = batch_functions_of(plan)
-    is_lit_here = plan.of_materials.is_double == (dtype == np.float64)
-    is_lit = plan.is_lit & is_lit_here[:, None]
-    if is_parted(plan):
-        is_lit = np.repeat(is_lit, 2, axis=1)
-    light_functions, reflection_functions = _compile(of_lights, of_materials, is_lit, dtype)
+    is_lit = is_lit_in(plan, dtype)
     n_light = is_lit.shape[1]
     return Lighting(
-        light_functions=light_functions,
+        light_functions=np.zeros(n_light, np.int64),
         lights=np.zeros((n_light, N_LIGHT_COEFFICIENT), dtype),
         n_lights=is_lit.sum(axis=1),
         light_idx=np.argsort(~is_lit, axis=1, kind="stable"),
-        reflection_functions=reflection_functions,
+        reflection_functions=np.zeros(is_lit.shape, np.int64),
         materials=material.astype(dtype),
         has_highlight=highlights,
         is_view_dependent=is_view_dependent,
@@ -75,23 +70,28 @@ def list_materials(plan: Plan, dtype) -> Lighting:
     )
 
 
-def _compile(of_lights, of_materials, is_lit, dtype) -> tuple[np.ndarray, np.ndarray]:
-    """The addresses of light functions, (n_light,), and of reflection functions, (n_material, n_light); 0 and not
-    compiled where the material isn't lit by the light in this type."""
-    known = {None: 0}
-    is_used = is_lit.any(axis=0).tolist()
+def is_lit_in(plan: Plan, dtype) -> np.ndarray:
+    """Tell which materials are lit in a type, and by which lights: (n_material, n_light) bool; with two terms a light
+    (see `is_parted`) there are twice as many."""
+    is_lit = plan.is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
+    return np.repeat(is_lit, 2, axis=1) if is_parted(plan) else is_lit
 
-    def address_of(function) -> int:
-        if function not in known:
-            known[function] = batch_function(function, dtype).address
-        return known[function]
 
-    lights = [address_of(f) if is_used else 0 for f, is_used in zip(of_lights, is_used, strict=True)]
-    rows = [
-        [address_of(f) if is_here else 0 for f, is_here in zip(functions, row, strict=True)]
-        for functions, row in zip(of_materials, is_lit.tolist(), strict=True)
-    ]
-    return np.array(lights, np.int64), np.array(rows, np.int64).reshape(is_lit.shape)
+def used_functions(plan: Plan, dtype) -> list[list]:
+    """The batch functions that light in a type, None where nothing is lit: a row of those of the lights, and one for
+    each material."""
+    of_lights, of_materials = batch_functions_of(plan)
+    is_lit = is_lit_in(plan, dtype)
+    rows = zip([of_lights, *of_materials], [is_lit.any(axis=0), *is_lit], strict=True)
+    return [[f if is_used else None for f, is_used in zip(row, used, strict=True)] for row, used in rows]
+
+
+def with_functions(lighting: Lighting, plan: Plan, dtype) -> Lighting:
+    """Put in the addresses of the functions that light in a type; those that aren't there are compiled."""
+    rows = used_functions(plan, dtype)
+    known = {f: 0 if f is None else batch_function(f, dtype).address for f in {f for row in rows for f in row}}
+    found = np.array([[known[f] for f in row] for row in rows], np.int64).reshape(len(rows), -1)
+    return lighting._replace(light_functions=found[0], reflection_functions=np.ascontiguousarray(found[1:]))
 
 
 def _list_shadows(shadows, dtype) -> ShadowMaps:

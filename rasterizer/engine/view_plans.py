@@ -19,7 +19,7 @@ from .material_plans import are_single
 from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE, Step
-from .uniforms import light_view, list_materials
+from .uniforms import light_view, list_materials, with_functions
 
 ANYWHERE = View(np.zeros(3), *np.eye(3))  # for lights that don't move with the camera
 STEPS = 16  # an octave: views whose distances differ by less are planned alike
@@ -82,7 +82,7 @@ class ViewPlans:
         them."""
         key = dtype, plan.of_materials.needs.tobytes()
         if key not in self._lightings:
-            self._lightings[key] = list_materials(plan, dtype)
+            self._lightings[key] = with_functions(list_materials(plan, dtype), plan, dtype)
         return light_view(self._lightings[key], plan, view, shadows)
 
     def _measure(self, view, screen) -> b.Distances:

@@ -1,6 +1,5 @@
 """`raster warmup`: all kernels into a store, the user's own or one that can be shipped."""
 
-import ast
 import importlib
 import os
 import pkgutil
@@ -13,9 +12,11 @@ from helpers.mixed_scenes import mixed
 from helpers.small_scenes import SHADINGS, SIZE
 
 import rasterizer as rz
-from rasterizer.cli.warmup_command import has_all, hash_package, list_all_needs
+from rasterizer.cli.warmup_command import has_all, hash_package, list_all_kernels
 from rasterizer.compiler import kernels
 from rasterizer.compiler.store import Store
+from rasterizer.engine.kernels_of_plan import list_kernels
+from rasterizer.options import Options
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -65,32 +66,26 @@ def test_a_place_where_no_store_can_be_is_refused_and_the_environment_given_back
 
 @pytest.fixture(scope="module")
 def warm():
-    """The kernels that are compiled ahead, (title, signature) each: as the store lists them since these tests began, or
-    as drawing all kinds of pictures in Python finds them, which takes half a minute."""
-    listed = next(kernels.STORE.find("list-of-kernels", (hash_package(),)), None)
-    if listed is not None:
-        return set(ast.literal_eval(listed.decode()))
-    return {(kernels.title_of(function), signature) for function, signature in list_all_needs()}
+    """The kernels that are compiled ahead."""
+    return set(list_all_kernels())
 
 
 def assert_warm(warm, what, scene, size, **options):
-    with kernels.noting_needs() as needs:
-        rz.render(scene, size, threads=1, **options)
-    missing = {title for function, signature in needs if ((title := kernels.title_of(function)), signature) not in warm}
+    """Assert that the kernels of a picture are among them."""
+    settings = Options(size=size, threads=1, **options)
+    missing = {kernels.title_of(function) for function, _ in {*list_kernels(scene, settings)} - warm}
     assert not missing, f"{what}: {sorted(missing)} are compiled at the first picture"
 
 
 EVERYTHING = ("color", "depth", "face", "normal")
 
 
-@pytest.mark.nightly
 def test_nothing_is_left_to_compile_for_materials_in_any_shading(warm):
     for name, scene in mixed().items():
         for shading in SHADINGS:
             assert_warm(warm, name, scene, SIZE, shading=shading, outputs=EVERYTHING)
 
 
-@pytest.mark.nightly
 def test_nothing_is_left_to_compile_for_scenes_that_nobody_has_chosen(warm):
     for number in range(150):
         case = make_case(11, number)
@@ -104,12 +99,11 @@ def test_nothing_is_left_to_compile_for_scenes_that_nobody_has_chosen(warm):
             continue
 
 
-@pytest.mark.nightly
 def test_no_kernel_of_the_package_is_forgotten(warm):
     """Whatever a kernel is for, warming up compiles it: a wheel that holds the store draws without the compiler."""
     left_out = ("rasterizer.__main__", "rasterizer.viewer.widget")  # a program; a module that needs an extra
     modules = [m.name for m in pkgutil.walk_packages(rz.__path__, "rasterizer.") if m.name not in left_out]
     everything = [value for name in modules for value in vars(importlib.import_module(name)).values()]
     own = {value.py_func for value in everything if isinstance(value, kernels.Kernel)}
-    missing = {kernels.title_of(function) for function in own} - {title for title, _ in warm}
+    missing = {kernels.title_of(function) for function in own} - {kernels.title_of(function) for function, _ in warm}
     assert len(own) > 40 and not missing

@@ -318,50 +318,17 @@ def test_threads_that_ask_at_once_get_the_same_batch_function(own):
     assert len(found) == 4 and len(set(found)) == 1 and told == [("doubles", 0, 1)]
 
 
-# ---------------------------------------------------------------- what is noted and compiled ahead
+# ---------------------------------------------------------------- what is compiled ahead
 
 
-def test_needs_are_noted_while_python_runs_the_kernels():
-    kernel, pair = kernels.kernel(first_of), kernels.kernel(lambda x: (x[0], x[0] > 1))
-    with kernels.noting_needs() as needs:
-        assert kernel(np.arange(4.0, 9.0)) == 2.0 and type(kernel(np.arange(5))) is float
-        assert [type(item) for item in pair(np.arange(5))] == [int, bool]
-        function = kernels.batch_function(doubles, np.float32)
-    assert [signature for _, signature in needs] == [
-        (("array", "float64", 1, "C"),), (("array", "int64", 1, "C"),), (("array", "int64", 1, "C"),),
-        ("batch function", "float32"),
-    ]  # fmt: skip
-    assert next(iter(needs))[0] is first_of and isinstance(function, kernels.PlainBatchFunction)
-    assert kernel.signatures == [] and kernel(np.arange(4.0, 9.0)) == 2.0 and len(kernel.signatures) == 1
-
-
-def test_what_is_missing_is_compiled_with_the_other_needs_once(own):
+def test_what_is_missing_is_compiled_with_all_that_is_listed_once(own):
     """In other processes; it is told which kernel is begun, and the larger one goes first."""
     need, other = (list_corners.py_func, (COLUMN,) * 3), (lambert, ("batch function", "float64"))
     outside, is_listed = (doubles, other[1]), []
-    assert own.missing_in(own.STORE, {other: True, need: True, outside: True}) == [other, need]
-    with own.compiling_ahead(lambda: is_listed.append(1) or {other: True, need: True, outside: True}):
+    assert own.missing_in(own.STORE, [other, need, outside, other]) == [other, need]
+    with own.compiling_ahead(lambda: is_listed.append(1) or [other, need, outside]):
         (first, n_before, n_job), (second, n_done, _) = use(own)
         assert (first, second) == ("list_corners", "lambert") and 0 == n_before <= n_done <= 1 < n_job == 2
         assert own.kernel(first_of)(np.arange(4.0, 9.0)) == 2.0, "what is missing later is compiled where it is met"
-    assert is_listed == [1] and own.missing_in(own.STORE, {need: True, other: True}) == []
+    assert is_listed == [1] and own.missing_in(own.STORE, [need, other]) == []
     assert [path.name.rpartition("-")[0] for path in files_of(own)] == ["creases.list_corners", "reflection.lambert"]
-
-
-def test_what_is_needed_while_the_needs_are_listed_stays_in_memory(own):
-    """What lists the needs asks for the same kernel and batch function; the caller gets those, and no others."""
-    assert use(own) == BOTH
-    corners, inner = np.array([2, 0, 2, 1], np.uint32), []
-    for path in files_of(own):
-        path.unlink()
-    kernel = own.kernel(list_corners.py_func)
-
-    def call():
-        return kernel(corners, np.zeros(5, np.uint32), np.zeros(4, np.uint32))
-
-    with own.compiling_ahead(lambda: {} if call() else {}):
-        assert call() == 2
-    assert [call() for _ in range(9)] == [2] * 9 and kernel.signatures == [(COLUMN,) * 3]
-    with own.compiling_ahead(lambda: inner.append(own.batch_function(lambert, np.float32)) or {}):
-        outer = own.batch_function(lambert, np.float32)
-    assert inner == [outer] and inner[0].address == outer.address

@@ -7,7 +7,8 @@ import rasterizer as rz
 from helpers.mixed_scenes import mixed
 from helpers.small_scenes import checks, cube, drawn, floor, scene_of
 from rasterizer.compiler import kernels
-from rasterizer.options import DEFAULT_TOLERANCE
+from rasterizer.engine.kernels_of_plan import list_kernels
+from rasterizer.options import DEFAULT_TOLERANCE, Options
 
 OFTEN = ("transparent", "transparent and textured", "shadows", "texture, nearest")
 SOMETIMES = (
@@ -23,13 +24,12 @@ ONE, ONCE = {"samples": 1}, {"samples": 4, "antialias": "shade-once"}
 def compile_usual_kernels() -> int:
     """Compile them on all cores, as far as they are not in the store; return how many that were.
 
-    Which they are is found out by Python, that draws the scenes in four pixels' width. What a test needs beside them is
-    compiled when it is met, which takes longer: a process starts for it.
+    What a test needs beside them is compiled when it is met, which takes longer: a process starts for it.
     """
-    with kernels.noting_needs() as needs:
-        for scene, options in usual_pictures():
-            rz.render(scene, 4, threads=1, **options)
-    missing = kernels.missing_in(kernels.STORE, needs)
+    listed = []
+    for scene, options in usual_pictures():
+        listed += list_kernels(scene, Options(size=4, threads=1, **options))
+    missing = kernels.missing_in(kernels.STORE, listed)
     kernels.compile_into(kernels.STORE, missing)
     return len(missing)
 
