@@ -108,7 +108,8 @@ class Kernel:
         with _turn:
             if kind not in self._known and self._by_numba is None:
                 entry_point = self._find_entry_point(signature)
-                if entry_point is not None:
+                # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
+                if entry_point is not None and kind not in self._known:
                     self._known[kind] = (entry_point, table.address), table
                     self._entries.append(self._known[kind][0])
             entry, _ = self._known.get(kind, (None, None))
@@ -124,6 +125,9 @@ class Kernel:
         """Return the entry point for a signature; None where numba calls the kernel from now on."""
         if signature not in self._loaded:
             loaded = load(self.py_func, signature) if STORE.is_used else None
+            if signature in self._loaded or self._by_numba is not None:
+                # Likewise, it may be loaded by now.
+                return self._loaded.get(signature, (None,))[0]
             if loaded is None:
                 self._by_numba = _internals().compile_by_numba(self.py_func)
                 return None

@@ -16,7 +16,7 @@ from ..geometry import creases, ears, surfaces
 from ..geometry.points import number_materials
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline import a_buffer, buffers, clip, cull, layers, resolve, shade_once, shadow_lookup, surface_buffers
+from ..pipeline import a_buffer, buffers, clip, cull, layers, resolve, shade_once, shadow_lookup, surface_buffers, texture_packing
 from ..pipeline.bands import Band, Rows, scatter
 from ..pipeline.depth_cueing import fade
 from ..pipeline.drawables import Drawables, Triangles
@@ -223,6 +223,8 @@ def add_picture(found: KernelList, scene: Scene, options: Options, plan: Plan, c
     add_stages(found, parts, with_deferred=plan.opacity is not None)
     add_clipping(found, scene, camera, screen)
     add_lights(found, scene, plan, camera)
+    if plan.packed_textures is not None:
+        add_packing(found)
     (add_lit if is_lit else add_interpolated)(found, scene, plan, parts)
     if plan.cue is not None:
         found.add(fade, parts.band.uncoded(), coding.depths, True, plan.cue, parts.workspace.radiance)
@@ -310,6 +312,13 @@ def shaded_bands(plan: Plan, parts: Parts) -> list[ScannedBand]:
     return ([parts.band] if points is None or plan.opacity is not None else []) + (
         [points.band(parts.band, 2)] if points is not None else []
     )
+
+
+def add_packing(found: KernelList) -> None:
+    """Add what packs textures for look-ups in float32."""
+    found.add(texture_packing.largest_color, np.empty((0, 4), np.float32))
+    texels = np.empty((0, 0), np.int16)
+    found.add(texture_packing.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
 
 
 def add_look_up(found: KernelList, plan: Plan, parts: Parts, band: ScannedBand) -> None:
