@@ -141,6 +141,7 @@ def _pictures():
                 if samples > 1:
                     yield scene, {"shading": shading, "samples": samples, "antialias": "shade-once"}
     yield plain[0], {"color_range": "global"}
+    yield plain[0], {"edges": "all"}
     for shading in ("flat", "phong"):
         yield plain[0], {"shading": shading, "outputs": _BUFFERS}
 
@@ -177,12 +178,14 @@ def _rarer_scenes():
     # Float64 for some surfaces of a picture in float32: without tangents and with them; and without a texture, with one
     # in float32, or in float64 alone.
     smooth, smooth_papered = (
-        replace(mesh, material=replace(mesh.material, shininess=1e5)) for mesh in (plain.meshes[0], papered[0])
+        replace(mesh, material=replace(mesh.material, reflection="toon")) for mesh in (plain.meshes[0], papered[0])
     )
+    clear = replace(plain.meshes[0], material=replace(plain.meshes[0].material, opacity=0.5))
     for double in (smooth, brushed):
         for others in ([double], [double, papered[0]], [double, smooth_papered]):
-            yield replace(plain, meshes=[*plain.meshes, *others])
-            yield replace(plain, meshes=[*plain.meshes, *others], lights=[sun])
+            for behind in ([], [clear]):
+                yield replace(plain, meshes=[*plain.meshes, *others, *behind])
+                yield replace(plain, meshes=[*plain.meshes, *others, *behind], lights=[sun])
 
 
 def _scene(reflection, is_colored) -> Scene:

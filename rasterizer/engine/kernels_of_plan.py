@@ -16,10 +16,22 @@ from ..geometry import creases, ears, surfaces
 from ..geometry.points import number_materials
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline import a_buffer, buffers, clip, cull, layers, resolve, shade_once, shadow_lookup, surface_buffers, texture_packing
+from ..pipeline import (
+    a_buffer,
+    buffers,
+    clip,
+    cull,
+    layers,
+    resolve,
+    shade_once,
+    shadow_lookup,
+    surface_buffers,
+    texture_packing,
+)
 from ..pipeline.bands import Band, Rows, scatter
 from ..pipeline.depth_cueing import fade
 from ..pipeline.drawables import Drawables, Triangles
+from ..pipeline.edges import draw_edges
 from ..pipeline.encode import encode_picture
 from ..pipeline.gradients import NEEDS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
@@ -90,6 +102,8 @@ def list_kernels(scene: Scene, options: Options, camera: Camera | None = None, p
         # Entries of normals hold what buffers look for: no triangles are drawn for these.
         is_shared = len(names) < len(options.outputs) and options.factor == 1 and plan.is_lit_per_sample
         add_buffers(found, scene, options, names, camera, is_shared and plan.opacity is None)
+    if options.edges:
+        add_edges(found, scene, options, camera)
     return list(found)
 
 
@@ -412,8 +426,6 @@ def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) 
     out = buffer.make((0, 0))
     if buffer.write in (buffers.write_normal, surface_buffers.write_turned_normal):
         found.add(buffers.write_normal_rows, surfaces, band, np.empty((0, 0), np.float32))
-    elif buffer.write is surface_buffers.write_triangle:
-        found.add(buffers.write_face, surfaces, band, out)
     elif buffer.write is surface_buffers.write_label:
         found.add(buffer.write, surfaces, band, out, np.empty(0, np.int32))
     elif buffer.write is surface_buffers.write_mean:
@@ -421,3 +433,10 @@ def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) 
         found.add(buffer.write, surfaces, band, out, table)
     elif buffer.table is None:
         found.add(buffer.write, surfaces, band, out)
+
+
+def add_edges(found: KernelList, scene: Scene, options: Options, camera: Camera) -> None:
+    """Add what draws edges over a picture, and the depths that hide them."""
+    add_buffers(found, scene, options, ("depth",), camera, is_shared=False)
+    samples, sides = np.empty((0, 0), np.float32), np.empty(0)
+    found.add(draw_edges, np.empty((0, 6)), sides, float(options.edge_width), True, samples, samples)

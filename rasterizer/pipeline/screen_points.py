@@ -181,12 +181,11 @@ def evaluate_planes_here(entries, group, first, out, start, stride):
 @helper
 def planes_of_points(entries, group, first, out, start, stride):
     """See `evaluate_planes_here`."""
-    rows = out.reshape(-1)
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
         across, down = offset_from(first, k, group, record)
         values = values_of_planes(group.numbers, record + group.column, across, down)
-        write_row(rows, start + k, stride, values)
+        write_row(out, start + k, stride, values)
 
 
 @helper
@@ -209,13 +208,14 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
     Parameters
     ----------
     group : PlaneGroup, in whose records the least values stand behind the planes, then the greatest
+    out : (n,) float32, to which the rows are written
     weights : uint64, where in `out` the factors of the samples begin
     """
-    rows, numbers, behind = out.reshape(-1), group.numbers, index(3 * PLANE_GROUP)
+    numbers, behind = group.numbers, index(3 * PLANE_GROUP)
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
         across, down = offset_from(first, k, group, record)
-        plane, weight = record + group.column, rows[weights + k]
+        plane, weight = record + group.column, out[weights + k]
         v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
         values = (
             within(v0 * weight, numbers, plane + behind),
@@ -223,7 +223,7 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
             within(v2 * weight, numbers, plane + behind + index(2)),
             within(v3 * weight, numbers, plane + behind + index(3)),
         )
-        write_row(rows, start + k, stride, values)
+        write_row(out, start + k, stride, values)
 
 
 @helper
@@ -250,7 +250,7 @@ def evaluate_slopes_here(entries, group, first, out, start, stride):
 def slopes_of_points(entries, group, first, out, start, stride):
     """See `evaluate_slopes_here`."""
     planes_of_points(entries, group, first, out, start, stride)
-    copy_slopes(entries, group, out.reshape(-1), start, stride)
+    copy_slopes(entries, group, out, start, stride)
 
 
 @helper
