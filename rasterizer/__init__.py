@@ -52,7 +52,6 @@ _HOMES = {
     "mach_bands": "analysis.mach",
     "render": "renderer",
     "render_many": "batch.rendering",
-    "render_tiles": "batch.tiles",
     "sheet": "analysis.contact_sheet",
     "srgb": "scene.color",
     "studio": "scene.light_presets",
@@ -76,7 +75,6 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .batch.rendering import render_many as render_many
     from .batch.tasks import RenderRecord as RenderRecord
     from .batch.tasks import RenderTask as RenderTask
-    from .batch.tiles import render_tiles as render_tiles
     from .engine.point_lighting import illuminate as illuminate
     from .errors import ModelError as ModelError
     from .errors import OptionError as OptionError

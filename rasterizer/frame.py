@@ -14,6 +14,7 @@ from .choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, SavedArray
 from .errors import OutputError, SceneError, counted, shown
 from .frame_buffers import FrameBuffers
 from .io.files import write_whole
+from .io.icc import srgb_profile
 from .io.picture_formats import encoded, on_white, picture_format
 from .io.png import encode_png
 from .pipeline.threads import Workers
@@ -287,7 +288,7 @@ class Frame(FrameBuffers):
         scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001. The file says it in a text
             field, and that 0 is nothing
         options : passed to Pillow, e.g. quality=95 for a JPEG file; without options a PNG file is written by `io.png`,
-            which is faster, and a TIFF file by `io.tiff`: not compressed, with alpha and a profile of sRGB
+            which is faster; a TIFF file has a profile of sRGB
 
         Returns
         -------
@@ -343,7 +344,7 @@ class Frame(FrameBuffers):
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
 
         Transparency is laid on white where the format has none; `options` are passed to Pillow. Without options a PNG
-        file is written by `io.png`, on as many threads as have drawn the picture, and a TIFF file by `io.tiff`.
+        file is written by `io.png`, on as many threads as have drawn the picture; a TIFF file has a profile of sRGB.
 
         Raises
         ------
@@ -354,9 +355,7 @@ class Frame(FrameBuffers):
         if name == "PNG" and not options:
             return self._encode_png()
         if name == "TIFF" and not options:
-            from .io.tiff import encode_tiff
-
-            return encode_tiff(self.rgba)
+            options = {"icc_profile": srgb_profile()}
         image = self.to_pil()
         try:
             return encoded(image, name, options)

@@ -1,20 +1,17 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, SavedArray, Shading
+from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
 from .engine.clock import Clock
 from .engine.memory import check_memory, checked_out
-from .engine.passes import RowSink
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
 from .errors import SceneError, counted, shown
@@ -30,7 +27,7 @@ from .scene.lights import Light
 from .scene.scene import Scene, SceneLike
 
 if TYPE_CHECKING:
-    from .io.row_files import RowFile
+    pass
 
 
 @checked_keywords
@@ -239,78 +236,6 @@ class Renderer:
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
             return self._render(camera, words)
-
-    def render_to(
-        self, path: str | os.PathLike[str], camera: Camera | None = None, *,
-        array: SavedArray | Sequence[SavedArray] | None = None, scale: float | None = None,
-    ) -> Stats:  # fmt: skip
-        """Render into a file; the same file as `render(camera).save(path, array=array, scale=scale)` writes.
-
-        TIFF files, and .npy files of `color`, `rgb`, `rgba` or `alpha`, are written band by band while the picture is
-        drawn: it may be larger than the memory. Nothing but what the file holds is drawn. With
-        `color_range="global"` the picture is drawn twice. Other files are written when the picture is whole.
-
-        Parameters
-        ----------
-        path : where to; the suffix chooses the format. The file appears whole or not at all
-        camera : Camera; None = the scene's own
-        array, scale : which arrays the file holds, and the unit of depths in a PNG file, as in `Frame.save`
-
-        Returns
-        -------
-        Stats
-
-        Raises
-        ------
-        OutputError : the file can't be written, its folder has no room for it, or a value is out of its range
-        SceneError : what is no camera, an array that is unknown or was not asked for by `outputs`; and after `close`
-        """
-        from .io.row_files import RowFile, row_format_of
-
-        is_path = isinstance(path, (str, os.PathLike))
-        is_row_by_row = is_path and not self.options.edges  # they are drawn over the whole picture
-        kind = row_format_of(Path(path).suffix.lower().lstrip("."), array) if is_row_by_row else None
-        if kind is None or (os.path.exists(path) and not os.path.isfile(path)):  # a device or a pipe has no places
-            frame = self.render(camera)
-            frame.save(path, array=array, scale=scale)
-            return frame.stats
-        if scale is not None:
-            raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for {shown(path)}")
-        with RowFile(path, kind, self.options.size) as file:
-            stats = self.render_rows(file, camera)
-            file.move()
-        return stats
-
-    def render_rows(self, file: "RowFile", camera: Camera | None = None) -> Stats:
-        """Render into a file, band by band, and leave it to the caller to move it to its place; see `render_to`.
-
-        Parameters
-        ----------
-        file : RowFile of a picture of this size (io/row_files.py)
-        camera : Camera; None = the scene's own
-
-        Returns
-        -------
-        Stats
-
-        Raises
-        ------
-        OutputError, SceneError : as `render_to`
-        """
-        outputs, wanted = self.options.outputs, file.kind.array
-        if "color" not in outputs and (wanted == "color" or "rgb" not in outputs):
-            Frame(None, {}, None, self.options.size).array(wanted)  # says what to ask for
-        camera, clock = self._checked_camera(camera), Clock()
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
-            self._check_open()
-            file.begin()
-            with_color = wanted == "color" or (wanted == "alpha" and "color" in outputs)
-            drawn = self._prepared.draw_picture(camera, clock, sink=RowSink(file.write_rows, with_color))
-            file.end()
-            self._plan = drawn.view_plan.summary._replace(ways=drawn.counts.ways)
-            names = ("color",) if with_color else ()
-            bounds = self._prepared.bound_outputs(camera, names, drawn.view_plan, drawn.screen)
-            return self._stats(drawn.counts, drawn.view_plan, clock, bounds)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
         """Tell what a pixel shows, without a picture: no more is drawn than the rows around it.

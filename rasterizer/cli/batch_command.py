@@ -7,7 +7,6 @@ from ..errors import SceneError
 from .processes import draw_models_apart, may_be_drawn_apart
 from .render_command import check_options, render_model
 from .targets import plan_targets
-from .tiles import draw_models_tiled
 
 
 def draw_batch(arguments, messages) -> tuple[list, int]:
@@ -20,10 +19,7 @@ def draw_batch(arguments, messages) -> tuple[list, int]:
     left = [[target for target in targets if not _is_left_out(target, arguments)] for targets in plan]
     n_target, n_left = sum(map(len, plan)), sum(map(len, left))
     left = [targets for targets in left if targets]
-    if arguments.tiles:
-        failures, n_model, summary = draw_models_tiled(arguments, messages, left, arguments.scheduler)
-    else:
-        failures, n_model, summary = draw_models_apart(arguments, messages, left, render_model, arguments.scheduler)
+    failures, n_model, summary = draw_models_apart(arguments, messages, left, render_model, arguments.scheduler)
     summary.skipped, summary.seconds = n_target - n_left, perf_counter() - start
     messages.notice(str(summary))
     if arguments.json:

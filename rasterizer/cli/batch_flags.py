@@ -30,11 +30,6 @@ def _add_work(group) -> None:
         help="draw on the workers of this scheduler of Dask, tcp://HOST:PORT (extra distributed)",
     )
     add(
-        "--tiles",
-        action="store_true",
-        help="cut each picture into tiles, which all processes draw: for few and large pictures",
-    )
-    add(
         "--resume",
         dest="is_resumed",
         action="store_true",

@@ -30,13 +30,6 @@ def wants_ground(arguments, loaded: Loaded) -> bool:
     return loaded.is_on_tabletop if arguments.ground is None else arguments.ground
 
 
-def finish_of(ground: "GroundShadow | None", camera: Camera, size: tuple[int, int], background):
-    """Return what lays rows of a picture on the ground, as a RowFile wants it; None without a ground."""
-    if ground is None:
-        return None
-    return lambda rgba, first: ground.under_rows(rgba, first, camera, size, background)
-
-
 def framed_points(scene: Scene, ground: "GroundShadow | None") -> Scene | NDArray[np.float64]:
     """Return what a picture of a scene is framed on: the scene, or its vertices and most of the shadow under it.
 

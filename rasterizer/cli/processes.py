@@ -97,28 +97,15 @@ class HeldResults:
 
 
 class HeldOutput:
-    """Keep what is to be written; what is too large for that is written where it is drawn, if the file system is the
-    same."""
+    """Keep what is to be written."""
 
-    def __init__(self, is_here, said):
+    def __init__(self, said):
         self.results = HeldResults(said)
-        self.contents, self.files_read, self.n_written, self._is_here = [], [], 0, is_here
+        self.contents, self.files_read = [], []
 
     def write(self, content, output) -> None:
         """Keep the content of a file."""
         self.contents.append((content, output))
-
-    def draw(self, draw, file):
-        """Let `draw` write a RowFile, and put it in its place; return what `draw` returns."""
-        if not self._is_here:
-            raise SceneError(
-                f"{file.path}: {file.n_byte / 1e9:.3g} GB are too large to be sent from one machine to another"
-            )
-        with file:
-            drawn = draw(file)
-            file.move()
-        self.n_written += 1
-        return drawn
 
 
 def draw_apart(work: ModelWork, loaded, _kept) -> ModelDone | None:
@@ -127,12 +114,12 @@ def draw_apart(work: ModelWork, loaded, _kept) -> ModelDone | None:
     if loaded is None and work.identity is not None and identify(model) != work.identity:
         return None
     messages = HeldMessages(work.arguments.level)
-    output = HeldOutput(work.is_here, messages.said)
+    output = HeldOutput(messages.said)
     failures = Failures(messages, work.arguments.json)
     with messages.shown_warnings(), failures.caught(model, work.arguments.size):
         work.draw(work.targets, work.arguments, work.settings, messages, output, loaded)
     plain = [failure.with_traceback(None) for failure in failures]
-    return ModelDone(output.contents, output.n_written, messages.said, plain, output.files_read)
+    return ModelDone(output.contents, messages.said, plain, output.files_read)
 
 
 def may_be_drawn_apart(arguments) -> bool:
@@ -241,7 +228,6 @@ class _Work:
         if isinstance(outcome, Done) and outcome.value is not None:
             done: ModelDone = outcome.value
             output.files_read += done.files_read
-            n_written = done.n_written
             for content, name in done.contents:
                 with failures.caught(model):
                     output.write(content, name)

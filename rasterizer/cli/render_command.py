@@ -1,20 +1,18 @@
 """`raster render`: one model after another is loaded, drawn and written; a failure doesn't stop the rest."""
 
 import math
-import os
 from dataclasses import fields
 from pathlib import Path
 from time import perf_counter
 
 from ..errors import SceneError
-from ..frame import Frame
 from ..io.picture_formats import picture_format
 from ..options import BUFFER_SAMPLES, PICTURE_SAMPLES, Options
 from ..renderer import Renderer
 from .arrays import check_scale, encode_arrays, expand_arrays, holds_arrays, suffix_of
 from .cameras_lights import camera_of, check_camera
 from .failures import Failures
-from .ground import bare, finish_of, framed_points, make_ground
+from .ground import bare, framed_points, make_ground
 from .load_scene import load_scene, make_settings, with_options
 from .messages import compilation_shown, print_text
 from .preview import preview
@@ -24,8 +22,6 @@ from .warnings import find_doubts
 from .write_targets import Outputs
 
 _ENCODING = {"JPEG": {"quality": 92}}
-_IN_MEMORY = 2**28  # bytes of a picture's file; one that is larger is written while it is drawn, if its format lets it
-_LONG = 2**32  # bytes of a file that takes so long that it is told before
 
 
 def render_models(arguments, messages) -> tuple[list, int]:
@@ -106,9 +102,8 @@ def make_options(arguments) -> Options:
     return Options(**values)
 
 
-def render_model(targets, arguments, settings, messages, output, loaded=None, make_renderer=None) -> None:
-    """Draw all views of one model; `loaded` is the model, Loaded, where it has been loaded before, and `make_renderer`
-    is called as Renderer is."""
+def render_model(targets, arguments, settings, messages, output, loaded=None) -> None:
+    """Draw all views of one model; `loaded` is the model, Loaded, where it has been loaded before."""
     start = perf_counter()
     loaded = loaded or load_scene(targets[0].model, arguments, settings, messages, output.files_read)
     scene = loaded.scene
@@ -117,23 +112,19 @@ def render_model(targets, arguments, settings, messages, output, loaded=None, ma
     ground = make_ground(arguments, loaded, options.threads)
     subject = framed_points(scene, ground)
     ground = None if holds_arrays(arguments) else ground
-    with (make_renderer or Renderer)(bare(scene, ground), **_as_keywords(options)) as renderer:
+    with Renderer(bare(scene, ground), **_as_keywords(options)) as renderer:
         for target in targets:
             camera = camera_of(arguments, target.view, scene, loaded.framing, subject)
-            file = _row_file(target.output, options, finish_of(ground, camera, options.size, scene.background))
-            if file is not None and file.n_byte > _LONG:
-                messages.notice(
-                    f"{target.model}: drawing {file.n_byte / 1e9:.3g} GB into {target.output}, which takes a while"
-                )
-            frame, is_black, is_written = _draw(renderer, camera, file, output)
+            frame = renderer.render(camera)
+            is_black = frame.has("rgb") and not frame.rgb.any()
             doubts = find_doubts(frame.stats, is_black, scene, arguments, camera)
             doubts = [f"{target.model}: {text}" for text in doubts]
             for text in doubts:
                 messages.warn(text)
-            if ground is not None and not is_written:
+            if ground is not None:
                 frame = ground.under(frame, camera, scene.background)
-            n_byte = file.n_byte if is_written else None
-            if not is_written and target.output is not None:
+            n_byte = None
+            if target.output is not None:
                 content = _content(frame, target.output, options, arguments)
                 output.write(content, target.output)
                 n_byte = len(content)
@@ -147,37 +138,6 @@ def render_model(targets, arguments, settings, messages, output, loaded=None, ma
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + doubts)
                 messages.record(record, target.output == STDIO)
-
-
-def _draw(renderer, camera, file, output) -> tuple[Frame, bool, bool]:
-    """Draw a picture, into its file at once where that is a RowFile.
-
-    Returns
-    -------
-    the frame, which has no arrays where the file is written; whether the picture is black; whether the file is written
-    """
-    if file is None:
-        frame = renderer.render(camera)
-        return frame, frame.has("rgb") and not frame.rgb.any(), False
-    stats = output.draw(lambda file: renderer.render_rows(file, camera), file)
-    return Frame(None, {}, stats, file.size), file.is_black, True
-
-
-def _row_file(output, options, finish=None):
-    """Return the RowFile that a large picture is drawn into, band by band; None where it is drawn in memory."""
-    if output is None:
-        return None
-    format = Path(output).suffix.lower().lstrip(".")
-    if options.edges:  # they are drawn over the whole picture
-        return None
-    is_place = output != STDIO and (os.path.isfile(output) or not os.path.exists(output))
-    if format not in ("npy", "tif", "tiff") or not is_place:
-        return None
-    from ..io.row_files import RowFile, row_format_of
-
-    kind = row_format_of(format, options.outputs[0] if format == "npy" else None)
-    file = None if kind is None else RowFile(output, kind, options.size, finish)
-    return None if file is None or file.n_byte <= _IN_MEMORY else file
 
 
 def _names_of_file(arguments) -> set[str]:

@@ -4,15 +4,13 @@ Which other files a model reads (materials, textures, buffers, parts of a scene)
 output that exists already, where a later model may read it, waits until all models have been loaded. Unless
 --allow-outside is given, a model can only read what lies in its own folder, and only some formats name other files at
 all: in most runs nothing waits.
-
-A picture that is written while it is drawn goes into a file that is hidden until it may be moved to its place.
 """
 
 import os
 import signal
 import tempfile
 import threading
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import OutputError
@@ -39,7 +37,6 @@ class Outputs:
             identity_of(model): model for model in (targets[0].model for targets in plan) if model != STDIO
         }
         self._written, self._waiting, self._store = {}, [], None
-        self._hidden = ExitStack()  # files that wait until they are moved
         self._later = []  # for each model the folders in which later ones may read
         below = []
         for targets in reversed(plan):
@@ -75,22 +72,6 @@ class Outputs:
         else:
             self._write(content, output)
 
-    def draw(self, draw, file, number):
-        """Let `draw` write a RowFile, then put it in its place as `write` does; return what `draw` returns."""
-        output = file.path
-        self._check(output)
-        make_folder(output)
-        with ExitStack() as stack:
-            stack.enter_context(_cleaning_up())
-            stack.enter_context(file)
-            drawn = draw(file)
-            if self._must_wait(output, number):
-                self._hidden.push(stack.pop_all())
-                self._waiting.append((output, lambda: self._move(file)))
-            else:
-                self._move(file)
-        return drawn
-
     def _must_wait(self, output, number) -> bool:
         """Tell whether there is a file that a model after model `number` may read."""
         place = os.path.realpath(output)
@@ -99,10 +80,6 @@ class Outputs:
     def _stored(self, start, length) -> bytes:
         self._store.seek(start)
         return self._store.read(length)
-
-    def _move(self, file) -> None:
-        file.move()
-        self._written[identity_of(file.path)] = file.path
 
     def _check(self, output) -> None:
         identity = identity_of(output)
@@ -124,15 +101,14 @@ class Outputs:
         """Write what waits; return what failed, after telling it."""
         failures, waiting = [], self._waiting
         self._waiting = []
-        with self._hidden.pop_all():
-            for output, put in waiting:
-                try:
-                    self._check(output)
-                    put()
-                except OutputError as error:
-                    failures.append(error)
-                    if messages is not None:
-                        messages.error(error)
+        for output, put in waiting:
+            try:
+                self._check(output)
+                put()
+            except OutputError as error:
+                failures.append(error)
+                if messages is not None:
+                    messages.error(error)
         return failures
 
 
@@ -147,11 +123,6 @@ class ModelOutput:
         """Write an output, as `Outputs.write` does."""
         self._note_files_read()
         self._outputs.write(content, output, self._number)
-
-    def draw(self, draw, file):
-        """Let `draw` write a RowFile, as `Outputs.draw` does."""
-        self._note_files_read()
-        return self._outputs.draw(draw, file, self._number)
 
     def _note_files_read(self) -> None:
         self._outputs.files_read |= {identity_of(path): path for path in self.files_read}

@@ -35,8 +35,7 @@ def check_memory(options: Options, has_out: bool) -> None:
     if available is not None and needed > available:
         raise SceneError(
             f"a picture of {width}x{height} pixels takes {needed / 1e9:.3g} GB in memory, and {available / 1e9:.3g} GB "
-            "are there; draw a smaller one, or one that is written while it is drawn: Renderer.render_to('out.tif'), "
-            "or raster render -o out.tif"
+            "are there: draw a smaller one"
         )
 
 

@@ -9,10 +9,9 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `finish`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -44,7 +43,7 @@ from ..pipeline.textured_shading import shade_textured
 from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture
+from ..pipeline.workspace import Workspace, WorkspaceKind
 from .attributes import NONE, Attributes
 from .coding import sampled_in_double
 from .output_buffers import BUFFER_TABLE
@@ -123,13 +122,6 @@ class Pass:
         raise NotImplementedError
 
 
-class RowSink(NamedTuple):
-    """Who takes a picture band by band, where it is never kept as a whole."""
-
-    write: Callable[[int, Picture], None]  # called with the first row, and the rows; by any thread
-    with_color: bool  # linear colours, too
-
-
 @dataclass(**AS_PASS)
 class ColorPass(Pass):
     """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
@@ -137,8 +129,7 @@ class ColorPass(Pass):
     plan: Plan
     screen: Screen
     encoding: Encoding
-    picture: Picture  # written, unless there is a sink
-    sink: RowSink | None = None
+    picture: Picture  # written
     is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
     is_filled: bool = True
 
@@ -248,27 +239,22 @@ class ColorPass(Pass):
             sample_textures(band.uncoded(), self.sampled, workspace.double_batch, workspace.texels)
 
     def finish(self, workspace, band, counts, translucent, drawn):
-        """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""
+        """Average the samples of each pixel, and write the picture's rows."""
         y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
         n_channel = self.n_channel_of(counts)
-        if self.sink is None:
-            return self._resolve(workspace, n_channel, translucent, (y_start, y_end), self.picture)
-        rows = make_picture((self.size[0], y_end - y_start), self.sink.with_color)
-        n_covered = self._resolve(workspace, n_channel, translucent, (0, y_end - y_start), rows)
-        self.sink.write(y_start, rows)
-        return n_covered
+        return self._resolve(workspace, n_channel, translucent, (y_start, y_end))
 
-    def _resolve(self, workspace, n_channel, translucent, rows, out: Picture) -> int:
-        """Write a band's pixels to the rows (start, end) of `out`; return how many samples are covered."""
+    def _resolve(self, workspace, n_channel, translucent, rows) -> int:
+        """Write a band's pixels to the rows (start, end) of the picture; return how many samples are covered."""
         points = workspace.points
         if points is not None and not points.is_spread[0]:
             return resolve_averages(
                 workspace.visibility, points.radiance[:n_channel], points, *rows,
-                self.grid, self.encoding, workspace.pixels, out,
+                self.grid, self.encoding, workspace.pixels, self.picture,
             )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
-            self.grid, self.encoding, workspace.pixels, out,
+            self.grid, self.encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
 

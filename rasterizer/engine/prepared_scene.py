@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..geometry.points import gather_geometry
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline.encode import Encoding, encode_picture, with_blank
+from ..pipeline.encode import Encoding, encode_picture
 from ..pipeline.gradients import Coding
 from ..pipeline.threads import Workers
 from ..pipeline.transform import Screen
@@ -25,7 +25,7 @@ from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding,
 from .depth_range import check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
-from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
+from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
 from .plan import Plan
 from .view_plans import ViewPlan, ViewPlans
 
@@ -35,33 +35,13 @@ NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 class DrawnPicture(NamedTuple):
     """A picture, and what was done for it."""
 
-    rgba: NDArray[np.uint8]  # (height, width, 4); no rows where a sink has taken them
+    rgba: NDArray[np.uint8]  # (height, width, 4)
     color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
     view_plan: ViewPlan
     buffers: dict[str, NDArray] | None  # that were drawn beside it, by name; None where none were
     screen: Screen
-
-
-class Brightest:
-    """Find the largest component of the linear colours of a picture that is drawn band by band."""
-
-    def __init__(self) -> None:
-        self._of_bands: list[float] = []
-
-    def note(self, _y_start, rows) -> None:
-        """Look at some rows, a Picture."""
-        self._of_bands.append(float(rows.color.max()))
-
-    @property
-    def largest(self) -> float:
-        """The largest component of all rows that were looked at."""
-        return max(self._of_bands)
-
-    def scale(self) -> float:
-        """What brings the whole picture into the display's range."""
-        return scale_of(self.largest)
 
 
 def scale_of(brightest: float) -> float:
@@ -111,31 +91,24 @@ class PreparedScene:
 
         return Shadows(self.geometry, self.bounds, self.view_plans.plan)
 
-    def draw_picture(self, camera: Camera, clock, out=None, sink: RowSink | None = None) -> DrawnPicture:
+    def draw_picture(self, camera: Camera, clock, out=None) -> DrawnPicture:
         """Draw the picture: the colour of every pixel.
 
         Parameters
         ----------
         clock : Clock, which notes the milliseconds of each stage
         out : (height, width) uint32, which takes the bytes; None = a new array
-        sink : who takes the rows as they are drawn, in any order; None = they are kept
         """
         options, geometry, view = self.options, self.geometry, camera.view()
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
-        picture = make_picture((0, 0), False) if sink else make_picture(options.size, with_color or is_global, out)
+        picture = make_picture(options.size, with_color or is_global, out)
         screen = screen_of(camera, view, options.size, options.factor, geometry, self.bounds)
         view_plan = self.view_plans.plan_for(view, screen)
         render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
-        if sink is not None and is_global:  # drawn twice: the brightest pixel must be known first
-            brightest = Brightest()
-            render_pass.sink = RowSink(brightest.note, True)
-            draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
-            render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
-        render_pass.sink = sink
-        is_beside = bool(self.buffer_names) and sink is None and options.factor == 1  # buffers have one sample a pixel
+        is_beside = bool(self.buffer_names) and options.factor == 1  # buffers have one sample a pixel
         buffers = self.buffer_pass(camera, view, screen) if is_beside else None
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, buffers)
-        if sink is None and is_global:
+        if is_global:
             encoding = render_pass.encoding._replace(scale=scale_of(float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")

@@ -110,7 +110,6 @@ def test_the_sweep_calls_all_that_is_public(tmp_path):
     public = {name for name in rz.__all__ if not name.startswith("__") and not name.endswith("Error")}
     made_by_us = {"Comparison", "Explanation", "Frame", "MachBands", "Pick", "RenderRecord"}
     tested_apart = {
-        "render_tiles",
         "turntable",
         "view",
     }  # they start processes, or draw many frames, or need a notebook

@@ -19,12 +19,12 @@ UNUSED = (
     "analysis", "api_pages", "animation", "batch", "ground_shadow", "kernel_needs", "notebook", "reference",
     "registries", "viewer",
     "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.flags_page", "cli.info",
-    "cli.processes", "cli.sheet", "cli.tiles", "cli.turntable", "cli.view", "cli.warmup",
+    "cli.processes", "cli.sheet", "cli.turntable", "cli.view", "cli.warmup",
     "engine.edge_overlay", "engine.given_plan", "engine.point_lighting", "engine.probe",
-    "engine.shadow_maps", "engine.shadow_views", "engine.strips",
+    "engine.shadow_maps", "engine.shadow_views", 
     "geometry.ears", "geometry.subdivide",
     "io.animation", "io.array_files", "io.gif", "io.gltf", "io.material_libraries", "io.mtl", "io.other_formats",
-    "io.ply", "io.row_files", "io.scene_file", "io.threemf", "io.tiff",
+    "io.ply", "io.scene_file", "io.threemf", 
     "scene.cie_tables", "scene.orbit", "scene.sample", "scene.spectrum",
 )  # fmt: skip
 FOREIGN = {

@@ -67,7 +67,7 @@ def examples():
     for page in PAGES:
         texts = blocks(page, "python")
         for k, text in enumerate(["\n".join(texts)] if page in STEPS else texts):
-            is_long = re.search(r"render_many|render_tiles|Animation|turntable|speed_error|mach_bands", text)
+            is_long = re.search(r"render_many|Animation|turntable|speed_error|mach_bands", text)
             yield pytest.param(text, id=f"{page}-{k}", marks=[nightly] if is_long and page not in STEPS else [])
 
 
