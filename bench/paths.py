@@ -81,6 +81,10 @@ PATHS = (
         (("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
     ),
     Variant(
+        "grey encoding",
+        (("engine/coding.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
+    ),
+    Variant(
         "extents of rows",
         (
             (

@@ -260,15 +260,16 @@ class ColorPass(Pass):
 
     def _resolve(self, workspace, n_channel, translucent, rows, out: Picture) -> int:
         """Write a band's pixels to the rows (start, end) of `out`; return how many samples are covered."""
+        encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         points = workspace.points
         if points is not None and not points.is_spread[0]:
             return resolve_averages(
                 workspace.visibility, points.radiance[:n_channel], points, *rows,
-                self.grid, self.encoding, workspace.pixels, out,
+                self.grid, encoding, workspace.pixels, out,
             )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
-            self.grid, self.encoding, workspace.pixels, out,
+            self.grid, encoding, workspace.pixels, out,
         )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from .box_filter import average_points, average_samples
-from .encode import ALPHA, PIXELS_SHAPE, encode_batch
+from .encode import ALPHA, PIXELS_SHAPE, RANGE_CLAMP, encode_batch
 from .fragments import BATCH_SIZE, NEXT
 from .sample_grid import MOST_FACTOR, factor_of
 from .visibility import clear, extent_of_pixels
@@ -120,10 +120,12 @@ def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding,
 def write_pixels(batch, n, n_channel, encoding, first, out):
     """Write n pixels of a batch that have `n_channel` channels; `first` is the row and the column of the first one."""
     (j, left), pixels = first, batch.values
-    if n_channel == 1:
+    # One channel of pixels is enough where no more is read: in a grey picture of bytes.
+    is_single = encoding.is_grey and encoding.policy == RANGE_CLAMP and out.color.shape[0] == 0
+    if n_channel == 1 and not is_single:
         tint_pixels(pixels, n, encoding)
     if encoding.has_background:
-        show_background(pixels, n, encoding)
+        show_background(pixels, n, encoding, 1 if is_single else 3)
     if out.color.shape[0] > 0:
         write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
     if out.rgba.shape[0] > 0:
@@ -171,10 +173,10 @@ def tint_pixels(pixels, n, encoding):
 
 
 @helper
-def show_background(pixels, n, encoding):
+def show_background(pixels, n, encoding, n_channel):
     """Let the background show through what isn't covered."""
     one = np.float32(1)
-    for channel in range(index(3)):
+    for channel in range(index(n_channel)):
         behind, first = encoding.background[channel], channel * NEXT
         for i in range(n):
             pixels[first + i] = pixels[first + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
