@@ -77,6 +77,10 @@ PATHS = (
     ),
     Variant("lights that don't arrive", (("pipeline/lighting.py", "if not arrives(batch, n):", "if False:"),)),
     Variant(
+        "pixels covered as a whole",
+        (("pipeline/box_filter.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
+    ),
+    Variant(
         "one sample a pixel",
         (("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
     ),
@@ -199,8 +203,9 @@ def make_renderer(name, scan, threads):
         options["exposure"] = 0.2
     elif name == "look":  # several samples, lights that are grey
         scene, options["samples"] = scenes.build(scan, SIZE, "studio", "mono"), 4
-    elif name == "quads":  # large triangles in colour
+    elif name == "quads":  # large triangles in colour, with several samples
         scene, options["shading"] = scenes.build("quads-front", SIZE, "one", "rgb"), "gouraud"
+        options["samples"] = 4
     else:
         scene = scenes.build(scan, SIZE, "studio", "mono")
         options["outputs"] = ("rgb", "depth", "face", "normal")

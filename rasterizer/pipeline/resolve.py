@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .box_filter import average_points, average_samples
+from .box_filter import PIECE, average_points, average_samples
 from .encode import ALPHA, PIXELS_SHAPE, RANGE_CLAMP, encode_batch
 from .fragments import BATCH_SIZE, NEXT
 from .sample_grid import MOST_FACTOR, factor_of
@@ -34,13 +34,13 @@ class PixelBatch(NamedTuple):
     values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
     levels: np.ndarray  # PIXELS_SHAPE int32
     sums: np.ndarray  # PIXELS_SHAPE float64: of the samples' colours, and of their weights
-    weights: np.ndarray  # (BATCH_SIZE * MOST_FACTOR,) float64, of a row's samples
+    weights: np.ndarray  # (PIECE * MOST_FACTOR,) float64, of a row's samples
 
 
 def make_pixel_batch() -> PixelBatch:
     """Return the batch of pixels of one thread."""
     values, levels = np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32)
-    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(BATCH_SIZE * MOST_FACTOR))
+    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MOST_FACTOR))
 
 
 def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, batch, out) -> int:

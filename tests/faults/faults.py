@@ -850,8 +850,8 @@ HELD_OUT = (
     Fault(
         "box filter: of a row of samples the first one counts for all",
         "pipeline/box_filter.py",
-        "np.float64(samples[i * factor + k])",
-        "np.float64(samples[i * factor])",
+        "samples[sub * step + i * factor + k]",
+        "samples[sub * step + i * factor]",
         "pipeline pictures",
     ),
     Fault(
