@@ -280,8 +280,8 @@ def compare(path: Variant, args) -> list[dict]:
     return rows
 
 
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
+def make_parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="*", metavar="PATH", help=f"of {', '.join(path.name for path in PATHS)}")
     parser.add_argument("--scan", default="teapot", metavar="FILE", help="a scan (default: the teapot)")
@@ -289,6 +289,12 @@ def main(argv=None) -> int:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--frames", type=int, default=20, help="of each scene (default: %(default)s)")
     measure.add_output(parser)
+    return parser
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    parser = make_parser()
     args = parser.parse_args(argv)
     args.scan = str(Path(args.scan).resolve()) if Path(args.scan).exists() else args.scan
     unknown = set(args.paths) - {path.name for path in PATHS}
