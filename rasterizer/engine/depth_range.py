@@ -14,19 +14,16 @@ LEAST_EXTENT = 2.0**-480
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 
 
-def screen_of(camera, view, size, factor, geometry, bounds, margin=0) -> Screen:
+def screen_of(camera, view, size, factor, geometry, bounds) -> Screen:
     """The screen of a camera with `factor` samples a pixel along each axis, its depth fitted to the scene.
 
     Parameters
     ----------
     size : (width, height) of the picture in pixels
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
-    margin : pixels beside the picture, on all sides, that are seen, too
     """
-    samples, beside = (size[0] * factor, size[1] * factor), margin * factor
+    samples = size[0] * factor, size[1] * factor
     projection = camera.projection(samples)
-    projection = projection._replace(center_x=projection.center_x + beside, center_y=projection.center_y + beside)
-    samples = samples[0] + 2 * beside, samples[1] + 2 * beside
     depths = depths_of_boxes(view, bounds)
     depth_range, far_clip = fit_depth_range(camera, depths)
     return fit_screen(view, projection, depth_range, far_clip, geometry, samples, depths)

@@ -12,7 +12,7 @@ from ..options import Options
 from .output_buffers import BUFFER_TABLE
 
 ALWAYS_THERE = 2**28  # bytes; for less nobody is asked
-EDGE_BYTES = 32  # a pixel, where edges are drawn: a triangle for each of 4 samples, 64 bits, a share
+EDGE_BYTES = 8  # a sample, where edges are drawn: its depth, and the share that they cover
 MEMORY_INFO = "/proc/meminfo"  # Linux: what there is, of which the part that nobody needs
 MEMORY_LIMIT = "/sys/fs/cgroup/memory.max"  # what a container may have at most
 
@@ -47,7 +47,7 @@ def count_pixel_bytes(options: Options, has_out: bool) -> int:
     if outputs & {"color", "rgb"}:
         n_byte += 0 if has_out else 4
         n_byte += 16 if "color" in outputs or options.color_range == "global" else 0
-    n_byte += EDGE_BYTES if options.edges else 0
+    n_byte += EDGE_BYTES * options.factor**2 if options.edges else 0
     buffers = [BUFFER_TABLE[name] for name in outputs - {"color", "rgb"}]
     return n_byte + sum(np.dtype(buffer.dtype).itemsize * buffer.n_component for buffer in buffers)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..pipeline.buffers import write_depth, write_face, write_normal
-from ..pipeline.surface_buffers import write_label, write_mask, write_mean, write_triangle, write_turned_normal
+from ..pipeline.surface_buffers import write_label, write_mask, write_mean, write_turned_normal
 from ..scene.camera import View
 from .buffer_tables import BufferTables
 
@@ -44,7 +44,6 @@ BUFFER_TABLE = {
     "depth": OutputBuffer(write_depth, np.float32, 1, np.inf),
     "face": OutputBuffer(write_face, np.int32, 1, -1),
     "normal": OutputBuffer(write_normal, np.float32, 3, 0.0, needs_normals=True),
-    "triangle": OutputBuffer(write_triangle, np.int32, 1, -1),  # for edges, see edge_overlay.py; no output of a picture
     "mask": OutputBuffer(write_mask, np.bool_, 1, False),
     "object": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.objects),
     "material": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.materials),

@@ -212,33 +212,35 @@ class PreparedScene:
         return [name for name in self.options.outputs if name not in ("color", "rgb")]
 
     def buffer_pass(
-        self, camera: Camera, view, screen, names: Sequence[str] | None = None, make_buffers=None
+        self, camera: Camera, view, screen, names: Sequence[str] | None = None, make_buffers=None, factor: int = 1
     ) -> BufferPass:
         """Return the pass that draws exact buffers; None = those that are asked for. `make_buffers` makes room for
-        them, by their names and the picture's size, if it isn't for whole ones.
+        them, by their names and the picture's size, if it isn't for whole ones. They have `factor` samples a pixel
+        along each axis.
 
         Raises SceneError where the scene is deeper than a depth buffer can hold.
         """
         options, names = self.options, self.buffer_names if names is None else names
         if "depth" in names:
             check_depths(camera, view, self.bounds)
-        normals = NONE
+        normals, size = NONE, (options.size[0] * factor, options.size[1] * factor)
         if any(BUFFER_TABLE[name].needs_normals for name in names):
             normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.normals()
         return BufferPass(
             attributes=normals,
             coding=make_buffer_coding(screen, normals.double.shape[2]),
-            size=options.size,
+            size=size,
             is_culled=options.cull == "back",
             screen=screen,
-            buffers=(make_buffers or make_whole_buffers)(names, options.size),
+            buffers=(make_buffers or make_whole_buffers)(names, size),
             tables={name: (make(self.buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
         )
 
     def draw_buffers(
-        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, make_buffers=None
+        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, make_buffers=None, factor: int = 1
     ) -> tuple[dict[str, NDArray], Counts, Screen]:
-        """Draw exact buffers, by name, without a picture: one sample a pixel, on that screen.
+        """Draw exact buffers, by name, without a picture, on that screen: one sample a pixel, or `factor` along each
+        axis.
 
         Parameters
         ----------
@@ -247,9 +249,9 @@ class PreparedScene:
         rows : (first, end) of those that are drawn; the others are left as they come. None = all
         make_buffers : that of `buffer_pass`
         """
-        view, size = camera.view(), self.options.size
-        screen = screen_of(camera, view, size, 1, self.geometry, self.bounds)
-        render_pass = self.buffer_pass(camera, view, screen, names, make_buffers)
+        view = camera.view()
+        screen = screen_of(camera, view, self.options.size, factor, self.geometry, self.bounds)
+        render_pass = self.buffer_pass(camera, view, screen, names, make_buffers, factor)
         render_pass.rows = rows
         geometry = self.geometry._replace(face_material=NO_MATERIALS)
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)

@@ -31,7 +31,12 @@ UNSET = np.uint32(0xFFFFFFFF)
 MOST_AT_EDGE = 64
 
 # The dot product of two unit normals, each off unit length by 2 * 2^-53, is wrong by less than 8 * 2^-53.
-DOT_ERROR = 2.0**-50
+_DOT_ERROR = 2.0**-50
+
+# Two faces meet at the crease angle when they do so within this many degrees. Coordinates with six decimals
+# (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up
+# to 2 * 5e-7 / 0.52 rad, and two against each other by 2.2e-4 degrees. Take twice that.
+_ANGLE_SLACK = 5e-4
 
 # A cross product a x b of rounded differences is wrong by up to 5.3 * 2^-53 |a||b|: each product carries
 # three roundings, the difference one more, and |(|ay bz| + |az by|, ...)| <= sqrt(2) |a||b|. Under 8 * 2^-53
@@ -68,7 +73,7 @@ class CreaseRule(NamedTuple):
     """Which corners are joined, and how they are averaged."""
 
     smoothing: NDArray[np.int32]  # (n_face,) or empty: then the angle decides
-    cos_crease: float
+    smooth_cosine: float  # see `is_smooth`
     weighting: int  # 0 to 2
 
 
@@ -86,6 +91,30 @@ def make_fan_scratch(valence: int) -> FanScratch:
         np.empty(valence, np.int64), np.empty(valence, np.int64), np.empty((valence, 4)),
         np.empty((valence, 2), np.int64),
     )  # fmt: skip
+
+
+def smooth_cosine(crease_angle: float) -> float:
+    """Return the least cosine of the angle between faces that is no crease, for `is_smooth`.
+
+    Parameters
+    ----------
+    crease_angle : degrees, 0 to 180. Faces that meet at exactly this angle are no crease, where 0.0005 degrees more are
+        still equal
+    """
+    # Cosines fall where angles grow.
+    return math.cos(math.radians(min(180.0, crease_angle + _ANGLE_SLACK))) - _DOT_ERROR
+
+
+@helper
+def is_smooth(cosine, least):
+    """Tell whether an edge between two faces is no crease: numbers in kernels, or arrays.
+
+    Parameters
+    ----------
+    cosine : of the angle between the faces' unit normals, wound alike
+    least : `smooth_cosine` of the crease angle
+    """
+    return cosine >= least
 
 
 @kernel
@@ -272,7 +301,8 @@ def _link_fan(n_fan, rule, fan):
                 group = smoothing[fan.members[i] // 3]
                 is_joined = group != 0 and group == smoothing[fan.members[j] // 3]
             else:
-                is_joined = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j)) >= rule.cos_crease
+                cosine = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j))
+                is_joined = is_smooth(cosine, rule.smooth_cosine)
             if is_joined:
                 _unite(fan.parents, fan.signs, i, j, sign)
 

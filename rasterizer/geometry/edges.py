@@ -1,6 +1,6 @@
 """The edges of a mesh's polygons: where two faces meet at an angle, where one ends, and which are silhouettes.
 
-In:  a mesh. Out: `Edges`, each edge once; where more than two polygons meet, once more for each of the others.
+In:  a mesh. Out: `Edges`, each edge once, with the polygons that have it.
 
 Vertices at one position are one vertex here: files list a vertex several times where its normals or texture coordinates
 differ. Edges between triangles of one polygon are no edges.
@@ -12,30 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from .creases import is_smooth, smooth_cosine
 from .mesh_points import unique_rows
 from .normals import polygon_normals
 
 
 class Edges(NamedTuple):
-    """Edges of polygons, and the planes of the polygons on their two sides."""
+    """Edges, and the polygons that have them: their sides. Those of an edge stand side by side."""
 
     ends: NDArray[np.float64]  # (n, 2, 3) world space
-    normals: NDArray[np.float64]  # (n, 2, 3) unit or zero, wound alike; equal where one polygon is meant
-    turns: NDArray[np.float64]  # (n,) -1 where the second was turned for that, else 1
+    first: NDArray[np.int64]  # (n,) the first side of each
     is_open: NDArray[np.bool_]  # (n,) one polygon has the edge, or more than two have it
     is_crease: NDArray[np.bool_]  # (n,) open, or the polygons meet at more than the mesh's crease angle
-
-    def is_front(self, eye: NDArray, forward: NDArray, is_perspective: bool) -> tuple[NDArray, NDArray]:
-        """Tell on which sides the surface looks to the viewer, wound alike, and which polygons do as they are wound;
-        (n, 2) bool each."""
-        away = self.ends[:, :1] - eye if is_perspective else forward
-        across = (self.normals * away).sum(axis=2)
-        return across < 0.0, np.stack([across[:, 0], self.turns * across[:, 1]], axis=1) < 0.0
+    normals: NDArray[np.float64]  # (n_side, 3) of the polygons, unit or zero
+    is_along: NDArray[np.bool_]  # (n_side,) the polygon goes from the edge's start to its end, else it comes back
 
 
 def join_edges(meshes) -> Edges:
     """Return the edges of all meshes."""
     parts = [gather_edges(mesh) for mesh in meshes]
+    n_before = np.cumsum([0] + [len(part.normals) for part in parts])
+    parts = [part._replace(first=part.first + n) for part, n in zip(parts, n_before, strict=False)]
     return Edges(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -51,30 +48,25 @@ def gather_edges(mesh: Mesh) -> Edges:
     start, end, owner = start[is_edge], end[is_edge], owner[is_edge]
     low, high = np.minimum(start, end), np.maximum(start, end)
     order = np.lexsort((owner, high, low))
-    low, high, owner, is_up = low[order], high[order], owner[order], (start < end)[order]
+    low, high, owner, is_along = low[order], high[order], owner[order], (start < end)[order]
     # A polygon that goes along an edge there and back does not have it: the edge is inside of it.
     run, n_run = _runs(low, high, owner)
     kept = run[n_run % 2 == 1]
-    low, high, owner, is_up = low[kept], high[kept], owner[kept], is_up[kept]
-    begin, count = _runs(low, high)
-    other = begin + (count > 1)
+    low, high, owner, is_along = low[kept], high[kept], owner[kept], is_along[kept]
+    first, count = _runs(low, high)
     points = mesh.vertices[first_of]
-    normals = polygon_normals(mesh.vertices, mesh.faces, polygons)
-    # Any of the polygons at an edge may be the one that looks to the viewer.
-    n_more = np.maximum(count - 2, 0)
-    more = np.repeat(begin + 2 - np.cumsum(n_more) + n_more, n_more) + np.arange(n_more.sum())
-    begin, other, count = np.append(begin, more), np.append(other, more), np.append(count, np.repeat(count, n_more))
-    ends = np.stack([points[low[begin]], points[high[begin]]], axis=1)
-    # Where both run along it in one direction, they are wound against each other.
-    turn = np.where((is_up[begin] == is_up[other]) & (begin != other), -1.0, 1.0)
-    at = np.flatnonzero(count == 2)
-    fill_planes(normals, np.stack([owner[begin], owner[other]], axis=1)[at], turn[at], ends[at])
-    sides = np.stack([normals[owner[begin]], turn[:, None] * normals[owner[other]]], axis=1)
+    ends = np.stack([points[low[first]], points[high[first]]], axis=1)
+    normals, is_pair = polygon_normals(mesh.vertices, mesh.faces, polygons), count == 2
+    at = first[is_pair]
+    # Where both run along the edge in one direction, they are wound against each other.
+    turn = np.where(is_along[at] == is_along[at + 1], -1.0, 1.0)
+    fill_planes(normals, np.stack([owner[at], owner[at + 1]], axis=1), turn, ends[is_pair])
+    of_sides, is_crease = normals[owner], ~is_pair
     angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
-    is_open = count != 2
-    has_planes = (sides != 0).any(axis=2).all(axis=1)
-    is_bent = (sides[:, 0] * sides[:, 1]).sum(axis=1) < np.cos(np.radians(angle))
-    return Edges(ends, sides, turn, is_open, is_open | (is_bent & has_planes))
+    has_planes = of_sides[at].any(axis=1) & of_sides[at + 1].any(axis=1)
+    cosines = turn * (of_sides[at] * of_sides[at + 1]).sum(axis=1)
+    is_crease[is_pair] = has_planes & ~is_smooth(cosines, smooth_cosine(angle))
+    return Edges(ends, first, ~is_pair, is_crease, of_sides, is_along)
 
 
 def _runs(*columns: NDArray) -> tuple[NDArray, NDArray]:

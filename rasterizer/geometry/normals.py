@@ -14,7 +14,6 @@ from ..errors import ModelError, SceneError
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, WEIGHTINGS
 from ..scene.validate import choice, number
 from .creases import (
-    DOT_ERROR,
     UNSET,
     CreaseRule,
     Fans,
@@ -22,14 +21,11 @@ from .creases import (
     average_fans,
     list_corners,
     make_fan_scratch,
+    smooth_cosine,
     split_fans,
     sum_by_polygon,
 )
 
-# Two faces meet at the crease angle when they do so within this many degrees. Coordinates with six decimals
-# (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up
-# to 2 * 5e-7 / 0.52 rad, and two against each other by 2.2e-4 degrees. Take twice that.
-_ANGLE_SLACK = 5e-4
 _MOST_EXPONENT = 200  # of coordinates, see `within_range`
 
 WeightingName = Literal["angle", "area", "uniform"]
@@ -157,9 +153,7 @@ def split_creases(
     vertices, faces = _check_mesh(vertices, faces)
     groups = np.empty(0) if smoothing is None else _check_per_face("smoothing", smoothing, faces)
     groups = _freeze(groups, np.int32)
-    # Angles are compared by their cosines, which fall where angles grow.
-    cos_crease = math.cos(math.radians(min(180.0, crease_angle + _ANGLE_SLACK))) - DOT_ERROR
-    return _split(vertices, faces, CreaseRule(groups, cos_crease, weighting))
+    return _split(vertices, faces, CreaseRule(groups, smooth_cosine(crease_angle), weighting))
 
 
 def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule) -> Split:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .buffers import triangle_of, write_face, write_normal
+from .buffers import triangle_of, write_normal
 from .interpolate import corner_weights, mean, row_extent, run_end
 from .records import face_of
 from .visibility import CLEAR
@@ -36,11 +36,6 @@ def write_mask(surfaces, band, out):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
             out[index(y), index(x)] = visibility.entries[index(row * visibility.pitch + x)] < CLEAR
-
-
-def write_triangle(surfaces, band, out):
-    """Write which of the triangles that are drawn is visible, before any is clipped: out is (height, width) int32."""
-    write_face(surfaces._replace(loaded_faces=surfaces.sources), band, out)
 
 
 @kernel

@@ -1,0 +1,77 @@
+"""Drawn edges: how much of each sample they cover, of the surface that is seen there.
+
+In:  edges on the screen, and the depth at each sample.
+Out: a share of each sample. Where edges overlap, the largest counts.
+
+        d │╲              An edge has a distance from a sample: its edge function over the length of its gradient, beyond
+      e ──┼──╲─────       an end the distance from that. It covers the sample as far as that lies within half the width,
+    ──────┘    ╲          on both sides. An edge that is seen from one side alone, as an outline is, has all of its
+       surface  ╲         width there: so nothing is drawn beside the surface, and all lines are equally wide.
+
+Hidden are edges whose nearest point lies behind the surface that is seen at the sample. That has the depth of the 3x3
+samples around it, z_low to z_high, and goes on to the edge at the distance d as steeply as it is there: an edge at a
+depth above z_high + d (z_high - z_low) is hidden. A plane's depth grows by no more than half of that. The other half is
+for what bends: the depth of a sphere of radius R falls by √(2 R d) from its outline to the sample, where its slope is
+√(R/2d), so that d times twice the slope is exactly enough.
+"""
+
+import numpy as np
+
+from ..compiler.kernels import helper, index, kernel
+
+ROUNDING = 2.0**-20  # of a depth: float32 keeps 2^-24 of it, and of each coordinate in files
+
+
+@kernel
+def draw_edges(segments, sides, width, is_perspective, depth, out):
+    """Find the share of each sample that edges cover.
+
+    Parameters
+    ----------
+    segments : (n, 6) float64: x, y (samples) and nearness of both ends; nearness is 1/depth, without perspective the
+        depth
+    sides : (n,) float64: 0 for an edge seen from both sides, else the sign of the edge function where its faces are
+    width : samples
+    depth : (height, width) float32, inf where nothing is seen
+    out : the same, comes in as 0
+    """
+    n_row, n_column = depth.shape
+    for k in range(index(len(segments))):
+        x0, y0, near0 = segments[k, 0], segments[k, 1], segments[k, 2]
+        dx, dy, d_near = segments[k, 3] - x0, segments[k, 4] - y0, segments[k, 5] - near0
+        square = dx * dx + dy * dy
+        inverse, reach = 1.0 / square if square > 0.0 else 0.0, width if sides[k] != 0.0 else 0.5 * width
+        around = reach + 1.0  # where no more than nothing is covered
+        low, high = min(x0, x0 + dx) - around, max(x0, x0 + dx) + around
+        half = around * np.sqrt(square) / abs(dy) if dy != 0.0 else np.inf  # along a row
+        first, end = max(min(y0, y0 + dy) - around, 0.0), min(max(y0, y0 + dy) + around, float(n_row))
+        for row in range(int(first), int(max(end, 0.0))):
+            y, left, right = row + 0.5 - y0, low, high
+            if half < np.inf:
+                middle = x0 + y * dx / dy
+                left, right = max(low, middle - half), min(high, middle + half)
+            for column in range(int(max(left, 0.0)), int(max(min(right, float(n_column)), 0.0))):
+                x = column + 0.5 - x0
+                if sides[k] * (dx * y - dy * x) < 0.0:
+                    continue
+                t = min(max((x * dx + y * dy) * inverse, 0.0), 1.0)
+                distance = np.sqrt((x - t * dx) ** 2 + (y - t * dy) ** 2)
+                share = min(reach - distance + 0.5, 1.0, width)
+                if share > out[index(row), index(column)]:
+                    nearness = near0 + t * d_near
+                    z = 1.0 / nearness if is_perspective else nearness
+                    if is_seen(z, distance, row, column, depth):
+                        out[index(row), index(column)] = share
+
+
+@helper
+def is_seen(z, distance, row, column, depth):
+    """Tell whether a sample shows a surface that doesn't hide an edge at the depth z."""
+    n_row, n_column = depth.shape
+    if depth[index(row), index(column)] == np.inf:
+        return False
+    low, high = np.inf, -np.inf
+    for j in range(max(row - 1, 0), min(row + 2, n_row)):
+        for i in range(max(column - 1, 0), min(column + 2, n_column)):
+            low, high = min(low, depth[index(j), index(i)]), max(high, depth[index(j), index(i)])
+    return high == np.inf or z <= high + distance * (high - low) + ROUNDING * abs(z)
