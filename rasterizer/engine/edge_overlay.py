@@ -47,6 +47,8 @@ class EdgeOverlay:
         """
         edge_color = np.array(linear_rgb(self._prepared.options.edge_color))
         share, seen = self.cover(camera)
+        if self._prepared.scene.background is not None:
+            seen = np.ones_like(seen)
         at = np.nonzero(share)
         share, seen, there = share[at][:, None], seen[at][:, None], rgba[at]
         mixed, opacity = mix(LINEAR_OF_BYTE[there[:, :3]], there[:, 3:] / 255.0, share, seen, edge_color)
@@ -136,7 +138,7 @@ def cut(points: NDArray, inside: NDArray) -> NDArray:
     left."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t = inside[:, 0] / (inside[:, 0] - inside[:, 1])
-    crossing = points[:, :1] + t[:, None, None] * (points[:, 1:] - points[:, :1])
+        crossing = points[:, :1] + t[:, None, None] * (points[:, 1:] - points[:, :1])
     crossing[(inside < 0.0).all(axis=1)] = np.nan
     return np.where((inside < 0.0)[..., None], crossing, points)
 
@@ -146,9 +148,9 @@ def mix(
 ) -> tuple[NDArray, NDArray]:
     """Lay an opaque colour over straight colours (n, 3) with opacity (n, 1), on a share (n, 1) of each pixel.
 
-    It is laid over what is `seen` of the pixel (n, 1), or all of it where a background is. So the opacity of what is
-    opaque stays as it is. Source: Porter & Duff 1984, "over".
+    It is laid over what shows anything, a share `seen` (n, 1) of the pixel. What is opaque stays as opaque as it is.
+    Source: Porter & Duff 1984, "over".
     """
-    behind = opacity * (1.0 - share / np.maximum(opacity, seen))
+    behind = opacity * (1.0 - share / seen)
     total = share + behind
-    return (edge_color * share + colors * behind) / total, total
+    return (edge_color * share + colors * behind) / total, np.maximum(total, opacity)

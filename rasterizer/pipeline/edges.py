@@ -3,16 +3,21 @@
 In:  edges on the screen, and the depth at each sample.
 Out: a share of each sample. Where edges overlap, the largest counts.
 
-        d │╲              An edge has a distance from a sample: its edge function over the length of its gradient, beyond
-      e ──┼──╲─────       an end the distance from that. It covers the sample as far as that lies within half the width,
-    ──────┘    ╲          on both sides. An edge that is seen from one side alone, as an outline is, has all of its
-       surface  ╲         width there: so nothing is drawn beside the surface, and all lines are equally wide.
+        d │╲              An edge has a distance from a sample: its edge function over the length of its gradient,
+      e ──┼──╲─────       beyond an end the distance from that. It covers the sample as far as that lies within half the
+    ──────┘    ╲          width, on both sides. An edge that is seen from one side alone, as an outline is, has all of
+       surface  ╲         its width there: so nothing is drawn beside the surface, and all lines are equally wide.
 
-Hidden are edges whose nearest point lies behind the surface that is seen at the sample. That has the depth of the 3x3
-samples around it, z_low to z_high, and goes on to the edge at the distance d as steeply as it is there: an edge at a
-depth above z_high + d (z_high - z_low) is hidden. A plane's depth grows by no more than half of that. The other half is
-for what bends: the depth of a sphere of radius R falls by √(2 R d) from its outline to the sample, where its slope is
-√(R/2d), so that d times twice the slope is exactly enough.
+What is less wide than a sample is drawn as wide as one, and fainter. Where all of the width is on one side, the first
+sample lies up to 1 from the edge: a share that is the width there falls to none between 1 - width/2 and 1 + width/2, so
+that it is the width in the mean.
+
+An edge is drawn on the surface that it is an edge of, and not on one before or behind it. The surface that a sample
+sees has the depths z_low to z_high at the 3x3 samples around it, and goes on to the edge at the distance d as steeply
+as it is there: so the edge lies between z_low - s and z_high + s, s = (d + 1/2) (z_high - z_low). One of the samples
+around it lies on its face, further up or down: so a plane's depth changes by no more than d (z_high - z_low). The half
+is for rounding. What bends needs more: the depth of a sphere of radius R falls by √(2 R d) from its outline to the
+sample. There its slope is √(R/2d), and z_high - z_low is twice that: d times as much is enough.
 """
 
 import numpy as np
@@ -40,7 +45,8 @@ def draw_edges(segments, sides, width, is_perspective, depth, out):
         x0, y0, near0 = segments[k, 0], segments[k, 1], segments[k, 2]
         dx, dy, d_near = segments[k, 3] - x0, segments[k, 4] - y0, segments[k, 5] - near0
         square = dx * dx + dy * dy
-        inverse, reach = 1.0 / square if square > 0.0 else 0.0, width if sides[k] != 0.0 else 0.5 * width
+        inverse = 1.0 / square if square > 0.0 else 0.0
+        reach = 0.5 * width if sides[k] == 0.0 else max(width, 0.5 + 0.5 * width)
         around = reach + 1.0  # where no more than nothing is covered
         low, high = min(x0, x0 + dx) - around, max(x0, x0 + dx) + around
         half = around * np.sqrt(square) / abs(dy) if dy != 0.0 else np.inf  # along a row
@@ -66,7 +72,7 @@ def draw_edges(segments, sides, width, is_perspective, depth, out):
 
 @helper
 def is_seen(z, distance, row, column, depth):
-    """Tell whether a sample shows a surface that doesn't hide an edge at the depth z."""
+    """Tell whether a sample sees the surface of an edge at the depth z and that distance."""
     n_row, n_column = depth.shape
     if depth[index(row), index(column)] == np.inf:
         return False
@@ -74,4 +80,5 @@ def is_seen(z, distance, row, column, depth):
     for j in range(max(row - 1, 0), min(row + 2, n_row)):
         for i in range(max(column - 1, 0), min(column + 2, n_column)):
             low, high = min(low, depth[index(j), index(i)]), max(high, depth[index(j), index(i)])
-    return high == np.inf or z <= high + distance * (high - low) + ROUNDING * abs(z)
+    slack = (distance + 0.5) * (high - low) + ROUNDING * abs(z)
+    return high == np.inf or (z >= low - slack and z <= high + slack)

@@ -10,7 +10,7 @@ cut into; nothing that is compiled. The modules in the order of a polygon's way:
     shading      where the illumination equation is evaluated
     light        the equation                                  materials, lamp, shadow, reflection, texture    its terms
     picture      layers put on each other; samples to pixels
-    edges        strokes over it, where nothing hides them
+    edges        drawn over it, on the surfaces that are seen
     explaining   one pixel, with the share of every light     explanation    what is said of it
 
 vectors holds the vector algebra of all of them.

@@ -70,7 +70,7 @@ def corner_normals(
     corners = _measure_corners(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), weighting)
     first, second, sign = _list_common_edges(corners)
     if smoothing is None:
-        is_joined = _angle_between(corners.normal[first], corners.normal[second], sign) <= crease_angle + ANGLE_SLACK
+        is_joined = ~is_crease(corners.normal[first], corners.normal[second], sign, crease_angle)
     else:
         group = np.repeat(np.asarray(smoothing), 3)
         is_joined = (group[first] != 0) & (group[first] == group[second])
@@ -131,10 +131,13 @@ def _list_common_edges(corners: Corners) -> tuple[NDArray, NDArray, NDArray]:
     return corner[first], corner[second], np.where(leaves[first] != leaves[second], 1, -1)
 
 
-def _angle_between(a: NDArray, b: NDArray, sign: NDArray) -> NDArray[np.float64]:
-    """Return the angles (n,) in degrees between unit vectors a and sign·b, (n, 3); exact for small ones and for those
-    near 180."""
-    return np.degrees(np.arctan2(length(np.cross(a, b))[:, 0], sign * dot(a, b)))
+def is_crease(a: NDArray, b: NDArray, sign: NDArray, crease_angle: float) -> NDArray[np.bool_]:
+    """Tell where faces with the unit normals a and sign·b, (n, 3), meet at more than the crease angle, degrees (n,).
+
+    The angle is exact where it is small or near 180. What is drawn as a crease and what splits normals is the same.
+    """
+    angle = np.degrees(np.arctan2(length(np.cross(a, b))[:, 0], sign * dot(a, b)))
+    return angle > crease_angle + ANGLE_SLACK
 
 
 def _join(n_corner: int, first: NDArray, second: NDArray, sign: NDArray) -> tuple[NDArray, NDArray]:

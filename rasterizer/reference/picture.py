@@ -33,7 +33,7 @@ from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
 from .cover import Window, doubled_area
-from .edges import cover_pixels, gather_faces, is_drawn, lay_over, list_edges, make_strokes
+from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
 from .materials import palette_of
 from .shade_once import SharedPoints
@@ -137,7 +137,7 @@ def render(
         in the fast way; False takes them from the polygons as they are, of which a sample at the very edge sees the
         nearest point, and leaves the rounding to what is covered. The difference of both pictures is what the rounding
         of vertices does to colours
-    edges, edge_color, edge_width : strokes over the picture, as in `Options`
+    edges, edge_color, edge_width : drawn over the picture, as in `Options`
 
     Returns
     -------
@@ -163,9 +163,11 @@ def render(
     color, alpha = resolve(fine.color, fine.alpha, per_axis, scene.background)
     shown = in_range(color, color_range)
     if options.edges:
-        share, ink = cover_edges(look, options), np.array(linear_rgb(options.edge_color))
-        shown, _ = lay_over(shown, alpha, share, ink)
-        color, alpha = lay_over(color, alpha, share, ink)
+        share, seen = cover_edges(look, options, fine.depth, per_axis)
+        seen = seen if scene.background is None else np.ones_like(seen)
+        ink = np.array(linear_rgb(options.edge_color))
+        shown, _ = lay_over(shown, alpha, share, seen, ink)
+        color, alpha = lay_over(color, alpha, share, seen, ink)
     rgb = np.rint(255 * srgb_from_linear(shown)).astype(np.uint8)
     of_surface = describe_surface(scene, look.surface, centres.fragments, centres.normal, look.camera.view())
     return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin, of_surface)
@@ -275,14 +277,20 @@ def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -
     return color * opaque + np.array(linear_rgb(background)) * (1 - opaque), np.ones_like(alpha)
 
 
-def cover_edges(look: Look, options: Options) -> NDArray[np.float64]:
-    """Return which share of each pixel the edges cover that the options ask for, (h, w)."""
-    view, projection, is_culled = look.camera.view(), look.camera.projection(look.size), options.cull == "back"
+def cover_edges(look: Look, options: Options, depth: NDArray, per_axis: int) -> tuple[NDArray, NDArray]:
+    """Return which share of each pixel the edges cover that the options ask for, and which share of it sees anything,
+    (h, w) each; `depth` is that of a grid of per_axis² samples a pixel."""
+    (width, height), view, is_culled = look.size, look.camera.view(), options.cull == "back"
+    projection = look.camera.projection((width * per_axis, height * per_axis))
     depths = choose_range(to_eye(look.surface.corners, view)[..., 2], projection.is_perspective, *look.limits)
-    faces = gather_faces(look.scene, look.surface.corners, view, projection, depths, is_culled)
-    edges = [edge for mesh in look.scene.meshes for edge in list_edges(mesh)]
-    drawn = [edge for edge in edges if is_drawn(edge, options.edges, view, projection.is_perspective, is_culled)]
-    return cover_pixels(make_strokes(drawn, view, faces), faces, look.size, options.edge_width)
+    segments = []
+    for edge in (edge for mesh in look.scene.meshes for edge in list_edges(mesh)):
+        side = find_side(edge, options.edges, view, projection.is_perspective, is_culled)
+        if side is not None and len(segment := make_segment(edge, view, projection, depths)):
+            segments.append((segment, side))
+    share = cover_samples(segments, depth, options.edge_width * per_axis, projection.is_perspective)
+    blocks = height, per_axis, width, per_axis
+    return share.reshape(blocks).mean(axis=(1, 3)), np.isfinite(depth).reshape(blocks).mean(axis=(1, 3))
 
 
 def encode(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.uint8]:

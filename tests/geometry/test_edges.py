@@ -3,11 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from helpers.arrays import differences
 from helpers.small_scenes import MODELS, cube
 
 import rasterizer as rz
 from rasterizer.geometry.edges import gather_edges
+from rasterizer.geometry.normals import split_creases
+from rasterizer.reference.creases import corner_normals
+from rasterizer.reference.edges import list_edges
 
 
 def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals():
@@ -15,8 +19,9 @@ def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals
     assert len(edges.ends) == 18 and not differences(edges.is_open, 0) and edges.is_crease.sum() == 12
     edges = gather_edges(replace(cube(), polygons=np.arange(12) // 2))
     assert len(edges.ends) == 12 and not differences(edges.is_crease, True)
-    dots = (edges.normals[:, 0] * edges.normals[:, 1]).sum(axis=1)
-    assert np.abs(dots).max() <= 1e-15
+    assert not differences(edges.first, 2 * np.arange(12)) and len(edges.normals) == 24
+    assert np.abs((edges.normals[::2] * edges.normals[1::2]).sum(axis=1)).max() <= 1e-15
+    assert not differences(edges.is_along[::2], ~edges.is_along[1::2])
 
 
 def test_open_edges_and_those_of_three_faces_are_told():
@@ -24,10 +29,10 @@ def test_open_edges_and_those_of_three_faces_are_told():
     assert len(sheet.ends) == 4 and not differences(sheet.is_open, True) and not differences(sheet.is_crease, True)
     leaves = rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], [(0, 1, 2), (0, 1, 3), (0, 1, 4)])
     edges = gather_edges(leaves)
-    assert len(np.unique(edges.ends, axis=0)) == 7 and not differences(edges.is_open, True)
-    shared = (edges.ends[..., :2] == 0).all(axis=(1, 2))
-    assert shared.sum() == 2, "once for two of the faces, and once for the third"
-    assert len(np.unique(edges.normals[shared].reshape(-1, 3), axis=0)) == 3
+    assert len(edges.ends) == len(np.unique(edges.ends, axis=0)) == 7 and not differences(edges.is_open, True)
+    (shared,) = np.flatnonzero((edges.ends[..., :2] == 0).all(axis=(1, 2)))
+    assert sorted(np.diff(np.append(edges.first, len(edges.normals)))) == [1] * 6 + [3]
+    assert len(np.unique(edges.normals[edges.first[shared] :][:3], axis=0)) == 3
 
 
 def test_faces_wound_against_each_other_meet_at_their_real_angle():
@@ -42,6 +47,35 @@ def test_the_meshs_crease_angle_decides():
         edges = gather_edges(replace(rz.Mesh(vertices, [(0, 1, 2), (1, 0, 3)]), crease_angle=angle))
         inner = ~edges.is_open
         assert inner.sum() == 1 and edges.is_crease[inner][0] == expected, f"{angle} degrees"
+
+
+def prism(n: int) -> tuple[np.ndarray, list]:
+    """A prism of n quads without its ends."""
+    turn = 2 * np.pi * np.arange(n) / n
+    ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(n)], axis=1)
+    return np.concatenate([ring, ring + (0, 0, 1)]), [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
+
+
+@pytest.mark.parametrize("n", range(3, 61))
+def test_a_crease_is_drawn_where_normals_are_split_and_not_at_exactly_the_crease_angle(n):
+    """Whatever rounding makes of a prism whose angle is the crease angle, or a thousandth of a degree off."""
+    rng = np.random.default_rng(n)
+    points, quads = prism(n)
+    for scale in (1e-3, 1.0, 1e3):
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        moved = scale * (points @ turn.T + rng.uniform(-5, 5, 3))
+        for angle, is_sharp in ((360 / n, False), (360 / n - 1e-3, True), (min(360 / n + 1e-3, 180.0), False)):
+            for vertices in (moved, moved.astype(np.float32)):
+                mesh = rz.Mesh(vertices, quads, crease_angle=angle)
+                edges = gather_edges(mesh)
+                assert not differences(edges.is_crease[~edges.is_open], is_sharp) and edges.is_open.sum() == 2 * n
+                slow = list_edges(mesh)
+                assert {edge.is_crease for edge in slow if not edge.is_open} == {is_sharp}
+                split = split_creases(mesh.vertices, mesh.faces, angle)
+                assert len(split.source) == (4 * n if is_sharp else 2 * n), f"{n} sides, {scale}, {angle} degrees"
+                normals = corner_normals(mesh.vertices, mesh.faces, angle).reshape(-1, 3)
+                keys = np.concatenate([mesh.faces.reshape(-1, 1), normals.round(6) + 0.0], axis=1)
+                assert len(np.unique(keys, axis=0)) == (4 * n if is_sharp else 2 * n)
 
 
 def test_degenerate_faces_make_no_creases_of_their_own():

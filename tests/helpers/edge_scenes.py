@@ -17,12 +17,12 @@ CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)
 
 
 def shares_of(picture) -> np.ndarray:
-    """The share of each pixel that white strokes cover, over a scene without light."""
+    """The share of each pixel that white edges cover, over a scene without light."""
     return picture.color[..., 1] * picture.alpha
 
 
 def fast_coverage(scene, size, **settings) -> np.ndarray:
-    """The share of each pixel that strokes cover."""
+    """The share of each pixel that edges cover."""
     dark = replace(scene, lights=(), background=None)
     return shares_of(rz.render(dark, size, outputs="color", edge_color="white", **{"samples": 1} | settings))
 
