@@ -268,7 +268,7 @@ class Renderer:
         from .io.row_files import RowFile, row_format_of
 
         is_path = isinstance(path, (str, os.PathLike))
-        is_row_by_row = is_path and not self.options.edges  # strokes reach over bands
+        is_row_by_row = is_path and not self.options.edges  # they are drawn over the whole picture
         kind = row_format_of(Path(path).suffix.lower().lstrip("."), array) if is_row_by_row else None
         if kind is None or (os.path.exists(path) and not os.path.isfile(path)):  # a device or a pipe has no places
             frame = self.render(camera)

@@ -62,7 +62,7 @@ class StripRenderer(Renderer):
             return compute_brightest(self._prepared, camera, Clock(), rows)
 
     def _check_edges(self) -> None:
-        """Refuse edges: a stroke is laid over the whole picture."""
+        """Refuse edges: they are drawn over the whole picture."""
         if self.options.edges:
             raise SceneError(f"a picture that is drawn in strips has no edges; given edges={self.options.edges}")
 

@@ -168,7 +168,7 @@ def _row_file(output, options, finish=None):
     if output is None:
         return None
     format = Path(output).suffix.lower().lstrip(".")
-    if options.edges:  # strokes reach over bands
+    if options.edges:  # they are drawn over the whole picture
         return None
     is_place = output != STDIO and (os.path.isfile(output) or not os.path.exists(output))
     if format not in ("npy", "tif", "tiff") or not is_place:

@@ -47,8 +47,6 @@ class EdgeOverlay:
         """
         edge_color = np.array(linear_rgb(self._prepared.options.edge_color))
         share, seen = self.cover(camera)
-        if self._prepared.scene.background is not None:
-            seen = np.ones_like(seen)
         at = np.nonzero(share)
         share, seen, there = share[at][:, None], seen[at][:, None], rgba[at]
         mixed, opacity = mix(LINEAR_OF_BYTE[there[:, :3]], there[:, 3:] / 255.0, share, seen, edge_color)
@@ -61,14 +59,23 @@ class EdgeOverlay:
     def cover(self, camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return which share of each pixel edges cover, and which share of it shows anything, (height, width) each."""
         prepared, options = self._prepared, self._prepared.options
-        factor, (width, height) = options.factor, options.size
+        factor = options.factor
         buffers, _, screen = prepared.draw_buffers(camera, NO_CLOCK, ("depth",), factor=factor)
         depth, share = buffers["depth"], np.zeros(buffers["depth"].shape, np.float32)
         ends, sides = choose(self._edges, options.edges, screen, options.cull == "back")
         segments, is_left = project(ends, screen)
         draw_edges(segments, sides[is_left], options.edge_width * factor, screen.is_perspective, depth, share)
-        blocks = height, factor, width, factor
-        return tuple(samples.reshape(blocks).mean(axis=(1, 3), dtype=np.float64) for samples in (share, depth < np.inf))
+        share = average(share, factor)
+        has_background = prepared.scene.background is not None
+        return share, np.ones(share.shape) if has_background else average(depth < np.inf, factor)
+
+
+def average(samples: NDArray, factor: int) -> NDArray[np.float64]:
+    """Average the samples of each pixel, `factor` along each axis."""
+    out = np.zeros((samples.shape[0] // factor, samples.shape[1] // factor))
+    for j, i in np.ndindex(factor, factor):
+        out += samples[j::factor, i::factor]
+    return out / factor**2
 
 
 def choose(edges: Edges, kinds: tuple[str, ...], screen: Screen, is_culled: bool) -> tuple[NDArray, NDArray]:

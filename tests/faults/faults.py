@@ -344,8 +344,8 @@ FAULTS = (
     Fault(
         "edges: an open border is no silhouette where it isn't one by its faces",
         "engine/edge_overlay.py",
-        "edges.is_open | (is_front",
-        "(is_front",
+        "edges.is_open | is_outline",
+        "is_outline",
         "pictures engine geometry",
     ),
     Fault(
@@ -914,10 +914,10 @@ HELD_OUT = (
         "pictures pipeline",
     ),
     Fault(
-        "edges: strokes are as wide as the root of their width",
-        "pipeline/strokes.py",
-        "<= radius * radius and",
-        "<= radius and",
+        "edges: outlines have half of their width",
+        "pipeline/edges.py",
+        "max(width, 0.5 + 0.5 * width)",
+        "0.5 * width",
         "pictures pipeline",
     ),
     Fault(
