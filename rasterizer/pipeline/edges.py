@@ -12,12 +12,13 @@ What is less wide than a sample is drawn as wide as one, and fainter. Where all 
 sample lies up to 1 from the edge: a share that is the width there falls to none between 1 - width/2 and 1 + width/2, so
 that it is the width in the mean.
 
-An edge is drawn on the surface that it is an edge of, and not on one before or behind it. The surface that a sample
-sees has the depths z_low to z_high at the 3x3 samples around it, and goes on to the edge at the distance d as steeply
-as it is there: so the edge lies between z_low - s and z_high + s, s = (d + 1/2) (z_high - z_low). One of the samples
-around it lies on its face, further up or down: so a plane's depth changes by no more than d (z_high - z_low). The half
-is for rounding. What bends needs more: the depth of a sphere of radius R falls by √(2 R d) from its outline to the
-sample. There its slope is √(R/2d), and z_high - z_low is twice that: d times as much is enough.
+An edge is drawn on the surface that it is an edge of, and not on one before or behind it. What a sample sees has the
+depths z_low to z_high at the 3x3 samples around it, and goes on as steeply as it is there: a point at the distance d
+belongs to it if it lies between z_low - s and z_high + s, s = (d + 1/2) (z_high - z_low). One of the samples around it
+lies on its face, further up or down: so a plane's depth changes by no more than d (z_high - z_low), and the half is for
+rounding. The edge's nearest point must belong to what the sample next to it sees, and to what the covered sample sees,
+which may lie before it by 2 s: the depth of a sphere of radius R falls by √(2 R d) from its outline to a sample, where
+its slope is √(R/2d) and z_high - z_low is twice that. That is d times as much, and facets need more.
 """
 
 import numpy as np
@@ -52,33 +53,34 @@ def draw_edges(segments, sides, width, is_perspective, depth, out):
         half = around * np.sqrt(square) / abs(dy) if dy != 0.0 else np.inf  # along a row
         first, end = max(min(y0, y0 + dy) - around, 0.0), min(max(y0, y0 + dy) + around, float(n_row))
         for row in range(int(first), int(max(end, 0.0))):
-            y, left, right = row + 0.5 - y0, low, high
+            y, left, right = row + 0.5, low, high
             if half < np.inf:
-                middle = x0 + y * dx / dy
+                middle = x0 + (y - y0) * dx / dy
                 left, right = max(low, middle - half), min(high, middle + half)
             for column in range(int(max(left, 0.0)), int(max(min(right, float(n_column)), 0.0))):
-                x = column + 0.5 - x0
-                if sides[k] * (dx * y - dy * x) < 0.0:
+                x = column + 0.5
+                if sides[k] * (dx * (y - y0) - dy * (x - x0)) < 0.0 or depth[index(row), index(column)] == np.inf:
                     continue
-                t = min(max((x * dx + y * dy) * inverse, 0.0), 1.0)
-                distance = np.sqrt((x - t * dx) ** 2 + (y - t * dy) ** 2)
-                share = min(reach - distance + 0.5, 1.0, width)
+                t = min(max(((x - x0) * dx + (y - y0) * dy) * inverse, 0.0), 1.0)
+                near_x, near_y = x0 + t * dx, y0 + t * dy
+                share = min(reach + 0.5 - np.sqrt((x - near_x) ** 2 + (y - near_y) ** 2), 1.0, width)
                 if share > out[index(row), index(column)]:
                     nearness = near0 + t * d_near
-                    z = 1.0 / nearness if is_perspective else nearness
-                    if is_seen(z, distance, row, column, depth):
+                    point = near_x, near_y, 1.0 / nearness if is_perspective else nearness
+                    if is_on_surface(point, near_x, near_y, 1.0, depth) and is_on_surface(point, x, y, 2.0, depth):
                         out[index(row), index(column)] = share
 
 
 @helper
-def is_seen(z, distance, row, column, depth):
-    """Tell whether a sample sees the surface of an edge at the depth z and that distance."""
-    n_row, n_column = depth.shape
-    if depth[index(row), index(column)] == np.inf:
-        return False
+def is_on_surface(point, at_x, at_y, bend, depth):
+    """Tell whether a point (x, y, z) of an edge belongs to what the sample next to (at_x, at_y) sees, which may bend
+    away `bend` times as much as the slack; also where that lies beside nothing."""
+    (x, y, z), (n_row, n_column) = point, depth.shape
+    row, column = int(min(max(at_y, 0.0), n_row - 1.0)), int(min(max(at_x, 0.0), n_column - 1.0))
+    distance = np.sqrt((x - column - 0.5) ** 2 + (y - row - 0.5) ** 2)
     low, high = np.inf, -np.inf
     for j in range(max(row - 1, 0), min(row + 2, n_row)):
         for i in range(max(column - 1, 0), min(column + 2, n_column)):
             low, high = min(low, depth[index(j), index(i)]), max(high, depth[index(j), index(i)])
     slack = (distance + 0.5) * (high - low) + ROUNDING * abs(z)
-    return high == np.inf or (z >= low - slack and z <= high + slack)
+    return high == np.inf or (z >= low - slack and z <= high + bend * slack)
