@@ -916,8 +916,8 @@ HELD_OUT = (
     Fault(
         "edges: outlines have half of their width",
         "pipeline/edges.py",
-        "max(width, 0.5 + 0.5 * width)",
-        "0.5 * width",
+        "end = max(width, 0.5 + 0.5 * width)",
+        "end = 0.5 * width",
         "pictures pipeline",
     ),
     Fault(
