@@ -32,6 +32,7 @@ def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
         "tolerance": ["tolerance.py", "--seconds", "1"],
         "tolerance_modes": ["tolerance_modes.py", "--models", "teapot", "sphere", f"{scan}@1080p"],
         "throughput": ["throughput.py"],
+        "paths": ["paths.py", "--scan", scan],
         "choices": ["choices.py", "--seconds", "30"],
         "refinement": ["refinement.py", "--seconds", "5"],
         "hard_cases": ["hard_cases.py"],
@@ -40,7 +41,6 @@ def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
         "encode": ["encode.py", "--seconds", "1"],
         "scale": ["scale.py", "--seconds", "1"],
         "scale_many": ["scale.py", "--many", "5000"],
-        "scale_large": ["scale.py", "--large", "16384"],
         "peers": ["peers.py", "--model", scan, "--textured-model", textured, "--only", "llvmpipe", "--cases", *peers],
     }
 

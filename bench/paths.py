@@ -77,8 +77,16 @@ PATHS = (
     ),
     Variant("lights that don't arrive", (("pipeline/lighting.py", "if not arrives(batch, n):", "if False:"),)),
     Variant(
+        "pixels covered as a whole",
+        (("pipeline/box_filter.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
+    ),
+    Variant(
         "one sample a pixel",
         (("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
+    ),
+    Variant(
+        "grey encoding",
+        (("engine/coding.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
     ),
     Variant(
         "extents of rows",
@@ -195,8 +203,9 @@ def make_renderer(name, scan, threads):
         options["exposure"] = 0.2
     elif name == "look":  # several samples, lights that are grey
         scene, options["samples"] = scenes.build(scan, SIZE, "studio", "mono"), 4
-    elif name == "quads":  # large triangles in colour
+    elif name == "quads":  # large triangles in colour, with several samples
         scene, options["shading"] = scenes.build("quads-front", SIZE, "one", "rgb"), "gouraud"
+        options["samples"] = 4
     else:
         scene = scenes.build(scan, SIZE, "studio", "mono")
         options["outputs"] = ("rgb", "depth", "face", "normal")
@@ -271,8 +280,8 @@ def compare(path: Variant, args) -> list[dict]:
     return rows
 
 
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
+def make_parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="*", metavar="PATH", help=f"of {', '.join(path.name for path in PATHS)}")
     parser.add_argument("--scan", default="teapot", metavar="FILE", help="a scan (default: the teapot)")
@@ -280,6 +289,12 @@ def main(argv=None) -> int:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--frames", type=int, default=20, help="of each scene (default: %(default)s)")
     measure.add_output(parser)
+    return parser
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    parser = make_parser()
     args = parser.parse_args(argv)
     args.scan = str(Path(args.scan).resolve()) if Path(args.scan).exists() else args.scan
     unknown = set(args.paths) - {path.name for path in PATHS}

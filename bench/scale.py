@@ -4,7 +4,6 @@
     python bench/scale.py triangles lights         some of them
     python bench/scale.py --plot scale.png         with a plot of each, by matplotlib (pip install '.[bench]')
     python bench/scale.py --many 10000             so many small pictures in one process: is memory flat?
-    python bench/scale.py --large 65536            a picture that is larger than the memory, written while it is drawn
 
 One thing grows, the rest stays as it is. Every point is measured in a process of its own, so its peak memory is known.
 A slope is the exponent k where a cost grows as n^k, from the last point but one to the last. Columns are explained in
@@ -17,7 +16,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter, process_time
@@ -161,9 +159,8 @@ def main(argv=None) -> int:
         print(json.dumps(measure_point(AXES[name].make, int(count), args)))
         return 0
     machine, rows = measure.Machine(), []
-    if args.many or args.large:
-        rows += measure_many(args) if args.many else []
-        rows += measure_large(args) if args.large else []
+    if args.many:
+        rows += measure_many(args)
     else:
         for name in args.axes or AXES:
             rows += measure_axis(name, args)
@@ -183,7 +180,6 @@ def make_parser() -> argparse.ArgumentParser:
     measure.add_output(parser, "the tables into a picture")
     instead = parser.add_argument_group("measured instead")
     instead.add_argument("--many", type=int, metavar="N", help="small pictures in one process")
-    instead.add_argument("--large", type=int, metavar="N", help="pixels along the side of a TIFF file")
     parser.add_argument("--point", nargs=2, metavar=("AXIS", "N"), help=argparse.SUPPRESS)
     return parser
 
@@ -265,7 +261,7 @@ def measure_point(make, count, args) -> dict:
             "mib": None if after is None else after - before}  # fmt: skip
 
 
-# ── many pictures, and one large one ──────────────────────────────────────────────────────────────────────
+# ── many pictures ─────────────────────────────────────────────────────────────────────────────────────────
 
 
 def held_mib() -> float:
@@ -310,33 +306,6 @@ def measure_many(args) -> list[dict]:
         table.print(row)
     grown = rows[-1]["mib"] - rows[len(rows) // 2 - 1]["mib"]
     print(f"{1000.0 * (perf_counter() - start) / args.many:.2f} ms a picture; the second half took {grown:+.1f} MiB")
-    return rows
-
-
-def measure_large(args) -> list[dict]:
-    """Write a teapot of --large pixels a side, and halves of it, as TIFF files; print and return time and memory."""
-    table = measure.Table([("  side", "n", "d"), ("file GB", "gb", ".2f"), ("     s", "s", ".1f"),
-                           ("ns/px", "ns_pixel", ".2f"), ("   MiB", "mib", ".0f")])  # fmt: skip
-    rows, sides = [], [args.large >> k for k in (3, 2, 1, 0)]
-    code = (
-        "import json, sys, time; sys.path.insert(0, sys.argv[1])\n"
-        "import rasterizer as rz; from bench import measure\n"
-        "side, path = int(sys.argv[2]), sys.argv[3]\n"
-        "scene = rz.load(sys.argv[4])\n"
-        "start = time.perf_counter()\n"
-        "with rz.Renderer(scene, side, outputs='rgb') as renderer: renderer.render_to(path)\n"
-        "print(json.dumps({'s': time.perf_counter() - start, 'mib': measure.peak_mib()}))"
-    )
-    root = Path(__file__).resolve().parents[1]
-    for side in sides:
-        with tempfile.TemporaryDirectory(dir=".") as folder:
-            path = Path(folder) / "large.tif"
-            command = [sys.executable, "-c", code, str(root), str(side), str(path), str(scenes.find_file("teapot"))]
-            done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-            row = {"axis": "large", "n": side, "gb": path.stat().st_size / 1e9} | json.loads(done.stdout)
-        row["ns_pixel"] = 1e9 * row["s"] / side**2
-        table.print(row)
-        rows.append(row)
     return rows
 
 

@@ -290,12 +290,6 @@ def held(rows) -> list[str]:
                     [["MiB held", *(f"{row['mib']:.1f}" for row in rows)]])  # fmt: skip
 
 
-def large(rows) -> list[str]:
-    """Files that are written while they are drawn."""
-    found = [[f"{row['n']}²", figure(row["gb"]), figure(row["mib"], 3), figure(row["s"])] for row in rows]
-    return lines_of(["pixels", "file GB", "MiB held", "s"], found)
-
-
 # ── modes and processes ───────────────────────────────────────────────────────────────────────────────────
 
 
@@ -340,5 +334,5 @@ TABLES = {
     "exactness": exactness, "methods": methods, "samples": samples, "one thing at a time": axes, "slopes": slopes,
     "finer meshes": finer, "hard cases": hard_cases, "features": features, "shadow maps": maps, "buffers": buffers,
     "peers": peers, "specks": specks, "programs": programs, "stages": stages, "writers": writers, "growth": growth,
-    "one more": one_more, "held memory": held, "large pictures": large, "paths": paths,
+    "one more": one_more, "held memory": held, "paths": paths,
 }  # fmt: skip

@@ -90,7 +90,7 @@ def go(scene) -> Way:
 def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
     plan = ViewPlans(scene, OPTIONS, geometry, bounds).plan_for(view, screen).plan
-    lightings = {dtype: make_lighting(plan, view, dtype, (), screen.is_perspective) for dtype in plan.dtypes}
+    lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
         coding=make_coding(plan, OPTIONS.tolerance)._replace(depths=scale_depths(screen)),

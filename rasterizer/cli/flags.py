@@ -77,10 +77,7 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
         metavar="OUT",
         help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
         + (", -VIEW before .png for several views" if "{view}" in fields else "")
-        + f"), a folder, a template with {fields}, or - for stdout; the suffix chooses the format"
-        + (
-            "; a .tif or .npy that is larger than the memory is written while it is drawn" if "{view}" in fields else ""
-        ),
+        + f"), a folder, a template with {fields}, or - for stdout; the suffix chooses the format",
     )
     add_size(parser, size)
     add("--skip-existing", action="store_true", help="leave out outputs that are there already")

@@ -35,7 +35,6 @@ class ModelWork(NamedTuple):
     targets: list[Target]
     arguments: Any
     settings: Settings
-    is_here: bool  # whether who draws sees the files of this machine
     identity: tuple[int, int] | None  # of the model's file, as it is here; None where it isn't compared
 
 
@@ -43,7 +42,6 @@ class ModelDone(NamedTuple):
     """What comes back."""
 
     contents: list[tuple[bytes, str]]  # of files, and the names of these
-    n_written: int  # files that were too large to be sent, and are there
     said: list[tuple[str, tuple]]  # methods of Messages, or of Results, and what they are called with
     failures: list[RasterizerError]
     files_read: list[str]
@@ -192,9 +190,7 @@ class _Work:
         if not self._crew.is_here:
             targets = [target._replace(model=os.path.abspath(target.model)) for target in targets]
             identity = identify(targets[0].model)
-        unit = Unit(
-            draw_apart, ModelWork(self._draw, targets, self._arguments, self._settings, self._crew.is_here, identity)
-        )
+        unit = Unit(draw_apart, ModelWork(self._draw, targets, self._arguments, self._settings, identity))
         unit.note = number, is_alone
         return unit
 

@@ -14,6 +14,7 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       target context .insert_user_function
     core.compiler_machinery.PassManager._runPass,      a fifth less to compile (short_passes.py): passes that
       core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
+      core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
       typed_passes.NativeLowering, np.arrayobj,
       cpython.builtins.do_minmax, state.typingctx
     core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once
@@ -68,7 +69,7 @@ if IS_SEEN:
     from numba.core.registry import cpu_target
 
     from . import entry_points
-    from .short_passes import ShortLowering, ShortPassManager
+    from .short_passes import ShortLowering, ShortPassManager, Struct
 
     if hasattr(os, "register_at_fork"):  # a child would find the compiler locked for ever
         os.register_at_fork(
@@ -238,7 +239,8 @@ def type_of_part(part):
     except (ImportError, AttributeError) as fault:
         raise NotStandalone(f"no class {name} ({fault})") from fault
     kinds = tuple(map(type_of_part, items))
-    return types.BaseTuple.from_types(kinds, found)
+    kind = types.BaseTuple.from_types(kinds, found)
+    return Struct(kinds, found) if type(kind) is types.NamedTuple else kind
 
 
 if IS_SEEN:

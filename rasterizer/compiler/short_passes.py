@@ -4,6 +4,9 @@ Two thirds of the time that a kernel takes to compile pass before the optimiser 
 every function, and in writing, printing and reading instructions that the optimiser takes out again.
 
 * `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
+* A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
+  it field by field, each array in it as seven numbers: a helper of one line that gets two structures would begin with a
+  hundred instructions that put them together, and each call of it with as many that take them apart.
 * `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
   description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too.
 * `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each kind of arguments.
@@ -18,6 +21,7 @@ import operator
 import numba.extending
 from numba import types
 from numba.core import analysis, compiler_machinery, ir, lowering, typed_passes
+from numba.core.datamodel import models
 from numba.cpython import builtins
 from numba.np import arrayobj
 
@@ -50,11 +54,47 @@ class ShortPassManager(compiler_machinery.PassManager):
         pss.run_finalizer(internal_state)
 
 
+# ---------------------------------------------------------------- structures
+
+
+class Struct(types.NamedTuple):
+    """The type of a structure that a kernel is called with."""
+
+
+@models.register_default(Struct)
+class StructModel(models.TupleModel):
+    """How a `Struct` is represented: as any tuple, but one value as an argument."""
+
+    def get_argument_type(self):
+        """Return LLVM's type of an argument."""
+        return self.get_value_type()
+
+    def as_argument(self, builder, value):
+        """Return what is passed on for a value."""
+        return value
+
+    def from_argument(self, builder, value):
+        """Return the value of what was passed on."""
+        return value
+
+
+def _in_parts(kind):
+    """Return the type of a structure, with the same values, that is passed field by field: a kernel's arguments are."""
+    return types.NamedTuple([_in_parts(item) for item in kind], kind.instance_class) if type(kind) is Struct else kind
+
+
 # ---------------------------------------------------------------- items of arrays
 
 
 class ShortLower(lowering.Lower):
     """Numba's way of writing instructions, but for items of contiguous arrays, and for variables that are set once."""
+
+    def __init__(self, context, library, fndesc, *others, **named):
+        # Loops become vector instructions only where what they write isn't taken for a table that they read. LLVM
+        # takes arguments for other memory than its constants, but not what it finds in a structure.
+        if not fndesc.inline:
+            fndesc.argtypes = tuple(map(_in_parts, fndesc.argtypes))
+        super().__init__(context, library, fndesc, *others, **named)
 
     def _find_singly_assigned_variable(self):
         """Note the variables that need no memory: those that are set once, before they are used, whatever happens.

@@ -103,7 +103,7 @@ class Brightness(NamedTuple):
         n_light)."""
         strengths = np.ones(clearances.shape)
         for i, light in enumerate(self.lights):
-            strengths[:, i] = [light_table.entry_of(light).strength(light, away) for away in clearances[:, i].tolist()]
+            strengths[:, i] = light_table.entry_of(light).strength(light, clearances[:, i])
         return self._replace(diffuse=times(self.diffuse, strengths), specular=times(self.specular, strengths))
 
 

@@ -124,4 +124,5 @@ def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
     behind = np.array(background or (0, 0, 0), np.float32)
     policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
-    return with_blank(Encoding(plan.tint, behind, background is not None, policy, scale))
+    is_grey = bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)
+    return with_blank(Encoding(is_grey, plan.tint, behind, background is not None, policy, scale))

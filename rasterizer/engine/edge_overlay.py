@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.edges import Edges, join_edges
-from ..pipeline.edges import draw_edges
+from ..pipeline.edges import draw_edges, place_lines
 from ..pipeline.transform import Screen
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE, linear_rgb, srgb_from_linear
@@ -64,7 +64,9 @@ class EdgeOverlay:
         depth, share = buffers["depth"], np.zeros(buffers["depth"].shape, np.float32)
         ends, sides = choose(self._edges, options.edges, screen, options.cull == "back")
         segments, is_left = project(ends, screen)
-        draw_edges(segments, sides[is_left], options.edge_width * factor, screen.is_perspective, depth, share)
+        width = options.edge_width * factor
+        lines = place_lines(segments, sides[is_left], width)
+        draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, depth, share)
         share = average(share, factor)
         has_background = prepared.scene.background is not None
         return share, np.ones(share.shape) if has_background else average(depth < np.inf, factor)

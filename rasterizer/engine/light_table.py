@@ -18,13 +18,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import light_kinds as pipeline
 from ..scene.camera import View
 from ..scene.lights import kind_of
-from .rounding import SINGLE, Step, step_cosine
+from .rounding import SINGLE, Step, step_cosine, times
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
@@ -81,9 +81,9 @@ class LightEntry:
         """
         return math.inf
 
-    def strength(self, light: Any, clearance: float) -> float:
-        """Return how much stronger than its colour the light is at most, at the clearance and beyond; infinite where it
-        has no limit."""
+    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
+        """Return how much stronger than its colour the light is at most, at the clearance (...) and beyond; infinite
+        where it has no limit."""
         return 1.0
 
     def steepness(self, light: Any) -> float:
@@ -156,17 +156,15 @@ class PointEntry(LightEntry):
         """Return the distance of the nearest lit point."""
         return distance(world_position(light, view))
 
-    def strength(self, light: Any, clearance: float) -> float:
+    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
         """1/(kc + kl d + kq d²) is largest at the least distance d; nothing arrives beyond the range."""
-        if light.range is not None and clearance > light.range * (1.0 + 16.0 * SINGLE):
-            return 0.0
         constant, linear, quadratic = light.attenuation
-        if clearance == math.inf:  # 0 times infinity is 0 here
-            total = math.inf if linear > 0.0 or quadratic > 0.0 else constant
-        else:
-            total = constant + linear * clearance + quadratic * clearance * clearance
-        found = 1.0 / total if total > 0.0 else math.inf
-        return found if light.amplify else min(found, 1.0)
+        d = np.asarray(clearance, float)
+        with np.errstate(divide="ignore", over="ignore"):
+            found = 1.0 / (constant + times(linear, d) + times(times(quadratic, d), d))
+        found = found if light.amplify else np.minimum(found, 1.0)
+        end = math.inf if light.range is None else light.range * (1.0 + 16.0 * SINGLE)
+        return np.where(d > end, 0.0, found)
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""
@@ -271,7 +269,7 @@ def is_black(light: Any) -> bool:
     """
     if max(light.color) > 0.0 or min(light.color) < 0.0 or hasattr(light.color, "wavelengths"):
         return False
-    return math.isfinite(entry_of(light).strength(light, 0.0))
+    return bool(np.isfinite(entry_of(light).strength(light, 0.0)))
 
 
 def cone_cosines(light: Any) -> tuple[float, float]:

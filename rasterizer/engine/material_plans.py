@@ -17,6 +17,7 @@ from .rounding import SINGLE
 from .tint import common_tint
 
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
+TOO_MUCH = "rounding beyond half of the tolerance"
 MOST_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
 
 
@@ -79,7 +80,12 @@ class Facts(NamedTuple):
 
 
 def plan_materials(
-    sources: Any, brightest: Brightness, options: Any, facts: Facts, tint: NDArray | None
+    sources: Any,
+    brightest: Brightness,
+    roundings: NDArray[np.float64],
+    options: Any,
+    facts: Facts,
+    tint: NDArray | None,
 ) -> MaterialPlans:
     """Find out what each material needs.
 
@@ -87,6 +93,7 @@ def plan_materials(
     ----------
     sources : Sources of the scene (engine/plan.py)
     brightest : as bright as lights are at their clearances
+    roundings : (n_material,) the least that float32 adds to an intensity in any view
     options : Options
     tint : (3,) the colour of what has one channel; None where all has three
     """
@@ -97,7 +104,7 @@ def plan_materials(
     normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     ways, needs, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
-        why = reasons_of(material, sources.lights_of(k), options.tolerance, bounds[k])
+        why = reasons_of(material, sources.lights_of(k), options.tolerance, roundings[k], bounds[k])
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
         ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], bounds.max()))
         needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))
@@ -105,21 +112,25 @@ def plan_materials(
         reasons.append(why)
     return MaterialPlans(
         np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits,
-        np.zeros(len(materials)), facts.has_albedo, tuple(reasons),
+        roundings, facts.has_albedo, tuple(reasons),
     )  # fmt: skip
 
 
-def reasons_of(material: Any, lights: Sequence[Any], tolerance: float, bound: float) -> tuple[str, ...]:
+def reasons_of(
+    material: Any, lights: Sequence[Any], tolerance: float, rounding: float, bound: float
+) -> tuple[str, ...]:
     """Say why float32 won't do for a material in any view, in a few words each; nothing where it does.
 
     Parameters
     ----------
     lights : those that it reflects
+    rounding : the least that float32 adds to an intensity of it
     bound : the largest intensity that it may have; infinite where a light amplifies without limit
     """
     lengths = [length for light in lights for length in light_table.entry_of(light).lengths(light)]
     reasons = {
         "tolerance 0": tolerance == 0,
+        TOO_MUCH: not rounding <= tolerance / 2,
         "lights without bound": not np.isfinite(bound),
         "numbers of lights beyond float32": not are_single(lengths),
         reflection_table.entry_of(material).reason_for_float64(material): True,

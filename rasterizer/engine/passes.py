@@ -242,19 +242,17 @@ class ColorPass(Pass):
         """Average the samples of each pixel, and write the picture's rows."""
         y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
         n_channel = self.n_channel_of(counts)
-        return self._resolve(workspace, n_channel, translucent, (y_start, y_end))
-
-    def _resolve(self, workspace, n_channel, translucent, rows) -> int:
-        """Write a band's pixels to the rows (start, end) of the picture; return how many samples are covered."""
+        rows = y_start, y_end
+        encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         points = workspace.points
         if points is not None and not points.is_spread[0]:
             return resolve_averages(
                 workspace.visibility, points.radiance[:n_channel], points, *rows,
-                self.grid, self.encoding, workspace.pixels, self.picture,
+                self.grid, encoding, workspace.pixels, self.picture,
             )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
-            self.grid, self.encoding, workspace.pixels, self.picture,
+            self.grid, encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
 

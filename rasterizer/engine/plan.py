@@ -19,8 +19,9 @@ from ..pipeline.texture_packing import PackedTextures, pack_textures
 from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
-from .bounds import Brightness, compute_brightness
+from .bounds import WRITTEN, Brightness, Distances, compute_brightness, rounding_errors
 from .material_plans import Facts, MaterialPlans, plan_materials
+from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
 from .tint import common_color, common_tint
@@ -145,7 +146,13 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
         check_brightness(max(brightness.of_materials.max(initial=0.0), fades_to))
         brightest = brightness.at(clearances)
         bound = max(float(brightest.of_materials.max(initial=0.0)), fades_to)
-    of_materials = plan_materials(sources, brightest, options, facts, tint)
+    behind = max(fades_to, *(scene.background or (0.0,)))
+    # The least that float32 adds in any view: lights are far from surfaces, and no normal errs.
+    best = Distances(np.zeros(len(materials)), np.full(sources.is_lit.shape, np.inf))
+    roundings = rounding_errors(brightness, best, SINGLE) + WRITTEN * (
+        behind + brightness.at(best.clearances).of_materials
+    )
+    of_materials = plan_materials(sources, brightest, roundings, options, facts, tint)
     n_channel = 3 if of_materials.is_colored.any() else 1
     most_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
     least = least_transmittance(bound)
@@ -160,7 +167,7 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
         clearances=clearances,
         is_lit=sources.is_lit,
         n_left_out=sources.n_black + int((~sources.is_lit.any(axis=0)).sum()),
-        brightest_background=max(fades_to, *(scene.background or (0.0,))),
+        brightest_background=behind,
         is_flat=options.is_flat,
         is_lit_per_sample=options.shading == "phong",
         ambient=sources.ambient,

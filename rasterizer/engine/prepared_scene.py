@@ -49,11 +49,6 @@ def scale_of(brightest: float) -> float:
     return 1.0 / max(1.0, brightest)
 
 
-def make_whole_buffers(names, size) -> dict[str, NDArray]:
-    """Return room for exact buffers of `size` = (width, height) pixels, by name."""
-    return {name: BUFFER_TABLE[name].make(size) for name in names}
-
-
 class PlanParts(NamedTuple):
     """What follows from a plan alone: kept until a view needs another one."""
 
@@ -174,10 +169,10 @@ class PreparedScene:
         return [name for name in self.options.outputs if name not in ("color", "rgb")]
 
     def buffer_pass(
-        self, camera: Camera, view, screen, names: Sequence[str] | None = None, make_buffers=None, factor: int = 1
+        self, camera: Camera, view, screen, names: Sequence[str] | None = None, factor: int = 1
     ) -> BufferPass:
-        """Return the pass that draws exact buffers; None = those that are asked for. `make_buffers` makes room for
-        them, by their names and the picture's size, if it isn't for whole ones. They have `factor` samples a pixel
+        """Return the pass that draws exact buffers; None = those that are asked for. They have
+        `factor` samples a pixel along each axis. They have `factor` samples a pixel
         along each axis.
 
         Raises SceneError where the scene is deeper than a depth buffer can hold.
@@ -194,12 +189,12 @@ class PreparedScene:
             size=size,
             is_culled=options.cull == "back",
             screen=screen,
-            buffers=(make_buffers or make_whole_buffers)(names, size),
+            buffers={name: BUFFER_TABLE[name].make(size) for name in names},
             tables={name: (make(self.buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
         )
 
     def draw_buffers(
-        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, make_buffers=None, factor: int = 1
+        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, factor: int = 1
     ) -> tuple[dict[str, NDArray], Counts, Screen]:
         """Draw exact buffers, by name, without a picture, on that screen: one sample a pixel, or `factor` along each
         axis.
@@ -209,11 +204,10 @@ class PreparedScene:
         clock : Clock, which notes the milliseconds of each stage
         names : which buffers; None = those that are asked for
         rows : (first, end) of those that are drawn; the others are left as they come. None = all
-        make_buffers : that of `buffer_pass`
         """
         view = camera.view()
         screen = screen_of(camera, view, self.options.size, factor, self.geometry, self.bounds)
-        render_pass = self.buffer_pass(camera, view, screen, names, make_buffers, factor)
+        render_pass = self.buffer_pass(camera, view, screen, names, factor)
         render_pass.rows = rows
         geometry = self.geometry._replace(face_material=NO_MATERIALS)
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)

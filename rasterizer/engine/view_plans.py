@@ -15,7 +15,7 @@ from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from ..scene.camera import View
 from . import bounds as b
 from .light_table import entry_of, is_carried, shadow_of
-from .material_plans import are_single
+from .material_plans import TOO_MUCH, are_single
 from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE, Step
@@ -190,7 +190,7 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     is_lost |= bool((distances.clearances < plan.clearances)[plan.is_lit].any()) or distances.shortest <= 0.0
     lost = ~of_materials.is_double & (is_lost | ~(single <= tolerance / 2))
     if lost.any():
-        of_materials = of_materials.doubled(lost, "rounding beyond half of the tolerance")
+        of_materials = of_materials.doubled(lost, TOO_MUCH)
     roundings = np.where(of_materials.is_double, double, single)
     return plan._replace(of_materials=of_materials._replace(roundings=roundings))
 

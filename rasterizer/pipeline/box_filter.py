@@ -16,6 +16,8 @@ from .sample_grid import factor_of
 from .shade_once import NO_POINT, SEVERAL
 from .visibility import CLEAR, strip_of
 
+PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter way
+
 
 @helper
 def gather_samples(entries, radiance, start, pixels):
@@ -66,10 +68,59 @@ def average_single(visibility, radiance, translucent, first, grid, n, batch):
 
 @helper
 def average_several(visibility, radiance, translucent, first, grid, n, batch):
-    """See `average_samples`, for several samples a pixel."""
-    (row, left), factor = first, index(factor_of(grid))
+    """See `average_samples`, for several samples a pixel: PIECE pixels at a time."""
+    (row, left), pitch, n_seen, factor = first, visibility.pitch, np.int64(0), index(factor_of(grid))
+    for skipped in range(index(0), n, PIECE):
+        n_here, column = min(n - skipped, PIECE), (left + np.int64(skipped)) * np.int64(factor)
+        n_opaque = count_opaque(visibility.entries, pitch, (row, column), factor, n_here)
+        if n_opaque == np.int64(n_here * factor * factor):
+            average_opaque(radiance, pitch, (row, column), factor, skipped, n_here, batch.values)
+        else:
+            n_opaque = average_weighted(
+                visibility, radiance, translucent, (row, column), factor, skipped, n_here, batch
+            )
+        n_seen += n_opaque
+    return n_seen
+
+
+@helper
+def count_opaque(entries, pitch, first, factor, n):
+    """Count the samples of n pixels in which something opaque is seen; `first` is the row and column of samples."""
+    n_opaque, n_sample = np.int64(0), n * factor
+    for sub in range(factor):
+        start = index((first[0] + np.int64(sub)) * pitch + first[1])
+        of_row = entries[start : start + n_sample]
+        for k in range(n_sample):
+            n_opaque += of_row[k] < CLEAR
+    return n_opaque
+
+
+@helper
+def average_opaque(radiance, pitch, first, factor, skipped, n, pixels):
+    """Compute the means of n pixels all of whose samples show something opaque; they come after `skipped` pixels."""
+    scale = 1.0 / np.float64(factor * factor)
+    for channel in range(index(radiance.shape[0])):
+        target = channel * NEXT + skipped
+        start, step = index(first[0] * pitch + first[1]), index(pitch)
+        samples = radiance[channel, start : start + (factor - index(1)) * step + n * factor]
+        for i in range(n):
+            total = 0.0
+            for sub in range(factor):
+                for k in range(factor):
+                    total += np.float64(samples[sub * step + i * factor + k])
+            pixels[target + i] = total * scale
+    for i in range(n):
+        pixels[ALPHA + skipped + i] = np.float32(1)
+
+
+@helper
+def average_weighted(visibility, radiance, translucent, first, factor, skipped, n, batch):
+    """Compute the means of n pixels weighted by opacity; return how many samples show anything.
+
+    `first` is the row and column of samples; the pixels come after `skipped` ones.
+    """
     sums, weights, n_channel = batch.sums, batch.weights, index(radiance.shape[0])
-    n_seen, n_sample, column = np.int64(0), n * factor, left * np.int64(factor)
+    n_seen, n_sample, (row, column) = np.int64(0), n * factor, first
     for channel in range(index(4)):
         for i in range(n):
             sums[channel * NEXT + i] = 0.0
@@ -79,7 +130,7 @@ def average_several(visibility, radiance, translucent, first, grid, n, batch):
         for channel in range(n_channel):
             add_weighted(radiance[channel, start : start + n_sample], weights, factor, n, sums[channel * NEXT :])
         add_weights(weights, factor, n, sums[ALPHA:])
-    scale_sums(sums, n, n_channel, np.float64(factor * factor), batch.values)
+    scale_sums(sums, n, n_channel, np.float64(factor * factor), batch.values[skipped:])
     return n_seen
 
 

@@ -25,6 +25,7 @@ PIXELS_SHAPE = (4 * BATCH_SIZE,)
 class Encoding(NamedTuple):
     """How linear colour becomes 8 bits."""
 
+    is_grey: bool  # all colours are grey, also the background: what has one channel is encoded once
     tint: np.ndarray  # (3,) float32: a picture with one channel is this colour times the intensity
     background: np.ndarray  # (3,) float32, linear; black unless has_background
     has_background: bool
@@ -117,12 +118,16 @@ def encode_batch(pixels, levels, n, encoding, out):
             pixels[i] *= scale
             pixels[NEXT + i] *= scale
             pixels[blue_start + i] *= scale
-    for channel in range(index(3)):
+    # A grey picture has three equal channels.
+    n_different = 1 if encoding.is_grey else 3
+    for channel in range(index(n_different)):
         first = channel * NEXT
         for i in range(n):
             levels[first + i] = encode_channel(pixels[first + i])
+    green = NEXT if n_different == 3 else index(0)
+    blue = green + green
     for i in range(n):
-        out[i] = pack_bytes(levels[i], levels[NEXT + i], levels[blue_start + i], encode_alpha(pixels[ALPHA + i]))
+        out[i] = pack_bytes(levels[i], levels[green + i], levels[blue + i], encode_alpha(pixels[ALPHA + i]))
 
 
 def with_blank(encoding: Encoding) -> Encoding:

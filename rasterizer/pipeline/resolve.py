@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .box_filter import average_points, average_samples
-from .encode import ALPHA, PIXELS_SHAPE, encode_batch
+from .box_filter import PIECE, average_points, average_samples
+from .encode import ALPHA, PIXELS_SHAPE, RANGE_CLAMP, encode_batch
 from .fragments import BATCH_SIZE, NEXT
 from .sample_grid import MOST_FACTOR, factor_of
 from .visibility import clear, extent_of_pixels
@@ -34,13 +34,13 @@ class PixelBatch(NamedTuple):
     values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
     levels: np.ndarray  # PIXELS_SHAPE int32
     sums: np.ndarray  # PIXELS_SHAPE float64: of the samples' colours, and of their weights
-    weights: np.ndarray  # (BATCH_SIZE * MOST_FACTOR,) float64, of a row's samples
+    weights: np.ndarray  # (PIECE * MOST_FACTOR,) float64, of a row's samples
 
 
 def make_pixel_batch() -> PixelBatch:
     """Return the batch of pixels of one thread."""
     values, levels = np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32)
-    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(BATCH_SIZE * MOST_FACTOR))
+    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MOST_FACTOR))
 
 
 def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, batch, out) -> int:
@@ -120,10 +120,12 @@ def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding,
 def write_pixels(batch, n, n_channel, encoding, first, out):
     """Write n pixels of a batch that have `n_channel` channels; `first` is the row and the column of the first one."""
     (j, left), pixels = first, batch.values
-    if n_channel == 1:
+    # One channel of pixels is enough where no more is read: in a grey picture of bytes.
+    is_single = encoding.is_grey and encoding.policy == RANGE_CLAMP and out.color.shape[0] == 0
+    if n_channel == 1 and not is_single:
         tint_pixels(pixels, n, encoding)
     if encoding.has_background:
-        show_background(pixels, n, encoding)
+        show_background(pixels, n, encoding, 1 if is_single else 3)
     if out.color.shape[0] > 0:
         write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
     if out.rgba.shape[0] > 0:
@@ -171,10 +173,10 @@ def tint_pixels(pixels, n, encoding):
 
 
 @helper
-def show_background(pixels, n, encoding):
+def show_background(pixels, n, encoding, n_channel):
     """Let the background show through what isn't covered."""
     one = np.float32(1)
-    for channel in range(index(3)):
+    for channel in range(index(n_channel)):
         behind, first = encoding.background[channel], channel * NEXT
         for i in range(n):
             pixels[first + i] = pixels[first + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])

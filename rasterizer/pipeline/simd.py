@@ -64,9 +64,9 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
     entries : (n,) int64; of those without the index of a record, the values of record 0
     group : PlaneGroup
     x, y : int64, the first sample
-    out : float32, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
+    out : (n,) float32; written from `start` on, a row a plane, `stride` apart, both uint64
     """
-    out, numbers, whole = out.reshape(-1), group.numbers, group.numbers.view(np.int32)
+    numbers, whole = group.numbers, group.numbers.view(np.int32)
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
         across, down = np.float32(x + np.int64(k) - whole[record + index(1)]), np.float32(y - whole[record + index(2)])

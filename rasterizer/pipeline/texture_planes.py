@@ -117,7 +117,7 @@ def evaluate_slopes(entries, group, x, y, out, start, stride):
     d/dy of these.
     """
     evaluate_planes(entries, group, x, y, out, start, stride)
-    copy_slopes(entries, group, out.reshape(-1), start, stride)
+    copy_slopes(entries, group, out, start, stride)
 
 
 @helper

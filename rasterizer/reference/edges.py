@@ -4,12 +4,14 @@ In: a scene, how it is looked at, and the depth at each sample. Out: the share o
 
     sides of faces ─ edges of polygons ─ those to draw ─ segments on the screen ─ samples near them, on their surface
 
-A sample is covered as far as its distance from the segment lies within half the width, on both sides; on one side
-within all of the width where all polygons that are seen at the edge lie on that side. How far that is goes from none to
-all over the width of a sample. An edge that is less wide than a sample is drawn as wide as one, and fainter.
+A line runs along an edge; where all polygons that are seen at an edge lie on one side of it, beside it there, with its
+border on the edge. A sample is covered as far as its distance from the line's middle lies within half the width: from
+none to all over the width of a sample. Of a line beside its edge, samples up to that are covered. A line that is less
+wide than a sample is drawn as wide as one, and fainter.
 
-Only samples that see the edge's surface are covered: its depth there, as the 3x3 samples around have it, differs from
-that of the nearest point of the segment by no more than it changes on the way.
+Only samples that see the edge's surface are covered: the segment's nearest point belongs to what the sample next to it
+sees, and to what the covered sample sees. That has the depths of the 3x3 samples around it, which may change by as much
+again for every sample on the way. The covered sample may lie before the edge by twice that: what is round bends away.
 """
 
 from collections import Counter
@@ -170,24 +172,37 @@ def cover_samples(
     around = [np.pad(depth, 1, mode="edge")[j : j + len(depth), i : i + depth.shape[1]] for j, i in np.ndindex(3, 3)]
     low, high = np.min(around, axis=0), np.max(around, axis=0)
     for segment, side in segments:
-        reach = max(width, 0.5 * (1.0 + width)) if side else 0.5 * width
-        row, column, t, distance = near_samples(segment, side, depth.shape, reach + 0.5)
-        z = segment[0, 2] + t * (segment[1, 2] - segment[0, 2])
-        z = 1.0 / z if is_perspective else z
-        lowest, highest = low[row, column], high[row, column]
-        with np.errstate(invalid="ignore"):  # inf: something is seen beside nothing
-            slack = (distance + 0.5) * (highest - lowest) + DEPTH_ERROR * np.abs(z)
-            is_seen = np.isinf(highest) | ((z >= lowest - slack) & (z <= highest + slack))
-        is_seen &= np.isfinite(depth[row, column])
+        middle, reach = segment.copy(), 0.5 * width
+        if side:
+            # Of the width, half a sample lies beyond the edge: what is within it counts as covered.
+            border = max(width, 0.5 * (1.0 + width))
+            reach = 0.5 * (border + 0.5)
+            along = segment[1, :2] - segment[0, :2]
+            if along.any():
+                middle[:, :2] += side * (border - reach) * np.array([-along[1], along[0]]) / np.hypot(*along)
+        row, column, t, distance = near_samples(middle, depth.shape, reach + 0.5)
         share = np.clip(reach + 0.5 - distance, 0.0, min(1.0, width))
+        point = segment[0] + t[:, None] * (segment[1] - segment[0])
+        distance = np.hypot(column + 0.5 - point[:, 0], row + 0.5 - point[:, 1])
+        z = 1.0 / point[:, 2] if is_perspective else point[:, 2]
+        is_seen = np.isfinite(depth[row, column]) & _belongs(z, distance, low[row, column], high[row, column], 2.0)
+        column_there, row_there = (np.clip(point[:, k], 0, depth.shape[1 - k] - 1).astype(int) for k in range(2))
+        distance_there = np.hypot(point[:, 0] - column_there - 0.5, point[:, 1] - row_there - 0.5)
+        is_seen &= _belongs(z, distance_there, low[row_there, column_there], high[row_there, column_there], 1.0)
         shares[row, column] = np.maximum(shares[row, column], np.where(is_seen, share, 0.0))
     return shares
 
 
-def near_samples(
-    segment: NDArray, side: int, shape: tuple[int, ...], radius: float
-) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Find the samples within `radius` of a segment, on one side of its line or both.
+def _belongs(z: NDArray, distance: NDArray, low: NDArray, high: NDArray, bend: float) -> NDArray[np.bool_]:
+    """Tell which points at depths z (n,) belong to what is seen at a distance of so many samples, between low and high,
+    which may bend away `bend` times as much; also where that is beside nothing."""
+    with np.errstate(invalid="ignore"):
+        slack = (distance + 0.5) * (high - low) + DEPTH_ERROR * np.abs(z)
+        return np.isinf(high) | ((z >= low - slack) & (z <= high + bend * slack))
+
+
+def near_samples(segment: NDArray, shape: tuple[int, ...], radius: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Find the samples within `radius` of a segment.
 
     Returns
     -------
@@ -204,7 +219,7 @@ def near_samples(
     square = along @ along
     t = np.clip((x * along[0] + y * along[1]) / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(x))
     distance = np.hypot(x - t * along[0], y - t * along[1])
-    found = (distance < radius) & (side * (along[0] * y - along[1] * x) >= 0.0)
+    found = distance < radius
     return row[found], column[found], t[found], distance[found]
 
 

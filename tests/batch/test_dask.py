@@ -117,12 +117,3 @@ def test_the_command_line_draws_there(cluster, capsys):
     assert raster("render", *MODELS[:2], "-o", "local/", *flags) == 0
     assert files_in("far") == files_in("local") and len(files_in("far")) == 4
     assert capsys.readouterr() == ("", "")
-
-
-@pytest.mark.nightly
-def test_tiles_are_drawn_there(cluster):
-    for output, source in (("a.tif", MODELS[2]), ("b.tif", rz.load(MODELS[2]))):
-        task = rz.RenderTask(source, output, "iso", options=SMALL | {"color_range": "global", "exposure": 2.0})
-        rz.render_tiles(task, cluster, n_tile=6)
-    list(rz.render_many([rz.RenderTask(MODELS[2], "c.tif", "iso", options=task.options)], n_process=1))
-    assert open("a.tif", "rb").read() == open("b.tif", "rb").read() == open("c.tif", "rb").read()

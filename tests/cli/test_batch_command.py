@@ -103,13 +103,6 @@ def test_what_is_not_legal_is_told_before_a_model_is_loaded(capsys):
 
 
 @pytest.mark.nightly
-def test_a_large_picture_is_written_where_it_is_drawn(folder):
-    """A file of 268 MB would be sent; this one has a row more."""
-    assert raster("batch", CUBE, "-j", "1", "-s", "8192x8193", "-o", "cube.tif", "--samples", "1", "-q") == 0
-    assert (folder / "cube.tif").stat().st_size > 2**28
-    os.unlink("cube.tif")
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="processes below another one are those of /proc")
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, alone):

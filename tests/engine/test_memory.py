@@ -45,8 +45,8 @@ def test_a_picture_that_memory_does_not_hold_is_refused(machine):
     side = 8500  # 289 MB: less is always there
     machine(4 * side * side // 1024 - 1)
     words = (
-        rf"of {side}x{side} pixels takes 0.289 GB in memory, and 0.289 GB are there; .*"
-        r"Renderer\.render_to\('out\.tif'\)"
+        rf"of {side}x{side} pixels takes 0.289 GB in memory, and 0.289 GB are there: "
+        "draw a smaller one"
     )
     with pytest.raises(SceneError, match=words):
         rz.render(TRIANGLE, side, outputs="rgb", samples=1)

@@ -37,12 +37,6 @@ def test_each_output_that_is_asked_for_has_a_bound_and_no_other():
         json.dumps(bounds.as_json(), allow_nan=False)
 
 
-def test_a_file_of_rows_has_the_bounds_of_what_it_holds(tmp_path):
-    with rz.Renderer(FLOOR, (32, 24), outputs=("color", "depth")) as renderer:
-        assert set(renderer.render_to(tmp_path / "a.tif").error_bounds.as_json()) == {"rgb"}
-        assert set(renderer.render_to(tmp_path / "a.npy", array="color").error_bounds.as_json()) == {"color", "rgb"}
-
-
 def test_depths_without_perspective_have_a_share_only_where_none_is_0():
     shares = []
     for height in (3.0, 0.0):

@@ -44,11 +44,9 @@ def scene_of(materials, lights, **mesh):
 
 
 def plan_of(scene, **options):
-    """The plan of a scene, in a view of it from near."""
+    """The plan of a scene."""
     options = Options(**options)
-    plan = make_plan(scene, options, gather_geometry(scene, options.is_flat).albedo)
-    near = Distances(np.ones(len(plan.materials)), np.full(plan.is_lit.shape, 5.0))
-    return plan_of_view(plan, options.tolerance, near)
+    return make_plan(scene, options, gather_geometry(scene, options.is_flat).albedo)
 
 
 def screen_for(camera, depth_range):

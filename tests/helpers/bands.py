@@ -10,10 +10,10 @@ from rasterizer.pipeline.workspace import WorkspaceKind, make_picture, make_work
 from rasterizer.scene.color import srgb_from_linear
 
 
-def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0)):
+def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_grey=False):
     """How linear colour becomes 8 bits."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    return with_blank(Encoding(np.array(tint, np.float32), behind, background is not None, policy, scale))
+    return with_blank(Encoding(is_grey, np.array(tint, np.float32), behind, background is not None, policy, scale))
 
 
 def fill(covered, radiance, factor=1, dtype=np.float32):

@@ -10,14 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.campaign_scenes import make_case
-from helpers.dirty_memory import FILLINGS, dirty, dirty_memory
+from helpers.dirty_memory import FILLINGS, dirty_memory
 from helpers.mixed_scenes import mixed
 from helpers.pinhole import octasphere
 from helpers.raster import COLORED
 from helpers.small_scenes import SHADINGS, cube, drawn, floor, scene_of
 
 import rasterizer as rz
-from rasterizer.batch.strip_renderer import StripRenderer
 from rasterizer.ground_shadow import GroundShadow
 
 SEED = 23
@@ -177,28 +176,6 @@ def test_shadow_maps(lamps, shading, tolerance):
     options = {"shading": shading, "tolerance": tolerance, "samples": 1}
     faults = find_faults(scene, cameras, SIZE, options, FILLINGS[1::2])
     assert not faults, "\n".join(faults)
-
-
-def test_strips_rows_and_given_arrays(tmp_path):
-    """Strips of a picture, files that are written row by row, and pictures in an array of the caller's."""
-    scenes = drawn()
-    for name in ("many lights", "transparent and textured", "shadows"):
-        (scene, own), contents = scenes[name], []
-        options, camera = {"shading": "phong", **own, **LOOKS["bytes"]}, scene.camera or scene.camera_for(SIZE)
-        for filling in (None, 0x00, 0xFF):
-            with dirty_memory(filling), StripRenderer(scene, SIZE, threads=2, **options) as renderer:
-                content = {}
-                for first, end in ((0, 13), (30, 38), (13, 30)):
-                    part = content_of(renderer.render_strip((first, end), camera, brightest=2.0))
-                    content |= {f"{key} {first}": value for key, value in part.items()}
-                out = dirty(np.zeros((*SIZE[::-1], 4), np.uint8), filling)
-                content |= content_of(renderer.render(camera, out=out))
-                renderer.render_to(tmp_path / "picture.tiff", camera)
-                content["file"] = (tmp_path / "picture.tiff").read_bytes()
-            contents.append(content)
-        for other in contents[1:]:
-            faults = find_difference(contents[0], other, name)
-            assert not faults, faults[0]
 
 
 def test_what_is_made_before_the_first_picture():

@@ -21,10 +21,10 @@ UNUSED = (
     "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.flags_page", "cli.info",
     "cli.processes", "cli.sheet", "cli.turntable", "cli.view", "cli.warmup",
     "engine.edge_overlay", "engine.given_plan", "engine.point_lighting", "engine.probe",
-    "engine.shadow_maps", "engine.shadow_views", 
+    "engine.shadow_maps", "engine.shadow_views",
     "geometry.ears", "geometry.subdivide",
     "io.animation", "io.array_files", "io.gif", "io.gltf", "io.material_libraries", "io.mtl", "io.other_formats",
-    "io.ply", "io.scene_file", "io.threemf", 
+    "io.ply", "io.scene_file", "io.threemf",
     "scene.cie_tables", "scene.orbit", "scene.sample", "scene.spectrum",
 )  # fmt: skip
 FOREIGN = {
