@@ -143,13 +143,13 @@ class Distances(NamedTuple):
     lean: float = 0.0  # of columns, by skew: |skew|/scale_x; 0 where no rays are asked for
     shadow_shift: float = 0.0  # how far float32 moves what shadows are asked for, see shadow_views.py
 
-    def kept(self) -> "Distances":
+    def kept(self, share: float = 1.0) -> "Distances":
         """Return the same without points that lie on a light, and normals that vanish: next to these nothing is
-        bounded."""
-        least = np.maximum(LEAST_SHARE * self.furthest, np.finfo(float).tiny)
-        return self._replace(
-            clearances=np.maximum(self.clearances, least[:, None]), shortest=max(self.shortest, LEAST_NORMAL)
-        )
+        bounded. `share` of what counts as next to them is left out."""
+        tiny = float(np.finfo(float).tiny)
+        least = np.maximum(share * LEAST_SHARE * self.furthest, tiny)
+        shortest = max(self.shortest, share * LEAST_NORMAL, tiny)
+        return self._replace(clearances=np.maximum(self.clearances, least[:, None]), shortest=shortest)
 
 
 def rounding_errors(brightness: Brightness, distances: Distances, u: float, fades_to=0.0) -> NDArray[np.float64]:
@@ -161,7 +161,9 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     u : SINGLE or DOUBLE
     fades_to : the largest component of the colour of the depth cue
     """
-    distances, lights, materials = distances.kept(), brightness.lights, brightness.materials
+    lights, materials = brightness.lights, brightness.materials
+    # Nothing is kept back from float32: where a light lies on a surface, or a normal vanishes, float64 is right.
+    distances = distances.kept(0.0 if u == SINGLE else 1.0)
     models, kinds = (
         [reflection_table.entry_of(material) for material in materials],
         list(map(light_table.entry_of, lights)),
