@@ -146,9 +146,8 @@ class Distances(NamedTuple):
     def kept(self, share: float = 1.0) -> "Distances":
         """Return the same without points that lie on a light, and normals that vanish: next to these nothing is
         bounded. `share` of what counts as next to them is left out."""
-        tiny = float(np.finfo(float).tiny)
-        least = np.maximum(share * LEAST_SHARE * self.furthest, tiny)
-        shortest = max(self.shortest, share * LEAST_NORMAL, tiny)
+        least = np.maximum(share * LEAST_SHARE * self.furthest, np.finfo(float).tiny)
+        shortest = max(self.shortest, share * LEAST_NORMAL)
         return self._replace(clearances=np.maximum(self.clearances, least[:, None]), shortest=shortest)
 
 
@@ -162,8 +161,8 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     fades_to : the largest component of the colour of the depth cue
     """
     lights, materials = brightness.lights, brightness.materials
-    # Nothing is kept back from float32: where a light lies on a surface, or a normal vanishes, float64 is right.
-    distances = distances.kept(0.0 if u == SINGLE else 1.0)
+    # Float64 is right where float32 has lost all digits: a direction turns by 2 u·2^30 radians, more than there are.
+    distances = distances.kept(2.0**-20 if u == SINGLE else 1.0)
     models, kinds = (
         [reflection_table.entry_of(material) for material in materials],
         list(map(light_table.entry_of, lights)),

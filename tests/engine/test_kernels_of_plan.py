@@ -16,7 +16,8 @@ SEED = 12
 def called() -> set:
     """What this process has called: (function, signature) of kernels, and of functions that they call."""
     kinds = kernels.Kernel, kernels.BatchFunction
-    found = [thing for thing in gc.get_objects() if issubclass(type(thing), kinds)]  # some objects lie about their class
+    # By `type`: weak references answer for what they refer to.
+    found = [thing for thing in gc.get_objects() if issubclass(type(thing), kinds)]
     own = [thing for thing in found if kernels.is_own(thing.py_func)]
     return {(thing.py_func, signature) for thing in own for signature in thing.signatures}
 
