@@ -204,7 +204,7 @@ class GroundShadow:
         SceneError : a colour that is not legal
         """
         rgba = rgba.copy()
-        opacity = self.opacity_at(camera, size, (first, first + len(rgba)))
+        opacity = self.opacity_at(camera, size, (first, first + len(rgba))) * faded(size)[first : first + len(rgba)]
         changed = (rgba[..., 3] < 255) & ((opacity > 0) | (background is not None))
         front = rgba[changed]
         alpha = front[:, 3:] / np.float32(255)
@@ -218,6 +218,15 @@ class GroundShadow:
             alpha = np.ones_like(alpha)
         rgba[changed] = np.rint(255 * np.concatenate([srgb_from_linear(np.minimum(color, 1)), alpha], axis=1))
         return rgba
+
+
+def faded(size: tuple[int, int]) -> NDArray[np.float32]:
+    """Return what the shadow is multiplied by at each pixel, (height, width): smoothly from 1 to exactly 0 at the
+    picture's border, over an eighth of its shorter side."""
+    wide = max(min(size) / 8.0, 1.0)
+    x, y = (np.minimum(np.minimum(np.arange(n), np.arange(n)[::-1]) / wide, 1.0) for n in size)
+    across, along = (t * t * (3.0 - 2.0 * t) for t in (x, y))
+    return (along[:, None] * across).astype(np.float32)
 
 
 def _ground_under(scene: Scene, size: int) -> _Ground | None:

@@ -55,7 +55,7 @@ def _check_plot(output, _) -> None:
 def _bench_model(targets, arguments, settings, messages, output) -> None:
     """Measure all views of one model."""
     start = perf_counter()
-    loaded, warned, own_options, framing, _ = load_scene(
+    loaded, warned, own_options, framing = load_scene(
         targets[0].model, arguments, settings, messages, output.files_read
     )
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)

@@ -25,7 +25,7 @@ def add_flags(parser) -> None:
     parser.add_argument("--json", action="store_true", help="print a line of JSON for each model instead of the table")
     _add_measured(parser.add_argument_group("what is measured", "Lists have commas between their values."))
     add_camera(parser)
-    add_look(parser.add_argument_group("look"), "studio")
+    add_look(parser.add_argument_group("look"))
     add_loading(parser.add_argument_group("loading and speed"))
     add_messages(parser)
 

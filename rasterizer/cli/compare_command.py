@@ -84,7 +84,7 @@ def compare_models(arguments, messages) -> tuple[list, int]:
 def _compare_model(targets, arguments, settings, messages, output) -> None:
     """Compare the methods in all views of one model."""
     start = perf_counter()
-    loaded, of_model, own_options, framing, _ = load_scene(
+    loaded, of_model, own_options, framing = load_scene(
         targets[0].model, arguments, settings, messages, output.files_read
     )
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)

@@ -14,7 +14,7 @@ def add_flags(parser) -> None:
     add_files(parser, "{stem}-compare", COMPARED_SIZE)
     _add_reference(parser)
     add_camera(parser)
-    add_look(parser.add_argument_group("look"), "studio")
+    add_look(parser.add_argument_group("look"))
     add_loading(parser.add_argument_group("loading and speed"))
     add_messages(parser)
 

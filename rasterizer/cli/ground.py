@@ -10,24 +10,18 @@ from ..frame import Frame
 from ..renderer import Renderer
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .load_scene import Loaded
 
 if TYPE_CHECKING:
     from ..ground_shadow import GroundShadow
 
 
-def make_ground(arguments, loaded: Loaded, threads: int | None) -> "GroundShadow | None":
+def make_ground(arguments, scene: Scene, threads: int | None) -> "GroundShadow | None":
     """Return the shadow under a model, or None where no ground is wanted."""
-    if not wants_ground(arguments, loaded):
+    if not arguments.ground:
         return None
     from ..ground_shadow import GroundShadow
 
-    return GroundShadow(loaded.scene, threads=threads)
-
-
-def wants_ground(arguments, loaded: Loaded) -> bool:
-    """Tell whether a model is to have its shadow under it."""
-    return loaded.is_on_tabletop if arguments.ground is None else arguments.ground
+    return GroundShadow(scene, threads=threads)
 
 
 def framed_points(scene: Scene, ground: "GroundShadow | None") -> Scene | NDArray[np.float64]:

@@ -25,7 +25,6 @@ from ..scene.scene import Scene
 from ..scene.shadow import Shadow, with_shadow_fields
 from ..scene.texture import Texture
 from .cameras_lights import cast_shadows, make_lights, make_shadow, shadow_fields, takes_shadows, without_shadows
-from .default_look import wants_tabletop, with_neutral_grey
 from .defaults import UNSAID
 from .messages import Bar
 from .suggestions import did_you_mean
@@ -46,8 +45,7 @@ class Settings(NamedTuple):
     is_transparent: bool  # whether a background is taken away
     scene: dict  # other fields of Scene to replace
     subdivide: int
-    on_tabletop: bool  # models that bring no lights
-    with_key_shadow: bool  # there
+    tabletop: tuple | None  # lights of models that bring none; None = the studio's
 
 
 class Loaded(NamedTuple):
@@ -57,7 +55,6 @@ class Loaded(NamedTuple):
     warnings: list[str]  # that loading gave, which were said
     options: dict  # a scene file's, by the names of Options
     framing: dict | None  # a scene file's, as `camera_of` takes it
-    is_on_tabletop: bool
 
 
 def make_settings(arguments) -> Settings:
@@ -87,8 +84,7 @@ def make_settings(arguments) -> Settings:
         is_transparent=background == "transparent",
         scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
         subdivide=arguments.subdivide,
-        on_tabletop=wants_tabletop(arguments),
-        with_key_shadow=takes_shadows(arguments) and not arguments.shadows,
+        tabletop=_make_tabletop(arguments),
     )
 
 
@@ -149,13 +145,13 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
         warnings.simplefilter("always", UserWarning)
         with _reading_shown(messages):
             read = _read(model, arguments.input_format, settings, messages, files_read)
-        read, is_on_tabletop = _put_on_tabletop(read, model, arguments.input_format, settings)
+        read = _put_on_tabletop(read, model, arguments.input_format, settings)
         scene = _changed(read, model, settings)
         _check_shadows(scene, settings)
     texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
     for text in texts:
         messages.warn(text)
-    return Loaded(scene, texts, read.options, read.framing, is_on_tabletop)
+    return Loaded(scene, texts, read.options, read.framing)
 
 
 @contextmanager
@@ -190,18 +186,20 @@ def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)
 
 
-def _put_on_tabletop(read, model, input_format, settings) -> tuple[SceneFile, bool]:
-    """Put a model that brings no lights on the tabletop, where that is wanted; tell whether it is. A scene file rules
-    its own look."""
+def _make_tabletop(arguments) -> tuple | None:
+    """The lights that --ground brings; a key light casts no shadow where --shadows says how, or no sample is lit."""
+    if not getattr(arguments, "ground", False):
+        return None
+    return tabletop() if takes_shadows(arguments) and not arguments.shadows else without_shadows(tabletop())
+
+
+def _put_on_tabletop(read, model, input_format, settings) -> SceneFile:
+    """Light a model that brings no lights as on a tabletop, where that is wanted. A scene file rules its own look."""
     entry = formats.find(input_format or Path(model).suffix)
-    if not settings.on_tabletop:
-        return read, False
-    if settings.load["lights"] is not None:  # those of --preset
-        return read._replace(scene=with_neutral_grey(read.scene)), True
-    if (entry is not None and entry.is_scene) or read.scene.lights != studio():
-        return read, False
-    lights = tabletop() if settings.with_key_shadow else without_shadows(tabletop())
-    return read._replace(scene=replace(with_neutral_grey(read.scene), lights=lights)), True
+    is_scene = entry is not None and entry.is_scene
+    if settings.tabletop is None or is_scene or settings.load["lights"] is not None or read.scene.lights != studio():
+        return read
+    return read._replace(scene=replace(read.scene, lights=settings.tabletop))
 
 
 def source_of(model: str, input_format: str | None) -> str | bytes:

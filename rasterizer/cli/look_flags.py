@@ -15,7 +15,7 @@ def add_drawing(parser):
     """Add how pictures look, and how exactly and quickly they are drawn; return the group of the latter."""
     look = parser.add_argument_group("look")
     add_method(look)
-    add_look(look, "tabletop")
+    add_look(look)
     add_ground(look)
     add_edges(look)
     exactness = parser.add_argument_group("exactness and speed")
@@ -50,13 +50,14 @@ def add_ground(group) -> None:
     group.add_argument(
         "--ground",
         action=argparse.BooleanOptionalAction,
-        help="a soft shadow on the ground under the model, in pictures' alpha (default: on a tabletop)",
+        default=False,
+        help="the tabletop: a key light with its shadow, where the model brings no lights, and a soft shadow on the "
+        "ground, in pictures' alpha",
     )
 
 
-def add_look(group, preset: str) -> None:
-    """Add materials, lights and colours; `preset` is what lights a model that brings no lights."""
-    group.set_defaults(default_preset=preset)
+def add_look(group) -> None:
+    """Add materials, lights and colours."""
     add = group.add_argument
     add(
         "--crease-angle",
@@ -96,17 +97,16 @@ def add_look(group, preset: str) -> None:
     )
     models = ",".join(choices.REFLECTIONS)
     add("--reflection", metavar=f"{{{models}}}", help="short for --material reflection=...")
-    _add_lights(group, preset)
+    _add_lights(group)
     _add_range(group)
 
 
-def _add_lights(group, preset) -> None:
+def _add_lights(group) -> None:
     add = group.add_argument
     add(
         "--preset",
         choices=choices.PRESETS,
-        help=f"ready-made lights (default: the file's own, else {preset}, or none beside --light); tabletop also makes "
-        "grey models darker, and puts them on a ground",
+        help="ready-made lights (default: the file's own, else studio, or none beside --light)",
     )
     add(
         "--light",

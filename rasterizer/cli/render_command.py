@@ -109,7 +109,7 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     scene = loaded.scene
     arguments = with_options(arguments, loaded.options, _names_of_file(arguments), targets[0].model)
     options = make_options(arguments)
-    ground = make_ground(arguments, loaded, options.threads)
+    ground = make_ground(arguments, scene, options.threads)
     subject = framed_points(scene, ground)
     ground = None if holds_arrays(arguments) else ground
     with Renderer(bare(scene, ground), **_as_keywords(options)) as renderer:

@@ -91,7 +91,7 @@ def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dic
     arguments = with_options(arguments, loaded.options, names, targets[0].model)
     options = make_options(arguments)
     frames, doubts = [], []
-    ground = make_ground(arguments, loaded, options.threads)
+    ground = make_ground(arguments, scene, options.threads)
     subject, keywords = (
         framed_points(scene, ground),
         {field.name: getattr(options, field.name) for field in fields(options)},

@@ -19,7 +19,7 @@ from ..scene.camera import Camera
 from ..scene.turning import middle_on_axis, pivot_of, turned_cameras
 from .cameras_lights import camera_of, framing_settings, zoomed
 from .defaults import TURNTABLE_FRAMES, TURNTABLE_SECONDS
-from .ground import OnGround, bare, framed_points, make_ground, wants_ground
+from .ground import OnGround, bare, framed_points, make_ground
 from .load_scene import load_scene, with_options
 from .messages import Bar, print_record
 from .render_command import draw_models, encode_picture, make_options
@@ -159,9 +159,9 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
     options = make_options(arguments)
     # A pixel of a GIF file is transparent or not: a soft shadow would be a black spot, or a pattern of dots.
     is_hard = suffix == ".gif" and not is_apart and scene.background is None
-    ground = None if is_hard else make_ground(arguments, loaded, options.threads)
+    ground = None if is_hard else make_ground(arguments, scene, options.threads)
     cameras = _cameras(arguments, targets[0].model, loaded, framed_points(scene, ground))
-    if is_hard and wants_ground(arguments, loaded):
+    if is_hard and arguments.ground:
         messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
     keywords = {field.name: getattr(options, field.name) for field in fields(options)}
     with Renderer(bare(scene, ground), **keywords) as renderer, Bar(messages) as bar:

@@ -58,7 +58,7 @@ def view_model(arguments, messages) -> tuple[list, int]:
 
 def _open_session(model, view, arguments, settings, messages) -> Session:
     """Load the model and draw it once, so that what is wrong is said here, and all kernels are compiled."""
-    loaded, _, own_options, framing, _ = load_scene(model, arguments, settings, messages)
+    loaded, _, own_options, framing = load_scene(model, arguments, settings, messages)
     arguments = with_options(arguments, own_options, _NAMES, model)
     options = {name: getattr(arguments, name) for name in _NAMES}
     if "shading" not in arguments.given and "shading" not in own_options:

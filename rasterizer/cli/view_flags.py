@@ -24,7 +24,7 @@ def add_flags(parser) -> None:
     add_camera(parser)
     look = parser.add_argument_group("look at first")
     add_method(look)
-    add_look(look, "studio")
+    add_look(look)
     add_edges(look)
     exactness = parser.add_argument_group("exactness and speed")
     add_tolerance(exactness)

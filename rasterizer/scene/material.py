@@ -124,7 +124,7 @@ class Material:
     """
 
     ambient: ColorLike | None = None
-    diffuse: ColorLike = 0.72
+    diffuse: ColorLike = 0.55
     specular: ColorLike = 0.18
     shininess: float = 32.0
     emissive: ColorLike = 0.0

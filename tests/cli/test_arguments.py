@@ -155,7 +155,7 @@ def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsy
 LOOKS = """
 --shading flat | --shading gouraud | --samples 1 | --samples 4 --antialias shade-once | --ground
 --crease-angle 1 | --material shininess=2 | --color orange | --reflection blinn
---preset studio | --preset studio --ground | --preset headlight | --light directional:0,-1,0,color=orange --color teal
+--preset tabletop | --preset studio --ground | --preset headlight | --light directional:0,-1,0,color=orange --color teal
 --light directional:0,-1,0,color=orange --color teal --spectral 5 | --light directional:-1,-0.4,-0.2
 --light directional:-1,-0.4,-0.2 --shadows | --light directional:-1,-0.4,-0.2 --shadows --shadow-size 16
 --light directional:-1,-0.4,-0.2 --shadows --shadow-filter 9 | --background 0.2/0.1/0 | --depth-cue 2

@@ -19,7 +19,6 @@ from PIL import Image
 import rasterizer as rz
 from rasterizer.cli import arguments, material_arguments
 from rasterizer.cli.cameras_lights import camera_of, make_lights
-from rasterizer.cli.default_look import NEUTRAL
 
 LIFE = str(ROOT / "models" / "still_life.obj")
 SHADOW = rz.Shadow()
@@ -59,7 +58,7 @@ def test_material_flags():
          {"reflection": "toon", "levels": 5, "normalized": True, "fresnel": 0.04}),
         ("fresnel=none,texture=none,normalized=no", {}),
     ):  # fmt: skip
-        assert materials(CUBE, "--material", text) == [rz.Material(**{"diffuse": NEUTRAL} | expected)], text
+        assert materials(CUBE, "--material", text) == [rz.Material(**expected)], text
 
 
 def test_all_materials_change_and_keep_the_rest(folder):
@@ -71,7 +70,7 @@ def test_all_materials_change_and_keep_the_rest(folder):
     assert {m.ambient for m in materials(LIFE, "--material", "diffuse=0.3")} == {(0.3,) * 3}
     assert {m.ambient for m in materials(LIFE, "--material", "diffuse=0.3,ambient=0.1")} == {(0.1,) * 3}
     assert materials(CUBE, "--reflection", "blinn", "--material", "levels=4") == [
-        rz.Material(diffuse=NEUTRAL, reflection="blinn", levels=4)
+        rz.Material(reflection="blinn", levels=4)
     ]
     faces = {"faces": [[0, 1, 2], [2, 1, 0]], "face_material": [0, 1], "materials": [{"diffuse": 0.5}, {"diffuse": 1}]}
     mesh = loaded(write(folder, {"meshes": [TRIANGLE | faces]}), "--reflection", "toon").scene.meshes[0]
@@ -161,10 +160,10 @@ def test_shadows_have_the_size_and_the_filter_of_the_flags(folder):
         return [shadow for shadow in shadows_of(*argv) if shadow]
 
     flags = ["--shadow-size", "64", "--shadow-filter", "3"]
-    assert cast(CUBE) == [rz.Shadow(1024, 5)]
-    for look in ([], ["--preset", "tabletop"], ["--light", "point:1,2,3,shadow=yes"]):
+    assert cast(CUBE) == [] and cast(CUBE, "--ground") == [rz.Shadow(1024, 5)]
+    for look in (["--preset", "tabletop"], ["--light", "point:1,2,3,shadow=yes"]):
         assert cast(CUBE, *look, *flags) == [rz.Shadow(64, 3)], look
-    assert cast(CUBE, "--shadow-size", "64") == [rz.Shadow(64, 5)]
+    assert cast(CUBE, "--preset", "tabletop", "--shadow-size", "64") == [rz.Shadow(64, 5)]
     assert cast(CUBE, "--light", "point:1,2,3,shadow=32/1", *flags) == [rz.Shadow(32, 1)]
     point = {"kind": "point", "position": [0, 1, 9]}
     name = write(folder, {"lights": [point, point | {"shadow": {"filter": 7}}]})
@@ -283,7 +282,6 @@ def test_a_camera_and_lights_of_a_model_are_used_unless_flags_ask_for_others(fol
     (folder / "rich.gltf").write_bytes(rich_gltf())
     own, found = rz.load("rich.gltf"), loaded("rich.gltf")
     assert found.scene.camera == own.camera is not None and found.scene.lights == own.lights != rz.studio()
-    assert not found.is_on_tabletop
     assert loaded("rich.gltf", "--preset", "headlight").scene.lights == rz.headlight()
 
 

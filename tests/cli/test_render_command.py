@@ -28,13 +28,13 @@ def test_the_default_picture(folder, capsys):
     assert os.listdir(folder) == ["cube.png"]
     image = Image.open("cube.png")
     assert (image.size, image.mode, image.format) == ((24, 16), "RGBA", "PNG")
+    assert not differences(picture("cube.png"), rz.render(CUBE, (24, 16), shading="phong").rgba)
+    assert raster("render", *SMALL, CUBE, "--ground", "-o", "ground.png") == 0
     scene = rz.load(CUBE, lights=rz.tabletop())
-    grey = rz.Material(diffuse=0.5)
-    scene = replace(scene, meshes=tuple(replace(mesh, material=grey) for mesh in scene.meshes))
     ground = rz.GroundShadow(scene)
     camera = rz.Camera.framing(np.concatenate([scene.meshes[0].vertices, ground.outline()]), aspect=24 / 16)
-    expected = rz.render(replace(scene, camera=camera), (24, 16), samples=4, shading="phong")
-    assert not differences(picture("cube.png"), ground.under(expected, camera).rgba)
+    expected = rz.render(replace(scene, camera=camera), (24, 16), shading="phong")
+    assert not differences(picture("ground.png"), ground.under(expected, camera).rgba)
     alpha = picture("cube.png")[..., 3]
     assert alpha[0, 0] == 0 and alpha[8, 12] == 255
     for threads in (1, 3):
@@ -97,7 +97,7 @@ def test_json_has_a_line_for_each_picture_and_each_failure(capsys):
     assert second == {"path": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
     assert first.pop("seconds") > 0 and 0 < first.pop("coverage") < 1 and 0 <= first.pop("error_bound") < 0.01
     bounds = first.pop("error_bounds")
-    assert bounds["rgb"] == 1 and [each["light"] for each in bounds["shadows"]] == ["DirectionalLight"]
+    assert bounds["rgb"] == 1 and "shadows" not in bounds
     assert first == {
         "path": CUBE, "view": None, "output": "cube.png", "size": [24, 16], "faces": 12, "warnings": [],
     }  # fmt: skip

@@ -195,15 +195,16 @@ def test_a_camera_that_looks_down_the_axis_turns_its_picture():
 
 def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_once(capsys):
     def turn(*argv):
-        few = ["-s", "48x36", "--threads", "1", "--frames", "2", "--shading", "gouraud"]
+        few = ["-s", "48x36", "--threads", "1", "--frames", "2", "--shading", "gouraud", "--preset", "tabletop"]
         assert raster("turntable", CUBE, *few, *argv) == 0
         return capsys.readouterr().err.count("no shadow on the ground")
 
     shutil.copy(CUBE, "again.obj")
-    assert turn("again.obj", "-o", "{stem}.gif") == 1
+    assert turn("again.obj", "-o", "{stem}.gif", "--ground") == 1
     kept = open("cube.gif", "rb").read()
-    for argv in (["--no-ground"], ["-q"]):
+    for argv in (["--no-ground"], ["-q", "--ground"]):
         assert turn("-o", "cube.gif", *argv) == 0 and open("cube.gif", "rb").read() == kept, argv
-    assert turn("-o", "x.webp") == 0 and turn("-o", "x.gif", "--background", "white") == 0
+    assert turn("-o", "x.webp", "--ground") == 0
+    assert turn("-o", "x.gif", "--ground", "--background", "white") == 0
     white = pictures("x.gif")[0][..., :3].astype(int)
     assert ((white > 130) & (white < 250)).all(axis=2).sum() > 100, "soft greys on the ground"

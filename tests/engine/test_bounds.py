@@ -265,7 +265,7 @@ def test_lights_far_away_give_what_a_directional_light_gives():
                 for light in (rz.PointLight(distance * way, 0.8), rz.DirectionalLight(-way, 0.8))
             ]
             error, most = np.abs(pictures[0] - pictures[1]).max(), 5 / distance + max(2 * tolerance, 1e-7)
-            assert pictures[1].max() > 0.5, "both lights may have gone out"
+            assert pictures[1].max() > 0.4, "both lights may have gone out"
             assert error <= most, f"{distance}, {shading}, {tolerance:.2g}: {error:.3g} > {most:.3g}"
 
 

@@ -117,7 +117,7 @@ def test_the_shadow_lies_under_the_picture(background):
     frame = rz.render(replace(scene, camera=camera), (96, 72), samples=4, outputs=("color", "rgb", "depth"))
     shadow = GroundShadow(scene, size=64, points=16)
     below = shadow.under(frame, camera, background)
-    opacity = shadow.opacity_at(camera, (96, 72))[..., None]
+    opacity = (shadow.opacity_at(camera, (96, 72)) * ground_shadow.faded((96, 72)))[..., None]
     alpha, color = frame.alpha[..., None], frame.color * frame.alpha[..., None]  # premultiplied
     dark = (1 - alpha) * opacity
     if background is None:

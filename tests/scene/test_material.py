@@ -17,7 +17,7 @@ from rasterizer.scene.named_materials import NAMED_MATERIALS
 
 def test_default_is_neutral_grey():
     material = Material()
-    assert material.diffuse == material.ambient == (0.72, 0.72, 0.72)
+    assert material.diffuse == material.ambient == (0.55, 0.55, 0.55)
     assert material.specular == (0.18, 0.18, 0.18) and material.emissive == (0.0, 0.0, 0.0)
     assert (material.shininess, material.opacity, material.reflection, material.name) == (32.0, 1.0, "phong", "")
 
