@@ -43,7 +43,6 @@ RUNS = [
     (throughput, ["--models", "2", "--workers", "1", "2", "--size", "16", "--rounds", "1"], 2),
     (scale, ["lights", "objects", "--most", "4", *QUICK], 3),
     (scale, ["--many", "20"], 10),
-    (scale, ["--large", "256"], 4),
     (startup, [str(ROOT / "models/cube.obj"), "--size", "32x24", "--runs", "1", "--cold", "0"], 10),
     (tolerance, ["cube", "--size", "40x30", "--shadings", "gouraud", "--tolerances", "0", "1/256", *QUICK], 2),
     (tolerance_modes, ["--models", "cube@24", "--size", "24x16", "--turns", "1"], 8),
