@@ -214,9 +214,8 @@ def error_bounds_of(plan: Plan, tolerance) -> NDArray[np.float64]:
         approximated = rest
     approximated = np.where(of_materials.is_looked_up, rest, approximated)
     single = roundings + np.where(of_materials.ways == EXACT, 0.0, approximated)
-    single = np.where(
-        single <= tolerance * (1.0 + 4.0 * DOUBLE), np.minimum(single, tolerance), single
-    )  # sums round up
+    is_rounded = single <= tolerance * (1.0 + 4.0 * DOUBLE)  # a sum may round to more than the tolerance that it is
+    single = np.where(is_rounded, np.minimum(single, tolerance), single)
     return np.where(of_materials.is_double, np.where(roundings <= b.ROUNDED, b.EXACT, np.nan), single)
 
 
