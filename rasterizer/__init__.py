@@ -22,7 +22,6 @@ _HOMES = {
     "DirectionalLight": "scene.lights",
     "Explanation": "reference.explanation",
     "Frame": "frame",
-    "GroundShadow": "ground_shadow",
     "MachBands": "analysis.mach",
     "Material": "scene.material",
     "Mesh": "scene.mesh",
@@ -82,7 +81,6 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .errors import RasterizerError as RasterizerError
     from .errors import SceneError as SceneError
     from .frame import Frame as Frame
-    from .ground_shadow import GroundShadow as GroundShadow
     from .io.demo import demo_model as demo_model
     from .io.loader import load as load
     from .notebook import view as view

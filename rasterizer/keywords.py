@@ -47,7 +47,6 @@ _ELSEWHERE = {
     "crease_angle": "Mesh and load() have it",
     "depth_cue": "Scene and load() have it",
     "fov": "a camera has it: camera=Camera.framing(scene, fov=...)",
-    "ground": "GroundShadow(scene).under(frame, camera) lays it",
     "margin": "a camera has it: camera=Camera.framing(scene, margin=...)",
     "material": "a mesh has it: mesh.with_material(...)",
     "preset": "lights=studio(), headlight() or tabletop()",

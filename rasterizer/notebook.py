@@ -55,7 +55,7 @@ def view(
     size : (width, height) of the view in CSS pixels, or one number for a square; it is narrower where the cell is
     camera : Camera that is looked through at first; None = the scene's own, or one that shows all of it
     shading : "flat", "gouraud" or "phong", at first
-    options : other options of `render` but `outputs`; `samples`, 4 unless given, are those of pictures at rest
+    options : other options of `render` but `outputs`; `samples` are those of pictures at rest
 
     Returns
     -------

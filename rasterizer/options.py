@@ -38,7 +38,6 @@ MOST_PIXELS = 2**18
 LEAST_WAVES, MOST_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
 MOST_STOPS = 64
 MOST_THREADS = 1024
-PICTURE_SAMPLES, BUFFER_SAMPLES = 4, 1  # a picture is to look good; buffers are those of the pixels' centres
 MOST_WIDTH = 256  # px, of edges
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
@@ -60,8 +59,8 @@ class Options:
         (`Stats.steps`). Gouraud's method uses nearly all of that, textures a seventh, flat shading and Phong's method a
         hundredth at most, also with shadows and spectra. So a larger one saves a fifth of the time by Gouraud's method
         and a tenth by the others, at most; `raster bench` tells how much
-    samples : samples a pixel, on a square grid: 1, 4, 9 or 16; None = 4 where "color" or "rgb" alone are asked for, 1
-        beside buffers, so that a pixel's colour is that of its centre, too. Stored as a number
+    samples : samples a pixel, on a square grid: 1, 4, 9 or 16. Buffers have one sample a pixel, whatever is asked for
+        beside them
     antialias : what is done for each sample: "supersample" (all), or "shade-once": what is covered, and how deep it is;
         what Phong's method lights and textures show is found once for each polygon in a pixel, at the pixel's centre,
         or at the covered sample next to it where a polygon doesn't cover the pixel. Transparent surfaces are shaded at
@@ -83,6 +82,10 @@ class Options:
         is seen, so alpha stays the model's coverage; buffers don't show them
     edge_color : of the edges: "#rrggbb", the name of a CSS colour, or linear (r, g, b); stored as linear RGB
     edge_width : of the edges, in pixels, above 0 to 256
+    ground : whether the scene stands on the ground of a tabletop: a soft shadow lies under the picture, in its alpha,
+        too; it fades before the border, and pictures are framed on it as well. Buffers show the scene alone. The
+        studio's lights, which are the default, become those of `tabletop`, whose key light casts shadows by Phong's
+        method; other lights stay
 
     Raises
     ------
@@ -90,9 +93,9 @@ class Options:
     """
 
     size: tuple[int, int] = (640, 480)
-    shading: Shading = "gouraud"
+    shading: Shading = "phong"
     tolerance: float = DEFAULT_TOLERANCE
-    samples: Samples = None  # type: ignore[assignment]  # never None once it is made
+    samples: Samples = 4
     antialias: Antialias = "supersample"
     outputs: tuple[Output, ...] = ("color",)
     cull: Cull = "none"
@@ -103,6 +106,7 @@ class Options:
     edges: tuple[EdgeKind, ...] = ()
     edge_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
     edge_width: float = 1.0
+    ground: bool = False
 
     if TYPE_CHECKING:  # more may be given than is stored
 
@@ -112,7 +116,7 @@ class Options:
             size: int | Sequence[int] = ...,
             shading: Shading = ...,
             tolerance: float = ...,
-            samples: Samples | None = ...,
+            samples: Samples = ...,
             antialias: Antialias = ...,
             outputs: Output | Sequence[Output] = ...,
             cull: Cull = ...,
@@ -123,6 +127,7 @@ class Options:
             edges: EdgeKind | Sequence[EdgeKind] | None = ...,
             edge_color: "ColorLike" = ...,
             edge_width: float = ...,
+            ground: bool = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -131,7 +136,7 @@ class Options:
         _check_choice("color_range", self.color_range, COLOR_RANGES)
         _check_choice("antialias", self.antialias, ANTIALIASES)
         object.__setattr__(self, "outputs", _checked_outputs(self.outputs))
-        object.__setattr__(self, "samples", _checked_samples(self.samples, self.outputs))
+        object.__setattr__(self, "samples", _checked_samples(self.samples))
         object.__setattr__(self, "size", self._checked_size())
         object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
         object.__setattr__(self, "exposure", _checked_exposure(self.exposure))
@@ -145,6 +150,8 @@ class Options:
         object.__setattr__(self, "edges", _checked_edges(self.edges))
         object.__setattr__(self, "edge_color", linear_rgb(self.edge_color))
         object.__setattr__(self, "edge_width", _checked_width(self.edge_width))
+        if not isinstance(self.ground, bool):
+            raise SceneError(f"ground must be True or False; given {shown(self.ground)}")
 
     def _checked_size(self) -> tuple[int, int]:
         """Return the size as two ints; a number alone makes a square."""
@@ -195,17 +202,15 @@ def _checked_outputs(outputs: object) -> tuple:
     return names
 
 
-def _checked_samples(samples: object, outputs: tuple) -> int:
-    """Return the samples a pixel; those of None depend on what is asked for."""
-    if samples is None:
-        return PICTURE_SAMPLES if {"color", "rgb"}.issuperset(outputs) else BUFFER_SAMPLES
+def _checked_samples(samples: object) -> Samples:
+    """Return the samples a pixel as an int."""
     try:
         value = number(samples, "samples")
     except SceneError:
         value = 0.0
     if value not in SAMPLES:
         raise SceneError(f"samples must be one of {', '.join(map(str, SAMPLES))}; given {shown(samples)}")
-    return int(value)
+    return int(value)  # type: ignore[return-value]
 
 
 def _checked_count(name: str, value: object, low: int, high: int, unit: str = "") -> int | None:

@@ -1,9 +1,9 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +16,16 @@ from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
-from .io.any_scene import check_one_view, framed_from, scene_of
+from .io.any_scene import AZIMUTH, check_one_view, framed_from, scene_of
 from .io.loader import FileLike
 from .keywords import checked_keywords
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera
 from .scene.color import ColorLike
+from .scene.light_presets import on_tabletop
 from .scene.lights import Light
 from .scene.scene import Scene, SceneLike
-
-if TYPE_CHECKING:
-    pass
 
 
 @checked_keywords
@@ -45,7 +43,7 @@ def render(
     crease_angle: float | None = None,
     shading: Shading = Options.shading,
     tolerance: float = Options.tolerance,
-    samples: Samples | None = Options.samples,
+    samples: Samples = Options.samples,
     antialias: Antialias = Options.antialias,
     outputs: Output | Sequence[Output] = Options.outputs,
     cull: Cull = Options.cull,
@@ -56,6 +54,7 @@ def render(
     edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
     edge_color: ColorLike = Options.edge_color,
     edge_width: float = Options.edge_width,
+    ground: bool = Options.ground,
     out: NDArray[np.uint8] | None = None,
 ) -> Frame:
     """Render a scene, or whatever one can be loaded from; what each option does is said at `Options`, where the
@@ -78,7 +77,7 @@ def render(
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp; as in `load`
     shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64
-    samples : samples a pixel: 1, 4, 9 or 16; None = 4 where "color" or "rgb" alone are asked for, 1 beside buffers
+    samples : samples a pixel: 1, 4, 9 or 16; buffers have one
     antialias : "supersample" (all is done for every sample), or "shade-once" (light and textures once for each
         polygon in a pixel)
     outputs : one name or several out of "color", "rgb", and the buffers "depth", "face", "normal", "mask", "object",
@@ -90,6 +89,8 @@ def render(
     threads : how many; None = as many as the process may use
     edges : "wire", "crease", "silhouette", "all" or several: edges drawn over the picture; None or () = none
     edge_color, edge_width : their colour, in any way that colours are written, and width in pixels
+    ground : whether the scene stands on the ground of a tabletop, with a soft shadow; without lights of its own, in a
+        light that casts shadows
     out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
 
     Returns
@@ -120,10 +121,11 @@ def render(
         edges=edges,
         edge_color=edge_color,
         edge_width=edge_width,
+        ground=ground,
     ) as renderer:
-        if camera is None and not (azimuth is elevation is up is None):
-            camera = framed_from(renderer.scene, renderer.options.size, azimuth, elevation)
-        return renderer.render(camera, out=out)
+        if camera is azimuth is elevation is None and up is not None:  # the file's camera doesn't count
+            azimuth = AZIMUTH
+        return renderer.render(camera, azimuth=azimuth, elevation=elevation, out=out)
 
 
 class Renderer:
@@ -143,7 +145,7 @@ class Renderer:
         *,
         shading: Shading = Options.shading,
         tolerance: float = Options.tolerance,
-        samples: Samples | None = Options.samples,
+        samples: Samples = Options.samples,
         antialias: Antialias = Options.antialias,
         outputs: Output | Sequence[Output] = Options.outputs,
         cull: Cull = Options.cull,
@@ -154,8 +156,8 @@ class Renderer:
         edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
         edge_color: ColorLike = Options.edge_color,
         edge_width: float = Options.edge_width,
+        ground: bool = Options.ground,
     ) -> None:
-        self.scene: Scene = scene_of(scene)
         self.options: Options = Options(
             size=size,
             shading=shading,
@@ -171,9 +173,17 @@ class Renderer:
             edges=edges,
             edge_color=edge_color,
             edge_width=edge_width,
+            ground=ground,
         )
-        with compiling_ahead(lambda: list_kernels_of(self.scene, self.options)):
-            self._prepared = PreparedScene(self.scene, self.options)
+        self.scene: Scene = scene_of(scene)
+        if ground:
+            lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
+            self.scene = replace(self.scene, lights=lights)
+        # The background lies behind the shadow.
+        drawn = replace(self.scene, background=None) if ground else self.scene
+        with compiling_ahead(lambda: list_kernels_of(drawn, self.options)):
+            self._prepared = PreparedScene(drawn, self.options)
+        self._ground = self._make_ground() if ground else None
         self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
 
@@ -181,6 +191,14 @@ class Renderer:
     def plan(self) -> PlanSummary:
         """What the last picture needed; before the first one, what the scene says of it."""
         return self._plan
+
+    @property
+    def subject(self) -> Scene | NDArray[np.float64]:
+        """What a picture is framed on, for `Camera.framing`: the scene, or where it stands on a ground its vertices and
+        points round most of the shadow, (n, 3) in world space."""
+        if self._ground is None:
+            return self.scene
+        return np.concatenate([*(mesh.used_vertices for mesh in self.scene.meshes), self._ground.outline()])
 
     def __repr__(self) -> str:
         width, height = self.options.size
@@ -232,7 +250,7 @@ class Renderer:
         """
         check_one_view(camera, azimuth=azimuth, elevation=elevation)
         if azimuth is not None or elevation is not None:
-            camera = framed_from(self.scene, self.options.size, azimuth, elevation)
+            camera = self._framed_from(azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
             return self._render(camera, words)
@@ -261,11 +279,23 @@ class Renderer:
 
     def _list_kernels(self, camera: Camera) -> list[Job]:
         """List the kernels of a picture through a camera."""
-        return list_kernels_of(self.scene, self.options, camera, self._prepared.plan_for(camera).plan)
+        return list_kernels_of(self._prepared.scene, self.options, camera, self._prepared.plan_for(camera).plan)
+
+    def _make_ground(self) -> Any:
+        """Draw the shadow on the ground."""
+        from .engine.ground_shadow import GroundShadow, masks_of
+
+        with compiling_ahead(lambda: list_kernels_of(*masks_of(self.scene))):
+            return GroundShadow(self.scene, threads=self.options.threads)
+
+    def _framed_from(self, azimuth: float | None = None, elevation: float | None = None) -> Camera:
+        """Return the camera that frames the scene, with the shadow on its ground."""
+        return framed_from(self.scene, self.options.size, azimuth, elevation, self.subject)
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
-        camera = self.scene.camera_for(self.options.size) if camera is None else camera
+        if camera is None:
+            camera = self.scene.camera or self._framed_from()
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
         return camera
@@ -287,9 +317,13 @@ class Renderer:
         if "color" in outputs or "rgb" in outputs:
             rgba, color, alpha, counts, view_plan, buffers, screen = prepared.draw_picture(camera, clock, out)
             self._plan = view_plan.summary._replace(ways=counts.ways)
+            linear = (color, alpha) if "color" in outputs else (None, None)
             if self.options.edges:
-                prepared.draw_edges(camera, rgba, *((color, alpha) if "color" in outputs else (None, None)))
+                prepared.draw_edges(camera, rgba, *linear)
                 clock.lap("edges")
+            if self._ground is not None:
+                self._ground.lay_under(camera, rgba, *linear, self.scene.background)
+                clock.lap("ground")
             if "color" in outputs:
                 arrays.update(color=color, alpha=alpha)
         if buffers is None and prepared.buffer_names:
@@ -298,8 +332,9 @@ class Renderer:
         arrays.update(buffers or {})
         bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
         # What a frame picks with draws the surfaces that it shows, and no colours.
-        shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "threads": 1}
-        source = FrameSource(self.scene, camera, partial(Renderer, self.scene, self.options.size, **shown_as))
+        shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "samples": 1}
+        renderer = partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
+        source = FrameSource(self.scene, camera, renderer)
         return Frame(rgba, arrays, self._stats(counts, view_plan, clock, bounds), self.options.size, source)
 
     def _stats(self, counts, view_plan, clock, bounds) -> Stats:

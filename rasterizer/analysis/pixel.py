@@ -26,7 +26,7 @@ def explain(
     camera: Camera | None = None,
     shading: Shading = Options.shading,
     tolerance: float = Options.tolerance,
-    samples: Samples | None = Options.samples,
+    samples: Samples = Options.samples,
     antialias: Antialias = Options.antialias,
     outputs: Output | Sequence[Output] = Options.outputs,
     cull: Cull = Options.cull,

@@ -16,7 +16,7 @@ from ..scene.camera import Camera
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
 
-_PICTURE = {"outputs": "rgb", "samples": 4}  # what options begin with that are given as a dict
+_PICTURE = {"outputs": "rgb"}  # what options begin with that are given as a dict
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class RenderTask:
         or the scene's own
     camera : Camera; None = by the view
     options : Options, or a dict of some of them. Where a dict names no outputs, they are what the file holds: of a
-        picture "rgb" with 4 samples, of a .npy file its array with one. `threads` is 1 unless it is given
+        picture "rgb", of a .npy file its array. `threads` is 1 unless it is given
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
     array : which array a .npy file holds, as in `Frame.save`; None = the first of the outputs, or "color"
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import SceneError
 from ..scene import light_presets
 from ..scene.camera import Camera
-from ..scene.shadow import Shadow, with_shadow_fields
+from ..scene.shadow import Shadow, with_shadow_fields, without_shadows
 from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .light_arguments import make_light
 
@@ -42,11 +42,6 @@ def takes_shadows(arguments) -> bool:
     """Tell whether edges of shadows are seen: with methods that don't light samples, a polygon or a vertex lies in the
     shadow as a whole."""
     return getattr(arguments, "shading", None) == "phong"
-
-
-def without_shadows(lights) -> tuple:
-    """Return lights that cast no shadows."""
-    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
 
 
 def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:

@@ -124,7 +124,12 @@ def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], dict[str, float],
     """Draw a scene by every method; return the pictures, the milliseconds of each, and the last one's frame."""
     drawn, options = {}, {name: getattr(arguments, name) for name in ("size", *_OPTIONS)}
     for method in arguments.methods:
-        settings = options | {"shading": _shading_of(method), "tolerance": 0.0, "outputs": ("color", "face")}
+        settings = options | {
+            "shading": _shading_of(method),
+            "tolerance": 0.0,
+            "outputs": ("color", "face"),
+            "samples": 1,
+        }
         with Renderer(_scene_of(method, scene), **settings) as renderer:
             frame = renderer.render()
         drawn[method] = Drawn(frame.rgba, frame.color, frame.face)

@@ -9,4 +9,3 @@ TURNTABLE_SIZE, TURNTABLE_FRAMES, TURNTABLE_SECONDS = (512, 512), 36, 3.0
 DEMO_SIZE = (800, 500)
 SHEET_SIZE = (320, 240)  # of one picture on a sheet
 SHEET_VIEWS = ("iso", "front", "right", "back", "left", "top")  # of one model
-PICTURE_SHADING = "phong"  # it shows highlights and edges of shadows that Gouraud's method misses

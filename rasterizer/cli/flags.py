@@ -6,20 +6,19 @@ from .. import choices
 from ..io import formats
 from ..options import Options
 from . import values
-from .defaults import AZIMUTH, ELEVATION, FOV, PICTURE_SHADING, VIEWS
+from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .messages import NORMAL, QUIET, VERBOSE
 
 
 def fill_in_defaults(arguments) -> None:
     """Remember in `given` which options were given, because a scene file's come before the defaults; fill in those.
 
-    "samples" and "outputs" stay None where they depend on what is written.
+    "outputs" stays None where it depends on what is written.
     """
     names = [field.name for field in fields(Options) if hasattr(arguments, field.name)]
     arguments.given = frozenset(name for name in names if getattr(arguments, name) is not None)
     defaults = {field.name: field.default for field in fields(Options)}
-    defaults |= {"samples": None, "outputs": None, "size": getattr(arguments, "default_size", None)}
-    defaults["shading"] = PICTURE_SHADING
+    defaults |= {"outputs": None, "size": getattr(arguments, "default_size", None)}
     for name in names:
         if name not in arguments.given:
             setattr(arguments, name, defaults[name])

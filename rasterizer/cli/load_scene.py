@@ -19,12 +19,12 @@ from ..io.scene_contents import SceneFile
 from ..options import Options
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue
-from ..scene.light_presets import studio, tabletop
+from ..scene.light_presets import on_tabletop
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.scene import Scene
 from ..scene.shadow import Shadow, with_shadow_fields
 from ..scene.texture import Texture
-from .cameras_lights import cast_shadows, make_lights, make_shadow, shadow_fields, takes_shadows, without_shadows
+from .cameras_lights import cast_shadows, make_lights, make_shadow, shadow_fields, takes_shadows
 from .defaults import UNSAID
 from .messages import Bar
 from .suggestions import did_you_mean
@@ -45,7 +45,8 @@ class Settings(NamedTuple):
     is_transparent: bool  # whether a background is taken away
     scene: dict  # other fields of Scene to replace
     subdivide: int
-    tabletop: tuple | None  # lights of models that bring none; None = the studio's
+    is_on_tabletop: bool  # whether models that bring no lights are lit as there
+    has_key_shadow: bool  # there, of the key light
 
 
 class Loaded(NamedTuple):
@@ -84,7 +85,8 @@ def make_settings(arguments) -> Settings:
         is_transparent=background == "transparent",
         scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
         subdivide=arguments.subdivide,
-        tabletop=_make_tabletop(arguments),
+        is_on_tabletop=getattr(arguments, "ground", False),
+        has_key_shadow=takes_shadows(arguments) and not arguments.shadows,  # which say how lights cast them
     )
 
 
@@ -145,7 +147,9 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
         warnings.simplefilter("always", UserWarning)
         with _reading_shown(messages):
             read = _read(model, arguments.input_format, settings, messages, files_read)
-        read = _put_on_tabletop(read, model, arguments.input_format, settings)
+        if settings.is_on_tabletop and settings.load["lights"] is None:
+            lights = on_tabletop(read.scene.lights, settings.has_key_shadow)
+            read = read._replace(scene=replace(read.scene, lights=lights))
         scene = _changed(read, model, settings)
         _check_shadows(scene, settings)
     texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
@@ -184,22 +188,6 @@ def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
     unshadowed = () if "lights" in changes else read.unshadowed
     return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)
-
-
-def _make_tabletop(arguments) -> tuple | None:
-    """The lights that --ground brings; a key light casts no shadow where --shadows says how, or no sample is lit."""
-    if not getattr(arguments, "ground", False):
-        return None
-    return tabletop() if takes_shadows(arguments) and not arguments.shadows else without_shadows(tabletop())
-
-
-def _put_on_tabletop(read, model, input_format, settings) -> SceneFile:
-    """Light a model that brings no lights as on a tabletop, where that is wanted. A scene file rules its own look."""
-    entry = formats.find(input_format or Path(model).suffix)
-    is_scene = entry is not None and entry.is_scene
-    if settings.tabletop is None or is_scene or settings.load["lights"] is not None or read.scene.lights != studio():
-        return read
-    return read._replace(scene=replace(read.scene, lights=settings.tabletop))
 
 
 def source_of(model: str, input_format: str | None) -> str | bytes:

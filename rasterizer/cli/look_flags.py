@@ -3,9 +3,9 @@
 import argparse
 
 from .. import choices
-from ..options import BUFFER_SAMPLES, LEAST_WAVES, MOST_WAVES, PICTURE_SAMPLES, Options
+from ..options import LEAST_WAVES, MOST_WAVES, Options
 from . import values
-from .defaults import PICTURE_SHADING, UNSAID
+from .defaults import UNSAID
 from .edge_arguments import add_edges
 from .flags import add_loading, add_tolerance
 from .material_arguments import material
@@ -30,13 +30,13 @@ def add_method(group) -> None:
     add(
         "--shading",
         choices=choices.SHADINGS,
-        help=f"light polygons (flat or lambert), vertices (gouraud) or samples (phong) (default {PICTURE_SHADING})",
+        help=f"light polygons (flat or lambert), vertices (gouraud) or samples (phong) (default {Options.shading})",
     )
     add(
         "--samples",
         type=int,
         choices=choices.SAMPLES,
-        help=f"samples a pixel (default {PICTURE_SAMPLES}, {BUFFER_SAMPLES} for arrays)",
+        help=f"samples a pixel (default {Options.samples}); buffers have one",
     )
     add(
         "--antialias",
@@ -50,9 +50,8 @@ def add_ground(group) -> None:
     group.add_argument(
         "--ground",
         action=argparse.BooleanOptionalAction,
-        default=False,
-        help="the tabletop: a key light with its shadow, where the model brings no lights, and a soft shadow on the "
-        "ground, in pictures' alpha",
+        help="the tabletop: a key light with its shadow in place of the studio's, and a soft shadow on the ground, "
+        "in pictures' alpha",
     )
 
 

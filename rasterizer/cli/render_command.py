@@ -7,12 +7,11 @@ from time import perf_counter
 
 from ..errors import SceneError
 from ..io.picture_formats import picture_format
-from ..options import BUFFER_SAMPLES, PICTURE_SAMPLES, Options
+from ..options import Options
 from ..renderer import Renderer
-from .arrays import check_scale, encode_arrays, expand_arrays, holds_arrays, suffix_of
+from .arrays import check_scale, encode_arrays, expand_arrays, holds_arrays
 from .cameras_lights import camera_of, check_camera
 from .failures import Failures
-from .ground import bare, framed_points, make_ground
 from .load_scene import load_scene, make_settings, with_options
 from .messages import compilation_shown, print_text
 from .preview import preview
@@ -93,10 +92,7 @@ def check_options(arguments) -> None:
 def make_options(arguments) -> Options:
     """The options of the pictures: every field of `Options` is a flag."""
     values = {field.name: getattr(arguments, field.name) for field in fields(Options)}
-    is_picture = values["outputs"] is None and suffix_of(arguments.output) not in ("npy", "npz")
     values["outputs"] = expand_arrays(values["outputs"])
-    if values["samples"] is None:
-        values["samples"] = PICTURE_SAMPLES if is_picture else BUFFER_SAMPLES
     if values["outputs"] is None:
         values["outputs"] = "color" if holds_arrays(arguments) else "rgb"
     return Options(**values)
@@ -109,20 +105,15 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     scene = loaded.scene
     arguments = with_options(arguments, loaded.options, _names_of_file(arguments), targets[0].model)
     options = make_options(arguments)
-    ground = make_ground(arguments, scene, options.threads)
-    subject = framed_points(scene, ground)
-    ground = None if holds_arrays(arguments) else ground
-    with Renderer(bare(scene, ground), **_as_keywords(options)) as renderer:
+    with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
-            camera = camera_of(arguments, target.view, scene, loaded.framing, subject)
+            camera = camera_of(arguments, target.view, scene, loaded.framing, renderer.subject)
             frame = renderer.render(camera)
             is_black = frame.has("rgb") and not frame.rgb.any()
             doubts = find_doubts(frame.stats, is_black, scene, arguments, camera)
             doubts = [f"{target.model}: {text}" for text in doubts]
             for text in doubts:
                 messages.warn(text)
-            if ground is not None:
-                frame = ground.under(frame, camera, scene.background)
             n_byte = None
             if target.output is not None:
                 content = _content(frame, target.output, options, arguments)

@@ -19,7 +19,6 @@ from ..renderer import Renderer
 from .cameras_lights import camera_of, check_camera
 from .defaults import SHEET_VIEWS
 from .failures import Failures
-from .ground import OnGround, bare, framed_points, make_ground
 from .load_scene import load_scene, make_settings, with_options
 from .messages import Bar, compilation_shown, print_record
 from .render_command import encode_picture, make_options
@@ -91,16 +90,11 @@ def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dic
     arguments = with_options(arguments, loaded.options, names, targets[0].model)
     options = make_options(arguments)
     frames, doubts = [], []
-    ground = make_ground(arguments, scene, options.threads)
-    subject, keywords = (
-        framed_points(scene, ground),
-        {field.name: getattr(options, field.name) for field in fields(options)},
-    )
-    with Renderer(bare(scene, ground), **keywords) as renderer:
-        on_ground = OnGround(renderer, ground, scene.background)
+    keywords = {field.name: getattr(options, field.name) for field in fields(options)}
+    with Renderer(scene, **keywords) as renderer:
         for target in targets:
-            camera = camera_of(arguments, target.view, scene, loaded.framing, subject)
-            frames.append(on_ground.render(camera))
+            camera = camera_of(arguments, target.view, scene, loaded.framing, renderer.subject)
+            frames.append(renderer.render(camera))
             texts = find_doubts(frames[-1].stats, not frames[-1].rgb.any(), scene, arguments, camera)
             doubts += [f"{target.model}: {text}" for text in texts]
     for text in dict.fromkeys(doubts):

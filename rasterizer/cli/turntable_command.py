@@ -19,7 +19,6 @@ from ..scene.camera import Camera
 from ..scene.turning import middle_on_axis, pivot_of, turned_cameras
 from .cameras_lights import camera_of, framing_settings, zoomed
 from .defaults import TURNTABLE_FRAMES, TURNTABLE_SECONDS
-from .ground import OnGround, bare, framed_points, make_ground
 from .load_scene import load_scene, with_options
 from .messages import Bar, print_record
 from .render_command import draw_models, encode_picture, make_options
@@ -107,7 +106,7 @@ class _Frames:
 
     Parameters
     ----------
-    renderer : OnGround
+    renderer : Renderer
     cameras : sequence of Camera
     show : called with how many frames are drawn, and how many there are
     """
@@ -159,17 +158,13 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
     options = make_options(arguments)
     # A pixel of a GIF file is transparent or not: a soft shadow would be a black spot, or a pattern of dots.
     is_hard = suffix == ".gif" and not is_apart and scene.background is None
-    ground = None if is_hard else make_ground(arguments, scene, options.threads)
-    cameras = _cameras(arguments, targets[0].model, loaded, framed_points(scene, ground))
-    if is_hard and arguments.ground:
+    if is_hard and options.ground:
+        options = replace(options, ground=False)
         messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
     keywords = {field.name: getattr(options, field.name) for field in fields(options)}
-    with Renderer(bare(scene, ground), **keywords) as renderer, Bar(messages) as bar:
-        frames = _Frames(
-            OnGround(renderer, ground, scene.background),
-            cameras,
-            lambda k, n: bar.show(k, n, f"drawing {targets[0].model}"),
-        )
+    with Renderer(scene, **keywords) as renderer, Bar(messages) as bar:
+        cameras = _cameras(arguments, targets[0].model, loaded, renderer.subject)
+        frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {targets[0].model}"))
         doubts = _doubts(frames.first, scene, arguments, cameras[0], targets[0].model)
         for text in doubts:
             messages.warn(text)

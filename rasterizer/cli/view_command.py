@@ -6,7 +6,7 @@ from dataclasses import fields
 from ..errors import SceneError
 from ..options import Options
 from ..viewer.server import Server
-from ..viewer.session import PAPER, SAMPLES, Session
+from ..viewer.session import PAPER, Session
 from .cameras_lights import camera_of, check_camera, is_camera_given
 from .load_scene import load_scene, make_settings, with_options
 from .messages import compilation_shown, print_text
@@ -15,7 +15,6 @@ from .view_flags import MOST_PORT
 from .warnings import find_doubts
 
 _SIZE = (800, 600)  # of the first picture, which shows whether there is one; the page has a size of its own
-_SHADING = "phong"  # unless another one is asked for: what is looked at closely shall look smooth
 _NAMES = {field.name for field in fields(Options)} - {"size", "outputs"}
 
 
@@ -61,9 +60,6 @@ def _open_session(model, view, arguments, settings, messages) -> Session:
     loaded, _, own_options, framing = load_scene(model, arguments, settings, messages)
     arguments = with_options(arguments, own_options, _NAMES, model)
     options = {name: getattr(arguments, name) for name in _NAMES}
-    if "shading" not in arguments.given and "shading" not in own_options:
-        options["shading"] = _SHADING
-    options["samples"] = options["samples"] or SAMPLES
     is_own = loaded.camera is None and framing is None and not is_camera_given(arguments) and arguments.zoom == 1.0
     camera = None if is_own else camera_of(arguments, view, loaded, framing)
     session = Session(loaded, camera=camera, title=os.path.basename(model), **options)

@@ -4,7 +4,7 @@ from . import values
 from .edge_arguments import add_edges
 from .flags import add_camera, add_loading, add_messages, add_models, add_tolerance
 from .help_texts import VIEW
-from .look_flags import add_look, add_method
+from .look_flags import add_ground, add_look, add_method
 
 MOST_PORT = 65535
 
@@ -25,6 +25,7 @@ def add_flags(parser) -> None:
     look = parser.add_argument_group("look at first")
     add_method(look)
     add_look(look)
+    add_ground(look)
     add_edges(look)
     exactness = parser.add_argument_group("exactness and speed")
     add_tolerance(exactness)

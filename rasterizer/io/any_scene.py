@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import SceneError
 from ..scene.camera import Camera
 from ..scene.scene import Scene, SceneLike
@@ -32,9 +35,14 @@ def scene_of(source: SceneLike | FileLike, **settings: Any) -> Scene:
 
 
 def framed_from(
-    scene: Scene, size: tuple[int, int], azimuth: float | None = None, elevation: float | None = None
+    scene: Scene,
+    size: tuple[int, int],
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    subject: Scene | NDArray[np.float64] | None = None,
 ) -> Camera:
-    """Return the camera that frames a scene from a side, for a picture of a size (width, height).
+    """Return the camera that frames a scene from a side, for a picture of a size (width, height); `subject` may be
+    points (n, 3) that are framed in its place.
 
     Raises
     ------
@@ -44,9 +52,10 @@ def framed_from(
     """
     azimuth = AZIMUTH if azimuth is None else number(azimuth, "the azimuth")
     elevation = ELEVATION if elevation is None else number(elevation, "the elevation")
-    if (azimuth, elevation) == (AZIMUTH, ELEVATION):
-        return scene.framed(size[0] / size[1])  # which is kept
-    return Camera.framing(scene, azimuth, elevation, aspect=size[0] / size[1])
+    subject, aspect = scene if subject is None else subject, size[0] / size[1]
+    if subject is scene and (azimuth, elevation) == (AZIMUTH, ELEVATION):
+        return scene.framed(aspect)  # which is kept
+    return Camera.framing(subject, azimuth, elevation, aspect=aspect, up=scene.up)
 
 
 def check_one_view(camera: Camera | None, **angles: float | None) -> None:

@@ -43,7 +43,7 @@ KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "u
 # The fields of Options, which this side of the package doesn't import; a test holds that.
 OPTIONS = (
     "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
-    "threads", "edges", "edge_color", "edge_width",
+    "threads", "edges", "edge_color", "edge_width", "ground",
 )  # fmt: skip
 
 

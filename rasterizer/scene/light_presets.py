@@ -1,7 +1,7 @@
 """Ready-made lights: neutral, attached to the camera, so that every view of a model is lit alike."""
 
 from .lights import AmbientLight, DirectionalLight, Light
-from .shadow import Shadow
+from .shadow import Shadow, without_shadows
 
 
 def studio() -> tuple[Light, ...]:
@@ -32,6 +32,16 @@ def tabletop() -> tuple[Light, ...]:
         DirectionalLight((-0.85, -0.10, -0.50), 0.20, "camera"),
         DirectionalLight((0.15, -0.70, 0.70), 0.35, "camera"),
     )
+
+
+def on_tabletop(lights: tuple[Light, ...], takes_shadows: bool) -> tuple[Light, ...]:
+    """Return the lights of `tabletop` in place of those of `studio`, the default; others as they are.
+
+    Without `takes_shadows` the key light casts none.
+    """
+    if lights != studio():
+        return lights
+    return tabletop() if takes_shadows else without_shadows(tabletop())
 
 
 PRESETS = {"studio": studio, "headlight": headlight, "tabletop": tabletop}

@@ -75,3 +75,8 @@ def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
         return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
 
     return tuple(map(changed, lights))
+
+
+def without_shadows(lights: Iterable[Any]) -> tuple[Any, ...]:
+    """Return lights that cast no shadows."""
+    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)

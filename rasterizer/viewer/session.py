@@ -32,7 +32,6 @@ from .orbit import Orbit
 from .picking import Picked, pick
 from .resolution import Resolution
 
-SAMPLES = 4  # a pixel, at rest
 PAPER = "#ffffff"  # behind the scene until a page says what its own is
 _QUALITY = 85  # of JPEG files
 _MOST_RENDERERS = 3  # kept: for pictures at rest, for those that move, and the one used before
@@ -70,8 +69,8 @@ class Session:
         *,
         camera: Camera | None = None,
         title: str = "",
-        shading: str = "phong",
-        samples: int = SAMPLES,
+        shading: str = Options.shading,
+        samples: int = Options.samples,
         **options: Any,
     ) -> None:
         legal = [field.name for field in fields(Options) if field.name not in _OWN]

@@ -27,7 +27,7 @@ def strip(**mesh):
 def picture(scene, values) -> SimpleNamespace:
     """A picture whose pixels have the values (w,), and only show the two triangles that share the edge between the
     quads."""
-    face = rz.render(scene, SIZE, outputs=("face",)).face
+    face = rz.render(scene, SIZE, outputs=("face",), shading="gouraud", samples=1).face
     color = np.broadcast_to(np.asarray(values, np.float32)[None, :, None], (*face.shape, 3))
     return SimpleNamespace(color=color, face=np.where(face < 2, 1, 2).astype(np.int32))
 
@@ -68,7 +68,7 @@ def test_colours_count_by_their_luminance():
 def test_a_ramp_between_vertices():
     """Colours 0, 0.5 and 0.5 at the columns -1, 12 and 25: slope 0.5/13, then none."""
     scene = strip(colors=np.repeat([0.0, 0.5, 0.5, 0.5, 0.5, 0.0], 3).reshape(6, 3))
-    frame = rz.render(scene, SIZE, shading="gouraud", tolerance=0, outputs=("color", "face"))
+    frame = rz.render(scene, SIZE, shading="gouraud", tolerance=0, outputs=("color", "face"), samples=1)
     bands = rz.mach_bands(frame, scene)
     assert bands.slope_jump == pytest.approx(0.5 / 13, abs=1e-6) and bands.value_jump < 1e-6
 
@@ -173,7 +173,9 @@ def test_subdivision_and_size_make_the_bands_smaller():
     finer = replace(scene, meshes=(scene.meshes[0].subdivide(),))
 
     def jump(scene, size):
-        frame = rz.render(replace(scene, camera=camera), size, tolerance=0, samples=1, outputs=("color", "face"))
+        frame = rz.render(
+            replace(scene, camera=camera), size, tolerance=0, samples=1, outputs=("color", "face"), shading="gouraud"
+        )
         return rz.mach_bands(frame, scene, camera).slope_jump
 
     coarse = jump(scene, (160, 120))
@@ -196,10 +198,10 @@ def test_small_pictures():
 def test_what_is_no_picture_for_it():
     scene = strip()
     good = picture(scene, X)
-    fine = rz.render(scene, SIZE, samples=4, outputs=("color", "face"))
+    fine = rz.render(scene, SIZE, samples=4, outputs=("color", "face"), shading="gouraud")
     for bad, message in (
         (fine, "one sample a pixel"),
-        (rz.render(scene, SIZE, samples=1), "no face: ask for it"),
+        (rz.render(scene, SIZE, samples=1, shading="gouraud"), "no face: ask for it"),
         (good.color, "color and face is needed; given ndarray"),
         (SimpleNamespace(color=good.color, face=good.color), "face .height, width. integers; given float32"),
         (SimpleNamespace(color=good.color, face=good.face + 2), "shows face 4; the scene has 4 faces"),

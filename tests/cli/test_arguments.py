@@ -28,17 +28,16 @@ pytestmark = pytest.mark.usefixtures("folder")
 def test_every_option_is_a_flag():
     parsed = vars(arguments.parse(["render", "x.obj"]))
     for field in fields(Options):
-        # The first two depend on whether a picture or an array is written; a picture is to show highlights.
         assert field.name in parsed
-        if field.name not in ("samples", "outputs", "shading"):
+        if field.name != "outputs":  # they depend on whether a picture or an array is written
             assert parsed[field.name] == field.default, field.name
     for argv, expected in (
-        ([], {"samples": 4, "outputs": "rgb"}),
+        ([], {"outputs": "rgb"}),
         (["--array", "face"], {"outputs": "face"}),
-        (["-o", "x.npy"], {"samples": 1}),
+        (["-o", "x.npy"], {"outputs": "color"}),
     ):
         found = make_options(arguments.parse(["render", "x.obj", *argv]))
-        assert found == Options(shading="phong", **expected), f"{argv}: {found}"
+        assert found == Options(**expected), f"{argv}: {found}"
 
 
 def test_words_and_numbers_of_the_help_are_those_of_the_scene():
@@ -155,7 +154,7 @@ def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsy
 LOOKS = """
 --shading flat | --shading gouraud | --samples 1 | --samples 4 --antialias shade-once | --ground
 --crease-angle 1 | --material shininess=2 | --color orange | --reflection blinn
---preset tabletop | --preset studio --ground | --preset headlight | --light directional:0,-1,0,color=orange --color teal
+--preset tabletop | --preset headlight | --light directional:0,-1,0,color=orange --color teal
 --light directional:0,-1,0,color=orange --color teal --spectral 5 | --light directional:-1,-0.4,-0.2
 --light directional:-1,-0.4,-0.2 --shadows | --light directional:-1,-0.4,-0.2 --shadows --shadow-size 16
 --light directional:-1,-0.4,-0.2 --shadows --shadow-filter 9 | --background 0.2/0.1/0 | --depth-cue 2
@@ -181,7 +180,7 @@ def test_materials_and_backgrounds_are_those_of_the_library(capsys):
     (cube,) = scene.meshes
     scene = replace(scene, meshes=[replace(cube, material=replace(cube.material, reflection="blinn"))])
     assert run(CUBE, "-o", "x.png", *PLAIN, "--reflection", "blinn", "--background", "0.2/0.1/0") == 0
-    assert not differences(picture("x.png"), rz.render(scene, (24, 16), samples=4).rgb)
+    assert not differences(picture("x.png"), rz.render(scene, (24, 16), samples=4, shading="gouraud").rgb)
     assert errors(capsys) == ""
 
 
@@ -214,7 +213,6 @@ LACKING = {
     "view": NO_ARRAYS
     | dict.fromkeys(("--output", "--size", "--skip-existing"), "its pictures are shown, and as large as the page")
     | dict.fromkeys(("--processes", "--json", "--preview"), "there is one model, and a page")
-    | dict.fromkeys(("--ground", "--no-ground"), "what is turned by hand is seen from below, too"),
 }  # fmt: skip
 
 

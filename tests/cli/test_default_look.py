@@ -4,10 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 from helpers.command import CUBE, SMALL, loaded, picture, raster
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.viewer.session import PAPER, Session
 
 pytestmark = pytest.mark.usefixtures("folder")
 SIZE, TEXT = (48, 36), "48x36"
@@ -18,14 +20,29 @@ def run(*argv) -> int:
 
 
 @pytest.mark.parametrize("model", ["teapot.obj", "gear.stl", "still_life.obj"])
-def test_the_command_line_draws_the_picture_of_the_library(model):
+def test_every_entry_draws_the_same_picture(model):
     path = str(ROOT / "models" / model)
-    expected = rz.render(path, SIZE, shading="phong").rgba
+    expected = rz.render(path, SIZE).rgba
     assert 0 < expected[..., 3].mean() < 255
-    with rz.Renderer(path, SIZE, shading="phong") as renderer:
-        assert np.array_equal(renderer.render().rgba, expected)
+    with rz.Renderer(path, SIZE) as renderer:
+        assert not differences(renderer.render().rgba, expected)
     assert raster("render", path, "-s", TEXT, "-o", "x.png") == 0
-    assert np.array_equal(picture("x.png"), expected)
+    assert not differences(picture("x.png"), expected)
+    assert raster("sheet", path, "-s", TEXT, "--azimuth", "35", "--gap", "0", "--no-labels", "-o", "sheet.png") == 0
+    assert not differences(picture("sheet.png"), expected)
+    session = Session(rz.load(path))
+    session.answer({"size": list(SIZE), "background": PAPER, "is_rest": True, "events": []})
+    assert not differences(session.frame.rgba, rz.render(path, SIZE, background=PAPER).rgba)
+
+
+@pytest.mark.parametrize("ground", [False, True])
+def test_a_turntable_and_a_sheet_show_what_render_does(ground):
+    flags = ["-s", TEXT, "--eye", "3,4,5", "--ground" if ground else "--no-ground"]
+    for command, name in (("render", "x.png"), ("sheet", "sheet.png"), ("turntable", "{frame}.png")):
+        more = {"sheet": ["--gap", "0", "--no-labels"], "turntable": ["--frames", "2"]}.get(command, [])
+        assert raster(command, CUBE, *flags, *more, "-o", name) == 0
+    for name in ("sheet.png", "0.png"):
+        assert not differences(picture(name), picture("x.png")), name
 
 
 def test_the_ground_brings_its_lights_where_the_model_has_none():
@@ -40,10 +57,18 @@ def test_the_ground_brings_its_lights_where_the_model_has_none():
     assert shadows == {rz.Shadow(64)}, "flags for shadows come first"
 
 
-def test_a_scene_file_rules_its_own_look(folder):
+def test_a_scene_file_keeps_its_lights_and_may_ask_for_the_ground(folder):
     cube = {"vertices": rz.load(CUBE).meshes[0].vertices.tolist(), "faces": rz.load(CUBE).meshes[0].faces.tolist()}
-    (folder / "scene.json").write_text(json.dumps({"meshes": [cube]}))
-    assert loaded("scene.json", "--ground").scene.lights == rz.studio()
+    table = {"meshes": [cube], "lights": ["headlight"]}
+    (folder / "scene.json").write_text(json.dumps(table))
+    assert loaded("scene.json", "--ground").scene.lights == rz.headlight()
+    (folder / "ground.json").write_text(json.dumps(table | {"options": {"ground": True}}))
+    for name, flags in (("flag.png", ["scene.json", "--ground"]), ("file.png", ["ground.json"])):
+        assert raster("render", *SMALL, *flags, "-o", name) == 0
+    assert raster("render", *SMALL, "ground.json", "--no-ground", "-o", "none.png") == 0
+    assert not differences(picture("file.png"), picture("flag.png")) and differences(
+        picture("none.png"), picture("flag.png")
+    )
 
 
 def test_alone_the_ground_has_a_soft_shadow_and_it_fades_before_the_border():

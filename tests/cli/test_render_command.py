@@ -28,13 +28,9 @@ def test_the_default_picture(folder, capsys):
     assert os.listdir(folder) == ["cube.png"]
     image = Image.open("cube.png")
     assert (image.size, image.mode, image.format) == ((24, 16), "RGBA", "PNG")
-    assert not differences(picture("cube.png"), rz.render(CUBE, (24, 16), shading="phong").rgba)
+    assert not differences(picture("cube.png"), rz.render(CUBE, (24, 16)).rgba)
     assert raster("render", *SMALL, CUBE, "--ground", "-o", "ground.png") == 0
-    scene = rz.load(CUBE, lights=rz.tabletop())
-    ground = rz.GroundShadow(scene)
-    camera = rz.Camera.framing(np.concatenate([scene.meshes[0].vertices, ground.outline()]), aspect=24 / 16)
-    expected = rz.render(replace(scene, camera=camera), (24, 16), shading="phong")
-    assert not differences(picture("ground.png"), ground.under(expected, camera).rgba)
+    assert not differences(picture("ground.png"), rz.render(CUBE, (24, 16), ground=True).rgba)
     alpha = picture("cube.png")[..., 3]
     assert alpha[0, 0] == 0 and alpha[8, 12] == 255
     for threads in (1, 3):
@@ -58,7 +54,9 @@ def test_stdin_and_stdout(monkeypatch, capfdbinary):
     assert run("-", "--input-format", "obj", "-o", "-", "--json", *PLAIN) == 0
     out, err = capfdbinary.readouterr()
     image = Image.open(io.BytesIO(out))
-    assert image.format == "PNG" and not differences(image, rz.render(rz.load(CUBE), (24, 16), samples=4))
+    assert image.format == "PNG" and not differences(
+        image, rz.render(rz.load(CUBE), (24, 16), samples=4, shading="gouraud")
+    )
     assert json.loads(err)["output"] == "-"
 
 

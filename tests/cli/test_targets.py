@@ -136,7 +136,9 @@ def test_a_camera_comes_from_a_file(folder, capsys):
         ("cam.json", "--camera frame", rz.Camera.framing(scene, aspect=1.5)),
     ):
         assert run(model, *flags.split(), "-o", "x.png", *PLAIN) == 0
-        expected = rz.render(rz.load(CUBE, camera=through), (24, 16), samples=4).rgba  # as PLAIN has it
+        expected = rz.render(
+            rz.load(CUBE, camera=through), (24, 16), samples=4, shading="gouraud"
+        ).rgba  # as PLAIN has it
         assert (picture("x.png") == expected).all(), f"{model} {flags}"
     assert_refused(capsys, [
         ([CUBE, "--camera", "none.json"], "none.json: the scene has no camera"),

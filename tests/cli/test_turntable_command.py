@@ -143,7 +143,7 @@ def test_it_is_that_of_the_library_byte_for_byte(folder):
         scene = rz.load(model, up="y" if "--up" in argv else None, background=settings.get("background"))
         settings = {key: value for key, value in settings.items() if key != "background"}
         assert run(model, *PLAIN, *argv, "-o", "x.png") == 0
-        drawn = rz.turntable(scene, (48, 36), 6, threads=1, **settings).frames
+        drawn = rz.turntable(scene, (48, 36), 6, threads=1, **{"shading": "gouraud"} | settings).frames
         assert all(np.array_equal(a, b) for a, b in zip(pictures("x.png"), drawn, strict=True)), argv
 
 

@@ -29,7 +29,7 @@ def test_each_output_that_is_asked_for_has_a_bound_and_no_other():
         OUTPUTS: {"color", "rgb", "depth", "depth_share", "normal", "face"},
     }
     for outputs, names in asked.items():
-        frame = rz.render(scene, (32, 24), outputs=outputs, samples=4)
+        frame = rz.render(scene, (32, 24), outputs=outputs, samples=4, shading="gouraud")
         bounds = frame.stats.error_bounds
         assert set(bounds.as_json()) == names, outputs
         assert bounds.color in (None, frame.stats.error_bound) and bounds.face in (None, 0)
@@ -41,7 +41,9 @@ def test_depths_without_perspective_have_a_share_only_where_none_is_0():
     shares = []
     for height in (3.0, 0.0):
         camera = rz.Camera.orthographic((0, height, 0), (0, height - 1, 0), (0, 0, 1), height=3)
-        bounds = rz.render(rz.Scene(FLOOR, camera=camera), (8, 8), outputs="depth").stats.error_bounds
+        bounds = rz.render(
+            rz.Scene(FLOOR, camera=camera), (8, 8), outputs="depth", shading="gouraud", samples=1
+        ).stats.error_bounds
         shares.append(bounds.depth_share)
         assert np.isfinite(bounds.depth) and bounds.as_json()["depth_share"] in (None, bounds.depth_share)
     assert shares[0] == pytest.approx(2.0**-24, rel=1e-3) and shares[1] == np.inf
@@ -75,7 +77,7 @@ def test_errors_lie_within_the_stated_distance_of_the_edges_of_shadows(kind):
         "area": rz.AreaLight((0, height, 0), (0.001, 0, 0), (0, 0, 0.001), 0.8, resolution=(1, 1), shadow=shadow),
     }[kind]
     scene = rz.Scene([FLOOR, PLATE], [light], rz.Camera.perspective((0, 1.5, 3.5), (0, 0, 0)))
-    frame = rz.render(scene, (160, 120), shading="phong", outputs=("color", "face", "depth"))
+    frame = rz.render(scene, (160, 120), shading="phong", outputs=("color", "face", "depth"), samples=1)
     (found,) = frame.stats.error_bounds.shadows
     expected = reference.render(scene, (160, 120), shading="phong")
     error = np.abs(frame.color - expected.color).max(axis=-1)
@@ -108,7 +110,7 @@ def test_a_filter_is_no_further_from_the_average_than_is_said(kind):
         material=rz.Material(diffuse=0.9, ambient=0.9, texture=rz.Texture(image, filter=kind)),
     )  # fmt: skip
     scene = rz.Scene([floor, PLATE], [rz.AmbientLight(0.7)], rz.Camera.perspective((0, 3, 1), (0, 0, 0)))
-    frame = rz.render(scene, (48, 48), outputs=("color", "face"))
+    frame = rz.render(scene, (48, 48), outputs=("color", "face"), shading="gouraud", samples=1)
     ((name, most, near),) = frame.stats.error_bounds.filters
     error = np.abs(frame.color[frame.face == 0] - 0.5 * 0.9 * 0.7).max()
     assert (name, near > 0) == (kind, kind == "nearest")

@@ -284,7 +284,7 @@ def test_entries_accept_what_is_left_of_the_tolerance():
     """The rounding of the lighting and that of the levels have to share."""
     camera = rz.Camera.perspective((0, 0, 5))
     screen = screen_for(camera, (1.0, 9.0))
-    found = plan_of(scene_of([GREY], GREY_LIGHTS))
+    found = plan_of(scene_of([GREY], GREY_LIGHTS), shading="gouraud")
     coding = make_coding(found, DEFAULT_TOLERANCE)._replace(depths=scale_depths(screen))
     assert coding.limits[0] + found.of_materials.roundings.max() == pytest.approx(DEFAULT_TOLERANCE)
     assert not coding.needs_distance

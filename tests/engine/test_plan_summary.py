@@ -36,7 +36,8 @@ def test_a_plan_tells_the_way_that_triangles_took():
 
 
 def test_lights_of_two_colors_take_planes_of_three_channels():
-    plan = plan_of(lights=(LIGHT, rz.PointLight((2, 2, 2), (0.5, 0.2, 0.1))))
+    lights = (LIGHT, rz.PointLight((2, 2, 2), (0.5, 0.2, 0.1)))
+    plan = plan_of(lights=lights, shading="gouraud")
     assert plan.channels == 3 and plan.way == "planes of the intensities"
     assert plan.ways.entries == 0 and plan.ways.planes > 20, plan
     assert plan.light_functions == ("directional", "point")
@@ -55,7 +56,7 @@ def test_a_plan_names_the_functions_and_the_features_that_a_scene_uses():
 
 
 def test_a_renderer_tells_its_plan_before_and_after_a_picture():
-    with rz.Renderer(rz.Scene([BALL], [LIGHT], CAMERA), SIZE, samples=1) as renderer:
+    with rz.Renderer(rz.Scene([BALL], [LIGHT], CAMERA), SIZE, samples=1, shading="gouraud") as renderer:
         assert renderer.plan.ways is None and renderer.plan.dtype == "float32"
         frame = renderer.render()
         assert renderer.plan == frame.stats.plan and renderer.plan.ways is not None

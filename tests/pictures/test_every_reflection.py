@@ -354,7 +354,7 @@ def test_the_command_line_knows_every_model(tmp_path):
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.vertices)
     model = tmp_path / "ball.obj"
     model.write_text(vertices + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1))
-    scene, options = rz.load(model), {"shading": "phong", "outputs": ("color",), "samples": 1}
+    scene, options = rz.load(model), {"shading": "phong", "outputs": ("color",)}
     for name in NAMES:
         out = tmp_path / f"{name}.npy"
         words = f"--reflection {name} --array color -s 24 --shading phong --preset studio -q -o"

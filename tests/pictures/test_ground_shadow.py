@@ -10,8 +10,8 @@ from helpers.arrays import deviations, differences
 from helpers.pixels import AXIS, skewed
 
 import rasterizer as rz
-from rasterizer import ground_shadow
-from rasterizer.ground_shadow import GroundShadow
+from rasterizer.engine import ground_shadow
+from rasterizer.engine.ground_shadow import GroundShadow
 
 CUBE = rz.Mesh(*solids.cube())
 SIZE = (40, 30)
@@ -116,7 +116,9 @@ def test_the_shadow_lies_under_the_picture(background):
     camera = rz.Camera.framing(scene, 30, 40, margin=0.25)
     frame = rz.render(replace(scene, camera=camera), (96, 72), samples=4, outputs=("color", "rgb", "depth"))
     shadow = GroundShadow(scene, size=64, points=16)
-    below = shadow.under(frame, camera, background)
+    behind = rz.Scene(CUBE, background=background).background
+    below = frame.rgba.copy(), frame.color.copy(), frame.alpha.copy()
+    shadow.lay_under(camera, *below, behind)
     opacity = (shadow.opacity_at(camera, (96, 72)) * ground_shadow.faded((96, 72)))[..., None]
     alpha, color = frame.alpha[..., None], frame.color * frame.alpha[..., None]  # premultiplied
     dark = (1 - alpha) * opacity
@@ -124,15 +126,16 @@ def test_the_shadow_lies_under_the_picture(background):
         expected_alpha = alpha + dark
         expected = color / np.maximum(expected_alpha, 1e-9)
     else:
-        behind = rz.Scene(CUBE, background=background).background
         expected_alpha, expected = np.ones_like(alpha), color + (1 - alpha - dark) * np.array(behind)
-    got = below.rgba / 255
+    assert not deviations(below[2], expected_alpha[..., 0], 1e-6)
+    is_seen = expected_alpha[..., 0] > 0
+    assert not deviations(below[1][is_seen], expected[is_seen], 1e-5)
+    got = below[0] / 255
     assert np.abs(got[..., 3:] - expected_alpha).max() <= 1.0 / 255 + 1e-6  # rounded once in the frame, once here
     expected = np.where(expected <= 0.0031308, 12.92 * expected, 1.055 * expected ** (1 / 2.4) - 0.055)
     visible = expected_alpha[..., 0] > 0.1  # elsewhere a level of the frame's own rounding is many of the result's
     assert np.abs(got[..., :3] - expected)[visible].max() <= 2.1 / 255
-    assert (frame.alpha == 1).any() and not differences(below.rgba[frame.alpha == 1], frame.rgba[frame.alpha == 1])
-    assert below.stats is frame.stats and not differences(below.depth, frame.depth)
+    assert (frame.alpha == 1).any() and not differences(below[0][frame.alpha == 1], frame.rgba[frame.alpha == 1])
     assert (opacity > 0.1).any()
 
 
@@ -180,18 +183,6 @@ def test_the_outline_holds_what_is_dark():
     assert (reach < 1.3).all(), f"the outline is {reach} times as large as what is dark"
 
 
-def test_what_is_not_legal_is_told():
-    for settings, message in (
-        ({"strength": 1.5}, "strength must be within 0..1; given 1.5"),
-        ({"strength": math.nan}, "strength"),
-        ({"size": 8}, "size must be a whole number within 16..4096; given 8"),
-        ({"size": 20.5}, "size must be a whole number"),
-        ({"points": 0}, "points must be a whole number within 1..1024; given 0"),
-    ):
-        with pytest.raises(rz.SceneError, match=message):
-            GroundShadow(rz.Scene(CUBE), **settings)
-
-
 def test_the_same_bytes_on_any_number_of_threads():
     """Also of the sum over glass, whose masks are shares; and where there are fewer points than threads."""
     glass = rz.Scene(replace(soup(8), material=rz.Material(opacity=0.3)))
@@ -201,3 +192,39 @@ def test_the_same_bytes_on_any_number_of_threads():
         for threads in (2, 7):
             other = GroundShadow(scene, size=64, points=points, threads=threads).opacity
             assert np.array_equal(first, other), f"{threads} threads, {points} points"
+
+
+def test_ground_lays_the_shadow_under_the_picture_alone():
+    """Colours and alpha hold it, buffers don't; the studio's lights become the tabletop's, other lights stay."""
+    scene, outputs = rz.Scene(CUBE), ("color", "rgb", "depth", "mask")
+    with rz.Renderer(scene, SIZE, ground=True, outputs=outputs) as renderer:
+        frame, seen = renderer.render(), renderer.subject
+        turned = renderer.render(azimuth=80)
+    assert not differences(rz.render(CUBE, SIZE, ground=True).rgba, frame.rgba)
+    for azimuth, found in ((35, frame), (80, turned)):
+        camera = rz.Camera.framing(seen, azimuth, aspect=SIZE[0] / SIZE[1])
+        lit = replace(scene, lights=rz.tabletop(), camera=camera)
+        bare = rz.render(lit, SIZE, outputs=outputs)
+        rgba, color, alpha = bare.rgba.copy(), bare.color.copy(), bare.alpha.copy()
+        GroundShadow(scene).lay_under(camera, rgba, color, alpha, None)
+        expected = {"rgba": rgba, "color": color, "alpha": alpha, "depth": bare.depth, "mask": bare.mask}
+        for name, values in expected.items():
+            assert not differences(getattr(found, name), values), name
+        assert (found.alpha > bare.alpha).any() and found.stats.coverage == bare.stats.coverage
+
+
+def test_the_ground_comes_before_the_background_and_leaves_other_lights():
+    opaque = rz.render(CUBE, SIZE, ground=True, background="white")
+    assert not differences(opaque.rgba[..., 3], 255) and not differences(opaque.rgba[0], 255)
+    below = rz.render(CUBE, SIZE, ground=True)
+    shadow = (below.rgba[..., :3] == 0).all(axis=2) & (below.alpha > 0.2)
+    assert shadow.any() and (opaque.rgba[shadow][:, :3] < 240).all()
+    lamp = (rz.PointLight((3, 4, 5)),)
+    with rz.Renderer(rz.Scene(CUBE, lamp), SIZE, ground=True) as renderer:
+        assert renderer.scene.lights == lamp
+    for shading, casts in (("flat", False), ("gouraud", False), ("phong", True)):
+        with rz.Renderer(CUBE, SIZE, ground=True, shading=shading) as renderer:
+            lights = renderer.scene.lights
+        assert any(getattr(light, "shadow", None) for light in lights) == casts and len(lights) == 4, shading
+    with pytest.raises(rz.SceneError, match="ground must be True or False; given 3"):
+        rz.render(CUBE, SIZE, ground=3)

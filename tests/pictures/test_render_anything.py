@@ -42,7 +42,11 @@ def test_every_source_makes_a_picture_of_the_same_cube():
 
 def test_several_meshes_are_one_scene():
     pair = [MESH, MESH.translated((3, 0, 0))]
-    assert rz.render(pair, SIZE).stats.faces == 2 * MESH.n_face == rz.render(tuple(pair), SIZE).stats.faces
+    assert (
+        rz.render(pair, SIZE, shading="gouraud").stats.faces
+        == 2 * MESH.n_face
+        == rz.render(tuple(pair), SIZE, shading="gouraud").stats.faces
+    )
     assert rz.load(pair).n_face == 2 * MESH.n_face
 
 
@@ -84,15 +88,21 @@ def test_a_camera_and_an_angle_are_refused():
     for angle in ("azimuth", "elevation"):
         with pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
             rz.render(MESH, 8, camera=camera, **{angle: 3})
-        with rz.Renderer(MESH, 8) as renderer, pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
+        with (
+            rz.Renderer(MESH, 8, shading="gouraud") as renderer,
+            pytest.raises(rz.SceneError, match=f"given camera, {angle}"),
+        ):
             renderer.render(camera, **{angle: 3})
 
 
 def test_pictures_have_four_samples_and_pictures_beside_buffers_one():
-    picture, both = rz.render(MESH, SIZE), rz.render(MESH, SIZE, outputs=("color", "face"))
+    picture, both = (
+        rz.render(MESH, SIZE, shading="gouraud"),
+        rz.render(MESH, SIZE, outputs=("color", "face"), shading="gouraud", samples=1),
+    )
     assert picture.stats.samples == 4 * SIZE[0] * SIZE[1] and both.stats.samples == SIZE[0] * SIZE[1]
     assert bytes_of(MESH, SIZE) == bytes_of(MESH, SIZE, samples=4)
-    with rz.Renderer(MESH, SIZE) as renderer:
+    with rz.Renderer(MESH, SIZE, shading="gouraud") as renderer:
         assert renderer.render().rgba.tobytes() == picture.rgba.tobytes()
 
 
@@ -109,7 +119,7 @@ def test_what_is_no_model(folder):
         ({}, rz.ModelError, "a mesh must be"),
     ):
         with pytest.raises(error, match=words):
-            rz.render(source, 8)
+            rz.render(source, 8, shading="gouraud")
 
 
 # --- the frame ------------------------------------------------------------------------------------------------------
@@ -118,7 +128,7 @@ def test_what_is_no_model(folder):
 def test_pillow_takes_a_frame_for_an_image():
     from PIL import Image
 
-    frame = rz.render(MESH, SIZE)
+    frame = rz.render(MESH, SIZE, shading="gouraud")
     image = Image.fromarray(frame)
     assert (image.mode, image.size) == ("RGBA", SIZE) == ("RGBA", (frame.width, frame.height))
     assert image.tobytes() == frame.rgba.tobytes() == frame.tobytes()
@@ -127,7 +137,7 @@ def test_pillow_takes_a_frame_for_an_image():
 
 
 def test_what_a_frame_does_not_have_can_be_asked_for():
-    frame = rz.render(MESH, 8, outputs=("rgb", "depth"))
+    frame = rz.render(MESH, 8, outputs=("rgb", "depth"), shading="gouraud", samples=1)
     assert hasattr(frame, "depth") and not hasattr(frame, "position") and getattr(frame, "normal", None) is None
     assert dict(inspect.getmembers(frame))["width"] == 8
     with pytest.raises(rz.SceneError, match="ask for it with outputs"):
@@ -144,20 +154,20 @@ def test_a_renderer_prints_in_a_line():
 
 def test_words_for_lights_say_what_makes_them():
     with pytest.raises(rz.SceneError, match=r"given 'studio' at 0; ready-made ones are made by studio\(\)"):
-        rz.render(MESH, 8, lights="studio")
+        rz.render(MESH, 8, lights="studio", shading="gouraud")
 
 
 def test_a_frame_without_a_picture_is_no_image():
     from PIL import Image
 
     with pytest.raises(rz.SceneError, match="ask for it with outputs"):
-        Image.fromarray(rz.render(MESH, 8, outputs="depth"))
+        Image.fromarray(rz.render(MESH, 8, outputs="depth", shading="gouraud", samples=1))
 
 
 def test_show_opens_a_program_or_says_what_to_do(monkeypatch):
     from PIL import ImageShow
 
-    frame, shown = rz.render(MESH, SIZE), []
+    frame, shown = rz.render(MESH, SIZE, shading="gouraud"), []
     monkeypatch.setattr(ImageShow, "show", lambda image: shown.append(image) or True)
     frame.show()
     assert shown[0].size == SIZE
@@ -173,7 +183,7 @@ def test_show_in_a_notebook_shows_it_in_the_cell(monkeypatch):
     display = SimpleNamespace(display=shown.append)
     python = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1), display=display)
     monkeypatch.setitem(sys.modules, "IPython", python)
-    frame = rz.render(MESH, SIZE)
+    frame = rz.render(MESH, SIZE, shading="gouraud")
     frame.show()
     assert shown == [frame]
 
@@ -183,7 +193,7 @@ def test_everything_prints_in_one_short_line():
     spectrum = rz.PointLight((0, 0, 1), rz.Spectrum.blackbody(3000), shadow=True)
     values = [
         scene, *scene.meshes, *scene.lights, spectrum, rz.Camera.framing(scene), rz.Material.named("gold"),
-        rz.Options(), rz.Material(texture=np.eye(4)), rz.Shadow(), rz.DepthCue(3), rz.render(scene, 8),
+        rz.Options(shading="gouraud"), rz.Material(texture=np.eye(4)), rz.Shadow(), rz.DepthCue(3), rz.render(scene, 8),
         rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0)),
     ]  # fmt: skip
     for value in values:

@@ -17,7 +17,7 @@ from helpers.raster import COLORED
 from helpers.small_scenes import SHADINGS, cube, drawn, floor, scene_of
 
 import rasterizer as rz
-from rasterizer.ground_shadow import GroundShadow
+from rasterizer.engine.ground_shadow import GroundShadow
 
 SEED = 23
 N_CASE, MANY = 18, 20  # scenes by default, and lights; more are the night's

@@ -40,7 +40,6 @@ def calls(folder):
         (rz.Scene, {"meshes": MESH}),
         (rz.Shadow, {}), (rz.Spectrum, SPAN | {"values": [1, 1]}), (rz.Texture, {"image": PIXELS}),
         (rz.compare, {"a": frame, "b": frame}), (rz.color_difference, {"a": frame, "b": frame}),
-        (rz.GroundShadow, {"scene": SCENE, "size": 16, "points": 1, "threads": 1}),
         (rz.Animation, {"frames": [frame, frame]}), (rz.RenderTask, {"source": MESH, "output": "x.png"}),
         (rz.render_many, {"tasks": ()}), (rz.explain, {"scene": SCENE, "x": 4, "y": 4, "size": 8}),
         (rz.load, {"source": MESH}), (rz.srgb, {"colors": (255, 128, 0)}),

@@ -17,7 +17,7 @@ CALLS = (
     (lambda **k: rz.render(TRIANGLE, 8, **k), "width", "size"),
     (lambda **k: rz.render(TRIANGLE, 8, **k), "bg", "background"),
     (lambda **k: rz.Renderer(TRIANGLE, 8, **k), "sample", "samples"),
-    (lambda **k: rz.Renderer(TRIANGLE, 8).render(**k), "azimut", "azimuth"),
+    (lambda **k: rz.Renderer(TRIANGLE, 8, shading="gouraud").render(**k), "azimut", "azimuth"),
     (lambda **k: rz.explain(TRIANGLE, 4, 4, 8, **k), "shadings", "shading"),
     (lambda **k: rz.load(TRIANGLE, **k), "crease", "crease_angle"),
     (lambda **k: rz.Camera.framing(np.eye(3), **k), "elev", "elevation"),
@@ -59,7 +59,7 @@ def test_words_of_others_are_understood():
 
 def test_what_the_command_line_has_flags_for_is_said_where_it_is_set():
     for given in (
-        "shadow", "shadows", "material", "preset", "fov", "margin", "view", "color", "colour", "ground", "subdivide",
+        "shadow", "shadows", "material", "preset", "fov", "margin", "view", "color", "colour", "subdivide",
         "texture",
     ):  # fmt: skip
         with pytest.raises(rz.OptionError) as caught:

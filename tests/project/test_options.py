@@ -16,7 +16,7 @@ FRONT = rz.Camera.orthographic((0, 0, 2), (0, 0, 0), height=1.0)
 QUAD = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
 DEFAULTS = {
     "size": (640, 480),
-    "shading": "gouraud",
+    "shading": "phong",
     "tolerance": 1 / 4096,
     "samples": 4,
     "antialias": "supersample",
@@ -29,6 +29,7 @@ DEFAULTS = {
     "edges": (),
     "edge_color": (0.0, 0.0, 0.0),
     "edge_width": 1.0,
+    "ground": False,
 }
 
 
@@ -95,11 +96,15 @@ def test_samples_count_towards_the_largest_size():
         Options(size=MOST_PIXELS, samples=4)
 
 
-def test_pictures_have_four_samples_and_buffers_one():
-    """A pixel's colour beside buffers is that of its centre, too; what is said rules."""
-    for outputs, samples in (("color", 4), ("rgb", 4), (("rgb", "color"), 4), ("depth", 1), (("color", "face"), 1)):
-        assert Options(outputs=outputs).samples == Options(outputs=outputs, samples=None).samples == samples, outputs
-        assert Options(outputs=outputs, samples=9).samples == 9
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_an_output_never_changes_another(shading):
+    """A picture has four samples a pixel, buffers have one, whatever is asked for beside them."""
+    names = ("rgb", "color", "depth", "face", "normal", "mask")
+    alone = {name: getattr(rz.render(QUAD, (24, 18), shading=shading, outputs=name), name) for name in names}
+    for outputs in (("rgb", "color"), ("rgb", "depth"), ("face", "color"), ("normal", "mask"), names):
+        frame = rz.render(QUAD, (24, 18), shading=shading, outputs=outputs)
+        for name in outputs:
+            assert not differences(getattr(frame, name), alone[name]), f"{name} beside {outputs}"
 
 
 def test_legal_words():

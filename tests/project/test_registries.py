@@ -126,7 +126,9 @@ def test_the_plan_knows_it(toys):
         assert (plan.dtype, plan.channels) == ("float32", 1)
         assert 0.3 < renderer.render().color.max() <= plan.bound == pytest.approx(0.9 * (0.7 + 0.3))
     narrow = scene_of(moon(), slab_light(width=2.0**-50))
-    with rz.Renderer(narrow, SIZE, samples=1) as renderer:  # a number that float32 can't be trusted with
+    with rz.Renderer(
+        narrow, SIZE, samples=1, shading="gouraud"
+    ) as renderer:  # a number that float32 can't be trusted with
         assert renderer.plan.dtype == "float64" and "numbers of lights beyond float32" in renderer.plan.reasons
 
 
@@ -159,7 +161,7 @@ def test_mach_bands_leave_out_faces_that_its_terminator_crosses(toys):
     found = []
     for light in (slab_light(width=1e6), rz.DirectionalLight((-1, -2, -1.5), 0.9)):
         scene = scene_of(rz.Material(), light)
-        frame = rz.render(scene, (120, 90), shading="gouraud", outputs=("color", "face"), tolerance=0)
+        frame = rz.render(scene, (120, 90), shading="gouraud", outputs=("color", "face"), tolerance=0, samples=1)
         found.append(rz.mach_bands(frame, scene))
     assert found[0].n_place == found[1].n_place > 50
     assert found[0].slope_jump == pytest.approx(found[1].slope_jump, abs=1e-5)
@@ -175,7 +177,10 @@ def test_scene_files_keep_it(toys, tmp_path):
         loaded = rz.Scene.load(scene.save(tmp_path / name))
         assert loaded.lights == lights
         assert loaded.meshes[0].material == scene.meshes[0].material
-        assert rz.render(loaded, SIZE, samples=1).color.tobytes() == rz.render(scene, SIZE, samples=1).color.tobytes()
+        assert (
+            rz.render(loaded, SIZE, samples=1, shading="gouraud").color.tobytes()
+            == rz.render(scene, SIZE, samples=1, shading="gouraud").color.tobytes()
+        )
 
 
 def test_a_person_may_write_it_into_a_scene_file(toys, tmp_path):
@@ -192,7 +197,7 @@ def test_the_command_line_draws_it(toys, folder):
     material = rz.Material(reflection="minnaert", diffuse=0.7)
     cube = rz.load(CUBE)
     meshes = [replace(mesh, material=material) for mesh in cube.meshes]
-    expected = rz.render(replace(cube, meshes=meshes, lights=[light]), (24, 16), threads=1, samples=1)
+    expected = rz.render(replace(cube, meshes=meshes, lights=[light]), (24, 16), threads=1, shading="gouraud")
     assert not differences(np.load("cube.npy"), expected.color) and np.ptp(expected.color) > 0.1
 
 
@@ -223,11 +228,13 @@ def test_a_stranger_is_no_light_of_a_scene():
 
 def after_the_registration(scene, tmp_path):
     """What can be done with a scene that was made while its kinds were known."""
-    frame = rz.render(scene_of(rz.Material(), rz.AmbientLight()), SIZE, outputs=("color", "face"))
+    frame = rz.render(
+        scene_of(rz.Material(), rz.AmbientLight()), SIZE, outputs=("color", "face"), shading="gouraud", samples=1
+    )
     return {
-        "render": lambda: rz.render(scene, SIZE, samples=1),
-        "Renderer": lambda: rz.Renderer(scene, SIZE, samples=1),
-        "reference": lambda: reference.render(scene, SIZE),
+        "render": lambda: rz.render(scene, SIZE, samples=1, shading="gouraud"),
+        "Renderer": lambda: rz.Renderer(scene, SIZE, samples=1, shading="gouraud"),
+        "reference": lambda: reference.render(scene, SIZE, shading="gouraud"),
         "save": lambda: scene.save(tmp_path / "lost.json"),
         "change": lambda: replace(scene, background="white"),
         "Mach bands": lambda: rz.mach_bands(frame, scene),
@@ -347,7 +354,7 @@ def write_mask(surfaces, band, out):
 def test_a_buffer_is_drawn_while_it_is_registered(tmp_path):
     scene, entry = rz.load(CUBE), OutputBuffer(write_mask, np.uint8, 1, 1)
     with registries.add_buffer("seven", "7 where something is visible", drawn=entry):
-        frame = rz.render(scene, (40, 30), outputs=("seven", "face", "color"), threads=2)
+        frame = rz.render(scene, (40, 30), outputs=("seven", "face", "color"), threads=2, shading="gouraud", samples=1)
         assert not differences(frame.array("seven"), np.where(frame.face >= 0, 7, 1)) and frame.has("seven")
         assert (frame.array("seven") == 7).sum() > 100 and "seven" in repr(frame)
         argv = ["-s", "40x30", "--preset", "studio", "--array", "seven", "-o", str(tmp_path / "a.npy"), "-q"]
@@ -357,7 +364,7 @@ def test_a_buffer_is_drawn_while_it_is_registered(tmp_path):
             with pytest.raises(rz.SceneError, match="taken are|already"):
                 registries.add_buffer(taken, "", drawn=entry)
     with pytest.raises(rz.SceneError, match="outputs must be one of color, rgb, depth, .*; given 'seven'"):
-        rz.render(scene, 8, outputs="seven")
+        rz.render(scene, 8, outputs="seven", shading="gouraud", samples=1)
     with pytest.raises(rz.SceneError, match="array must be one of"):
         frame.array("seven")
 
@@ -394,7 +401,7 @@ def test_the_fields_of_every_light_can_be_read():
 
 def test_functions_from_outside_the_package_stay_out_of_the_disk_cache(toys):
     """The cache's folder is named after this package's sources: a user's function that changes would stay as it was."""
-    rz.render(scene_of(moon(), slab_light()), SIZE, samples=1)
+    rz.render(scene_of(moon(), slab_light()), SIZE, samples=1, shading="gouraud")
     assert slab.__module__ == "helpers.toy_kinds"
     if STORE.own is not None:
         names = [path.name for path in STORE.own.iterdir()]

@@ -97,7 +97,9 @@ def test_the_command_line_takes_names_with_changes(folder, capsys):
     assert run(CUBE, "--material", "gold,shininess=80", "-o", "gold.png", *PLAIN) == 0
     scene = rz.load(CUBE)
     mesh = replace(scene.meshes[0], material=Material(**GOLD | {"shininess": 80}))
-    assert not differences(picture("gold.png"), rz.render(replace(scene, meshes=[mesh]), (24, 16), samples=4))
+    assert not differences(
+        picture("gold.png"), rz.render(replace(scene, meshes=[mesh]), (24, 16), samples=4, shading="gouraud")
+    )
     assert run(CUBE, "--material", "golden", "-o", "no.png") == 2
     assert "a named material is one of" in errors(capsys)
 

@@ -14,24 +14,21 @@ the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 """
 
 import math
-from contextlib import ExitStack
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import BUFFERS
-from .errors import SceneError, shown
-from .frame import Frame
-from .options import Options
-from .renderer import Renderer
-from .scene.camera import Camera
-from .scene.color import ColorLike, linear_from_srgb, linear_rgb, srgb_from_linear
-from .scene.framing import orbit_axes
-from .scene.lights import AmbientLight
-from .scene.scene import Scene, SceneLike
-from .scene.validate import is_whole, number
+from ..choices import Output
+from ..options import Options
+from ..scene.camera import Camera
+from ..scene.color import linear_from_srgb, srgb_from_linear
+from ..scene.framing import orbit_axes
+from ..scene.lights import AmbientLight
+from ..scene.scene import Scene
+from .draw import NO_CLOCK
+from .prepared_scene import PreparedScene
 
 HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
@@ -60,8 +57,7 @@ class GroundShadow:
 
     Parameters
     ----------
-    scene : Scene, or anything that a Scene takes as its meshes; its `up` says where the ground is. What is transparent
-        lets light through
+    scene : Scene; its `up` says where the ground is. What is transparent lets light through
     strength : opacity of the ground where no light arrives, 0 to 1
     size : texels along the longer side of the shadow, 16 to 4096
     points : of the light, 1 to 1024; None = 128, and fewer for more than some 30,000 triangles
@@ -70,30 +66,17 @@ class GroundShadow:
     Attributes
     ----------
     opacity : (rows, columns) float32, 0 where all of the light arrives, `strength` where none does
-
-    Raises
-    ------
-    SceneError : a value that is not legal
     """
 
     def __init__(
         self,
-        scene: SceneLike,
+        scene: Scene,
         *,
         strength: float = 0.6,
         size: int = 512,
         points: int | None = None,
         threads: int | None = None,
     ) -> None:
-        scene = scene if isinstance(scene, Scene) else Scene(scene)
-        strength = number(strength, "the shadow's strength")
-        if not 0.0 <= strength <= 1.0:
-            raise SceneError(f"the shadow's strength must be within 0..1; given {shown(strength)}")
-        for name, value, least, most in (("size", size, 16, 4096), ("points", points, 1, 1024)):
-            if not (is_whole(value, least, most) or (name == "points" and value is None)):
-                raise SceneError(
-                    f"the shadow's {name} must be a whole number within {least}..{most}; given {shown(value)}"
-                )
         if points is None:
             points = min(max(FACES_DRAWN // max(scene.n_face, 1), LEAST_POINTS), MOST_POINTS)
         self._ground = _ground_under(scene, size)
@@ -123,23 +106,19 @@ class GroundShadow:
         along = np.concatenate([rows, rows])[:, None] - middle[0]
         return ground.center + ground.texel * (across * ground.right + along * ground.front)
 
-    def opacity_at(
-        self, camera: Camera, size: tuple[int, int], rows: tuple[int, int] | None = None
-    ) -> NDArray[np.float32]:
+    def opacity_at(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
         """Return the opacity of the ground at the centres of a picture's pixels.
 
         Parameters
         ----------
         camera : Camera that the picture is taken with
         size : (width, height) of the picture, pixels
-        rows : the first, and the one behind the last; None = all
 
         Returns
         -------
-        (n_row, width) float32, 0 where the camera doesn't see the ground, or sees it from below
+        (height, width) float32, 0 where the camera doesn't see the ground, or sees it from below
         """
-        first, end = (0, size[1]) if rows is None else rows
-        opacity = np.zeros((end - first, size[0]), np.float32)
+        opacity = np.zeros((size[1], size[0]), np.float32)
         planes = None if self._ground is None else _texel_planes(self._ground, camera, size)
         if planes is None:
             return opacity
@@ -147,7 +126,7 @@ class GroundShadow:
         padded = np.pad(self.opacity, 1)  # no shadow beyond the last texel
         n_line, n_column = self.opacity.shape
         for k in range(len(opacity)):
-            column, line, w = (plane[0] * x + (plane[1] * (first + k + 0.5) + plane[2]) for plane in planes)
+            column, line, w = (plane[0] * x + (plane[1] * (k + 0.5) + plane[2]) for plane in planes)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 column, line = column / w + 0.5, line / w + 0.5  # of `padded`, from the centre of its first texel
             is_seen = (w > 0) & (column > 0) & (column < n_column + 1) & (line > 0) & (line < n_line + 1)
@@ -156,68 +135,56 @@ class GroundShadow:
                 opacity[k, seen] = _interpolated(padded, column[seen], line[seen])
         return opacity
 
-    def under(self, frame: Frame, camera: Camera, background: ColorLike | None = None) -> Frame:
-        """Return a picture with the shadow under it.
-
-        Parameters
-        ----------
-        frame : Frame of the scene, with a picture, drawn without a background
-        camera : Camera that it was drawn with
-        background : colour of what lies behind; None = the picture stays transparent
-
-        Returns
-        -------
-        Frame, with the same statistics and buffers, but for `color` and `alpha`; its `rgba` is new
-
-        Raises
-        ------
-        SceneError : a frame without a picture, a colour that is not legal
-        """
-        rgba = self.under_rows(frame.rgba, 0, camera, frame.size, background)
-        buffers = {name: frame.array(name) for name in BUFFERS if frame.has(name)}
-        return Frame(rgba, buffers, frame.stats, frame.size)
-
-    def under_rows(
+    def lay_under(
         self,
-        rgba: NDArray[np.uint8],
-        first: int,
         camera: Camera,
-        size: tuple[int, int],
-        background: ColorLike | None = None,
-    ) -> NDArray[np.uint8]:
-        """Return rows of a picture with the shadow under them.
+        rgba: NDArray[np.uint8],
+        color: NDArray[np.float32] | None,
+        alpha: NDArray[np.float32] | None,
+        background: tuple[float, float, float] | None,
+    ) -> None:
+        """Lay the shadow under a picture.
 
         Parameters
         ----------
-        rgba : (n_row, width, 4) uint8, sRGB and alpha, not premultiplied; drawn without a background
-        first : number of the first of these rows
         camera : Camera that the picture was drawn with
-        size : (width, height) of the whole picture, pixels
-        background : colour of what lies behind; None = the picture stays transparent
-
-        Returns
-        -------
-        (n_row, width, 4) uint8, a new array
-
-        Raises
-        ------
-        SceneError : a colour that is not legal
+        rgba : (height, width, 4) uint8, sRGB and alpha, not premultiplied, drawn without a background; changed
+        color, alpha : (height, width, 3) and (height, width) float32, linear, of the same picture, changed; None where
+            nobody needs them
+        background : linear colour of what lies behind; None = the picture stays transparent
         """
-        rgba = rgba.copy()
-        opacity = self.opacity_at(camera, size, (first, first + len(rgba))) * faded(size)[first : first + len(rgba)]
-        changed = (rgba[..., 3] < 255) & ((opacity > 0) | (background is not None))
-        front = rgba[changed]
-        alpha = front[:, 3:] / np.float32(255)
-        behind = (1 - alpha) * opacity[changed][:, None]
-        color = _linear_levels()[front[:, :3]] * alpha
-        if background is None:
-            alpha = alpha + behind
-            color = color / np.maximum(alpha, np.float32(1e-30))
-        else:
-            color = color + (1 - alpha - behind) * np.asarray(linear_rgb(background, "the background"), np.float32)
-            alpha = np.ones_like(alpha)
-        rgba[changed] = np.rint(255 * np.concatenate([srgb_from_linear(np.minimum(color, 1)), alpha], axis=1))
-        return rgba
+        size = rgba.shape[1], rgba.shape[0]
+        opacity = self.opacity_at(camera, size) * faded(size)
+        is_behind = (opacity > 0) | (background is not None)
+        at = np.nonzero((rgba[..., 3] < 255) & is_behind)
+        levels = rgba[at]
+        colors, alphas = _over(_linear_levels()[levels[:, :3]], levels[:, 3] / np.float32(255), opacity[at], background)
+        rgba[at] = np.rint(255 * np.column_stack([srgb_from_linear(np.minimum(colors, 1)), alphas]))
+        if color is not None and alpha is not None:
+            at = np.nonzero((alpha < 1) & is_behind)
+            color[at], alpha[at] = _over(color[at], alpha[at], opacity[at], background)
+
+
+def _over(
+    color: NDArray[np.float32],
+    alpha: NDArray[np.float32],
+    opacity: NDArray[np.float32],
+    background: tuple[float, float, float] | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the linear colours (n, 3), not premultiplied, and alphas (n,) of pixels with black shadow under them."""
+    color, shadow = color * alpha[:, None], (1 - alpha) * opacity
+    if background is None:
+        alpha = alpha + shadow
+        return color / np.maximum(alpha, np.float32(1e-30))[:, None], alpha
+    return color + (1 - alpha - shadow)[:, None] * np.asarray(background, np.float32), np.ones_like(alpha)
+
+
+def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[Scene, Options]:
+    """Return the scene and the options that masks are drawn with: whichever tell what is covered, at the least cost."""
+    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
+    output: Output = "mask" if is_opaque else "rgb"
+    casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
+    return casters, Options(size=size, shading="flat", outputs=(output,), samples=1, threads=threads)
 
 
 def faded(size: tuple[int, int]) -> NDArray[np.float32]:
@@ -279,34 +246,35 @@ def _camera_at(ground: _Ground, x: float, y: float) -> Camera:
 def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> NDArray[np.float32]:
     """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get."""
     rows, columns = ground.shape
-    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
-    output = "mask" if is_opaque else "rgb"  # whichever tells what is covered, at the least cost
-    casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
     points, n_thread = _light_points(ground, n).tolist(), Options(threads=threads).n_thread
     # Masks of a small scene take less time side by side than one after the other on all threads.
     n_share = min(n_thread, MOST_SHARES, n) if scene.n_face <= MOST_SHARED else 1
+    casters, options = masks_of(scene, (columns, rows), n_thread // n_share)
+    is_opaque = options.outputs == ("mask",)
+
+    def draw_mask(prepared: PreparedScene, x: float, y: float) -> NDArray:
+        camera = _camera_at(ground, x, y)
+        if is_opaque:
+            return prepared.draw_buffers(camera, NO_CLOCK)[0]["mask"]
+        return prepared.draw_picture(camera, NO_CLOCK).rgba[..., 3]
 
     def draw_share(k: int) -> NDArray[np.uint32]:
         covered = np.zeros(ground.shape, np.uint32)  # whole numbers: their sum is the same in any order
-        for x, y in points[k::n_share]:
-            frame = renderers[k].render(_camera_at(ground, x, y))
-            covered += frame.mask if is_opaque else frame.rgba[..., 3]
+        prepared = PreparedScene(casters, options)
+        try:
+            for x, y in points[k::n_share]:
+                covered += draw_mask(prepared, x, y)
+        finally:
+            prepared.threads.close()
         return covered
 
-    def make_renderer() -> Renderer:
-        n_own = n_thread // n_share
-        return Renderer(casters, (columns, rows), shading="flat", outputs=output, samples=1, threads=n_own)
+    if n_share == 1:
+        covered = draw_share(0)
+    else:
+        from concurrent.futures import ThreadPoolExecutor
 
-    with ExitStack() as stack:
-        renderers = [stack.enter_context(make_renderer()) for _ in range(n_share)]
-        if n_share == 1:
-            covered = draw_share(0)
-        else:
-            from concurrent.futures import ThreadPoolExecutor
-
-            renderers[0].render(_camera_at(ground, *points[0]))  # before the others: it compiles what isn't there yet
-            with ThreadPoolExecutor(n_share) as pool:
-                covered = sum(pool.map(draw_share, range(n_share)), np.uint32(0))
+        with ThreadPoolExecutor(n_share) as pool:
+            covered = sum(pool.map(draw_share, range(n_share)), np.uint32(0))
     return covered.astype(np.float32) / np.float32(n if is_opaque else 255 * n)
 
 
