@@ -3,8 +3,8 @@
     python bench/choices.py                                            the scenes of the page: two minutes
     python bench/choices.py path/to/scan.obj room --seconds 60
 
-What `raster bench` measures of one model is measured of some that differ: time and error of every method, and of what
-else a scene has. `raster bench --help` explains the figures; the last line is JSON.
+What `raster bench` and axes.py measure of one model is measured of some that differ: time and error of every method, and
+of what else a scene has. `raster bench --help` explains the figures; the last line is JSON.
 """
 
 import argparse
@@ -14,9 +14,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
+from bench.axes import measure_axes
 from rasterizer.analysis import speed_error_plot
 from rasterizer.analysis.ground_truth import Errors
-from rasterizer.analysis.scene_axes import measure_axes
 from rasterizer.analysis.speed_error import Method, Row, list_methods, study
 
 MODELS = ("teapot", "knot", "globe", "room", "table")
@@ -59,17 +59,15 @@ def measure_model(model, args):
     """Yield a row for each method, and for each value of what else a scene has."""
     scene = make_scene(model)
     options, axes_seconds = {"threads": args.threads}, OF_AXES * args.seconds if model in WITH_AXES else 0.0
-    truth = None
     if model not in ONLY_AXES:
         methods = list_methods(("flat", "gouraud", "phong"), (0, 1, 2), (1, 4, 16), (1 / 4096,))
         found = study(scene, args.size, methods, args.seconds - axes_seconds, lambda *_: None, **options)
-        truth = found.truth
         for row in found.rows:
             yield {"what": "method", "value": str(row.method), "triangles": scene.n_face * 4**row.method.subdivisions,
                    **row.method._asdict(), "ms": row.ms, **errors_of(row.error), "of_method": row.of_method,
                    "of_sampling": row.of_sampling, "is_beaten": row.is_beaten}  # fmt: skip
     if axes_seconds:
-        for row in measure_axes(scene, args.size, axes_seconds, lambda *_: None, truth, **options).rows:
+        for row in measure_axes(scene, args.size, axes_seconds, lambda *_: None, **options).rows:
             yield {"what": row.axis, "value": row.value, "ms": row.ms, "ratio": row.ratio,
                    **(errors_of(row.error) if row.error else {}), "against": row.against}  # fmt: skip
 
@@ -92,10 +90,9 @@ def plot(rows, suffix) -> bytes:
     rows = [row for row in rows if row["model"] == rows[0]["model"]]
     found = []
     for row in rows:
-        errors = Errors(row["max"], row["rms"], 0, row["over_one"], row["delta_e"], 0.0, 0.0, 0)
+        errors = Errors(row["max"], row["rms"], 0, row["over_one"], row["delta_e"])
         method = Method(*(row[name] for name in Method._fields))
-        found.append(Row(method, row["ms"], 0.0, 0.0, errors, row["of_method"], row["of_sampling"], 0.0, 0.0,
-                         row["is_beaten"]))  # fmt: skip
+        found.append(Row(method, row["ms"], errors, row["of_method"], row["of_sampling"], row["is_beaten"]))
     return speed_error_plot.plot(found, f"{rows[0]['model']}: time against error", suffix)
 
 

@@ -1,12 +1,11 @@
 """The picture that is approximated, and how far another one is from it.
 
 The ground truth is Phong's shading at 64 samples a pixel with tolerance 0: nothing is saved. What a picture's error
-consists of is found by comparing it with pictures that save one thing less:
+consists of is found by comparing pictures that save one thing less:
 
     error     = against the ground truth                             all of it
     method    = against Phong, same samples, tolerance 0             where light is evaluated: polygons, vertices
     sampling  = Phong, same samples, against the ground truth        edges, highlights and textures between samples
-    rounding  = against the same method and samples, tolerance 0     arithmetic
 
 Pictures are compared as light on black: colours times the share of a pixel that is covered.
 """
@@ -40,9 +39,7 @@ class Errors(NamedTuple):
     max, rms : largest, and root mean square, difference of a channel, in linear intensity where 1 is white
     levels : largest difference of an 8-bit value
     over_one : share of the 8-bit values that are more than one level off
-    delta_e, delta_e_max : mean and largest colour difference (CIEDE2000); about 1 is just noticed
-    silhouette : difference of the covered areas, pixels
-    n_pixel : pixels that were compared
+    delta_e : mean colour difference (CIEDE2000); about 1 is just noticed
     flip : mean FLIP, 0 to 1; None where it wasn't asked for
     """
 
@@ -51,9 +48,6 @@ class Errors(NamedTuple):
     levels: int
     over_one: float
     delta_e: float
-    delta_e_max: float
-    silhouette: float
-    n_pixel: int
     flip: float | None = None
 
 
@@ -92,9 +86,8 @@ def measure_errors(found: Light, expected: Light, with_flip: bool = False) -> Er
     Raises SceneError where FLIP is asked for and flip-evaluator isn't installed.
     """
     is_drawn = _drawn_by_either(found, expected)
-    silhouette = float(np.abs(found.alpha - expected.alpha).sum())
     if not is_drawn.any():
-        return Errors(0.0, 0.0, 0, 0.0, 0.0, 0.0, silhouette, 0, 0.0 if with_flip else None)
+        return Errors(0.0, 0.0, 0, 0.0, 0.0, 0.0 if with_flip else None)
     found_color, expected_color = found.color[is_drawn], expected.color[is_drawn]
     difference = np.abs(found_color - expected_color)
     levels = np.abs(levels_from_linear(found_color).astype(np.int16) - levels_from_linear(expected_color))
@@ -105,9 +98,6 @@ def measure_errors(found: Light, expected: Light, with_flip: bool = False) -> Er
         levels=int(levels.max()),
         over_one=float(np.mean(levels > 1)),
         delta_e=float(delta_e.mean()),
-        delta_e_max=float(delta_e.max()),
-        silhouette=silhouette,
-        n_pixel=int(is_drawn.sum()),
         flip=float(flip_map(found.color, expected.color)[is_drawn].mean()) if with_flip else None,
     )
 

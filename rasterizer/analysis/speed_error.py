@@ -18,7 +18,6 @@ import numpy as np
 from ..compiler import kernels
 from ..engine.kernels_of_plan import list_kernels
 from ..errors import counted
-from ..frame import Stats
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.scene import Scene
@@ -68,31 +67,17 @@ class Row(NamedTuple):
     ----------
     method : Method
     ms : median milliseconds of a warm frame
-    ns_triangle, ns_pixel : the same as nanoseconds for each triangle drawn from, and for each covered pixel
     error : Errors against the ground truth
     of_method, of_sampling : rms, linear intensity: the parts of the error that the method and the sampling make
-    rounding, bound : largest difference from tolerance 0, and what the frame says that it may be, NaN where it states
-        nothing; linear intensity
     is_beaten : whether another row is quicker and nearer to the ground truth
-    has_steps : whether the bound leaves samples next to a step out, an edge of a shadow for one (`Stats.steps`)
     """
 
     method: Method
     ms: float
-    ns_triangle: float
-    ns_pixel: float
     error: Errors
     of_method: float
     of_sampling: float
-    rounding: float
-    bound: float
     is_beaten: bool = False
-    has_steps: bool = False
-
-    @property
-    def is_beyond(self) -> bool:
-        """Whether a sample next to a step is further off than the bound of the others."""
-        return self.has_steps and self.rounding > self.bound
 
 
 class Study(NamedTuple):
@@ -101,8 +86,6 @@ class Study(NamedTuple):
     rows: list[Row]  # the front first, from the quickest on; then the others, by their errors
     left_out: list[Method]  # for want of time or memory
     advice: str
-    truth: Light  # the ground truth
-    seconds: float  # it took, but for compiling kernels
 
 
 Progress = Callable[[int, int, str], None]
@@ -174,9 +157,9 @@ def study(
         share = _MEASURED * max(left, 0.0) * len(group) / (len(methods) - len(rows) - len(left_out))
         ms, ratios = _time_group(work, methods[0], group, finer, share)
         anchor_ms = anchor_ms or ms  # that of the first group counts
-        rows += [_make_row(method, anchor_ms * ratios[method][0], ratios[method][1], drawn[method]) for method in group]
+        rows += [Row(method, anchor_ms * ratios[method], *drawn[method]) for method in group]
     rows = sort_by_front(rows)
-    return Study(rows, left_out, advise(rows), truths.truth, perf_counter() - start)
+    return Study(rows, left_out, advise(rows))
 
 
 def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> None:
@@ -229,7 +212,6 @@ class _Compared(NamedTuple):
     error: Errors
     of_method: float
     of_sampling: float
-    rounding: float
 
 
 class _Truths:
@@ -237,40 +219,32 @@ class _Truths:
 
     def __init__(self, work: _Work, with_flip: bool) -> None:
         self._work, self._with_flip = work, with_flip
-        self.truth = draw_ground_truth(work.scene, work.size, **work.options)
+        self._truth = draw_ground_truth(work.scene, work.size, **work.options)
         self._of_samples: dict[int, tuple[Light, float]] = {}
-        self._exact: tuple[Method, Light] | None = None
 
     def compare(self, method: Method, finer: Scene) -> _Compared:
         """Draw a method's picture, and compare it."""
         found = self._work.draw(finer, method)
         same_samples, of_sampling = self._phong(method.samples)
-        rounding = float(np.abs(found.color - self._without_tolerance(method, finer).color).max())
-        error = measure_errors(found, self.truth, self._with_flip)
-        return _Compared(error, rms_error(found, same_samples), of_sampling, rounding)
+        error = measure_errors(found, self._truth, self._with_flip)
+        return _Compared(error, rms_error(found, same_samples), of_sampling)
 
     def _phong(self, samples: int) -> tuple[Light, float]:
         """Phong's picture with tolerance 0, and how far it is from the ground truth."""
         if samples not in self._of_samples:
             light = self._work.draw(self._work.scene, Method("phong", 0, samples, 0.0))
-            self._of_samples[samples] = light, rms_error(light, self.truth)
+            self._of_samples[samples] = light, rms_error(light, self._truth)
         return self._of_samples[samples]
-
-    def _without_tolerance(self, method: Method, finer: Scene) -> Light:
-        exact = method._replace(tolerance=0.0)
-        if self._exact is None or self._exact[0] != exact:
-            self._exact = exact, self._work.draw(finer, exact)
-        return self._exact[1]
 
 
 def _time_group(
     work: _Work, anchor: Method, group: Sequence[Method], finer: Scene, seconds: float
-) -> tuple[float, dict[Method, tuple[float, Stats]]]:
+) -> tuple[float, dict[Method, float]]:
     """Time methods in turns with the first method of all, so that groups can be compared.
 
     Returns
     -------
-    the milliseconds of the first method; and of each method its time as a multiple of that, and its frame's Stats
+    the milliseconds of the first method; and of each method its time as a multiple of that
     """
     with ExitStack() as stack:
         calls: dict[Method | None, Callable[[], Any]] = {}
@@ -280,19 +254,8 @@ def _time_group(
             calls[key]()  # compiles and allocates
         turns = take_turns(calls, seconds, MOST_ROUNDS)
     reference = turns[None][0]
-    ratios = {method: (float(np.median(turns[method][0] / reference)), turns[method][1][-1]) for method in group}
+    ratios = {method: float(np.median(turns[method][0] / reference)) for method in group}
     return float(np.median(reference)), ratios
-
-
-def _make_row(method: Method, ms: float, stats: Stats, compared: _Compared) -> Row:
-    n_pixel = max(stats.covered / method.samples, 1.0)
-    row = Row(method, ms, 1e6 * ms / stats.faces, 1e6 * ms / n_pixel, *compared, _number(stats.error_bound))
-    return row._replace(has_steps=bool(stats.steps))
-
-
-def _number(bound: float | None) -> float:
-    """A bound as a number; NaN where none is stated."""
-    return np.nan if bound is None else bound
 
 
 def sort_by_front(rows: Sequence[Row]) -> list[Row]:

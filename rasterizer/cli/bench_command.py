@@ -1,8 +1,5 @@
 """`raster bench`: what each way to draw a model costs on this machine, and how far its picture is from the best one.
 
-    load ─ methods, in turns ─ what else the scene has ─ table, JSON, plot
-           speed_error          scene_axes
-
 The table on stdout has the front first, the rows that nothing beats; the last line says what to choose.
 """
 
@@ -12,7 +9,6 @@ from time import perf_counter
 
 from ..analysis.flip import check_flip
 from ..analysis.plotting import FORMATS, check_plotting
-from ..analysis.scene_axes import AxisStudy, measure_axes
 from ..analysis.speed_error import Study, list_methods, printed, study, told
 from ..analysis.speed_error_plot import plot
 from ..analysis.timing import describe_machine
@@ -24,12 +20,10 @@ from .messages import QUIET, Bar, print_record, print_text
 from .render_command import draw_models
 
 _OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
-_OF_AXES = 0.15  # of the time limit: for what else a scene has
 _BUSY = 0.5  # load average, a core, from which on times are not to be trusted
 
-COLUMNS = ("", "shading", "samples", "tolerance", "ms", "ns/tri", "ns/px", "rms", "max", "over 1", "ΔE", "of method",
-           "of sampling", "rounding", "bound", "FLIP")  # fmt: skip
-AXIS_COLUMNS = ("", "value", "ms", "times", "rms", "max", "ΔE", "against")
+COLUMNS = ("", "shading", "samples", "tolerance", "ms", "rms", "max", "over 1", "ΔE", "of method",
+           "of sampling", "FLIP")  # fmt: skip
 
 
 def bench_models(arguments, messages) -> tuple[list, int]:
@@ -64,21 +58,19 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
-        found, axes = _measure(scene, arguments, messages)
+        found = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
         if target.output is not None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
-            print_record(_record(target, arguments, scene, seconds, machine, warned, found, axes), False)
+            print_record(_record(target, arguments, scene, seconds, machine, warned, found), False)
         elif arguments.level > QUIET:
-            print_text(
-                "\n".join([title, _LEGEND, "", *_table(found), "", *_axis_table(axes.rows), found.advice]) + "\n", False
-            )
+            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n", False)
 
 
 def _measure(scene, arguments, messages):
-    """Return the Study of a scene, and the AxisStudy of what else it has."""
+    """Return the Study of a scene."""
     options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
     methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
     with Bar(messages) as bar:
@@ -86,31 +78,21 @@ def _measure(scene, arguments, messages):
         def show(n_done, n, what):
             bar.show(n_done, n, f"measuring {what}")
 
-        seconds = (1.0 - _OF_AXES * arguments.has_axes) * arguments.seconds
-        found = study(scene, arguments.size, methods, seconds, show, arguments.with_flip, **options)
-        axes = AxisStudy([], [])
-        if arguments.has_axes:
-            seconds = _OF_AXES * arguments.seconds
-            limit = max(arguments.seconds - found.seconds, seconds)
-            axes = measure_axes(scene, arguments.size, seconds, show, found.truth, limit, **options)
+        found = study(scene, arguments.size, methods, arguments.seconds, show, arguments.with_flip, **options)
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
         messages.notice(
             f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
         )
-    if axes.left_out:
-        messages.notice(f"left out for want of time: {', '.join(axes.left_out)}; see --seconds")
-    return found, axes
+    return found
 
 
 # --- what is printed ----------------------------------------------------------------------------------------
 
 _LEGEND = (
     "rms, max: error against Phong's shading at 64 samples a pixel with tolerance 0, linear intensity; over 1: 8-bit "
-    "values\nmore than a level off; of method, of sampling: what makes the rms; rounding: against tolerance 0, and its "
-    "bound"
+    "values\nmore than a level off; of method, of sampling: what makes the rms"
 )
-_BEYOND = "*: next to a step, where no bound holds: the edge of a shadow, for one; raster render -v names them"
 
 
 def _title(target, scene, arguments, machine) -> str:
@@ -124,22 +106,19 @@ def _title(target, scene, arguments, machine) -> str:
 def _table(found: Study) -> list[str]:
     """The rows as lines; those of the front have numbers, the others say which of them beats them."""
     front = [row for row in found.rows if not row.is_beaten]
-    lines, is_any_beyond = [COLUMNS], any(row.is_beyond for row in found.rows)
+    lines = [COLUMNS]
     for row in found.rows:
         method, error = row.method, row.error
         mark = str(front.index(row) + 1) if not row.is_beaten else f"<{_winner(row, front)}"
-        lines.append((
-            mark, method.name, str(method.samples), told(method.tolerance), f"{row.ms:.2f}", _figure(row.ns_triangle),
-            _figure(row.ns_pixel), f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%",
-            f"{error.delta_e:.3f}", f"{row.of_method:.1e}", f"{row.of_sampling:.1e}",
-            f"{row.rounding:.1e}" + ("*" if row.is_beyond else " " * is_any_beyond), f"{row.bound:.1e}",
-            "" if error.flip is None else f"{error.flip:.4f}",
-        ))  # fmt: skip
+        errors = f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%", f"{error.delta_e:.3f}"
+        parts = f"{row.of_method:.1e}", f"{row.of_sampling:.1e}", "" if error.flip is None else f"{error.flip:.4f}"
+        told_method = method.name, str(method.samples), told(method.tolerance)
+        lines.append((mark, *told_method, f"{row.ms:.2f}", *errors, *parts))
     n_column = len(COLUMNS) - (found.rows[0].error.flip is None)
     texts = _aligned([line[:n_column] for line in lines], n_left=2)
     n_front = len(front) + 1
     beaten = ["", "both slower and further off than the row whose number stands after <:", *texts[n_front:]]
-    return texts[:n_front] + (beaten if len(texts) > n_front else []) + [_BEYOND] * is_any_beyond
+    return texts[:n_front] + (beaten if len(texts) > n_front else [])
 
 
 def _winner(row, front) -> int:
@@ -151,38 +130,17 @@ def _winner(row, front) -> int:
     )
 
 
-def _axis_table(axes) -> list[str]:
-    """What else the scene has."""
-    if not axes:
-        return []
-    lines = [AXIS_COLUMNS]
-    for k, row in enumerate(axes):
-        name = row.axis if k == 0 or axes[k - 1].axis != row.axis else ""
-        error = ("-", "-", "-")
-        if row.error is not None:
-            error = f"{row.error.rms:.2e}", f"{row.error.max:.2f}", f"{row.error.delta_e:.3f}"
-        lines.append((name, row.value, f"{row.ms:.2f}", f"{row.ratio:.2f}", *error, row.against))
-    title = "one thing changed at a time, Phong with 4 samples a pixel; times: of the picture without the change"
-    return [title, *_aligned(lines, n_left=2, is_last_left=True), ""]
-
-
-def _aligned(lines, n_left, is_last_left=False) -> list[str]:
-    """Lines of cells in columns."""
+def _aligned(lines, n_left) -> list[str]:
+    """Lines of cells in columns, the first ones to the left."""
     widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
-    n_column = len(widths)
 
     def cell(text, k):
-        is_left = k < n_left or (is_last_left and k == n_column - 1)
-        return text.ljust(widths[k]) if is_left else text.rjust(widths[k])
+        return text.ljust(widths[k]) if k < n_left else text.rjust(widths[k])
 
     return ["  ".join(cell(text, k) for k, text in enumerate(line)).rstrip() for line in lines]
 
 
-def _figure(value) -> str:
-    return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
-
-
-def _record(target, arguments, scene, seconds, machine, warned, found, axes) -> dict:
+def _record(target, arguments, scene, seconds, machine, warned, found) -> dict:
     """What --json says of a model."""
     return {
         "path": target.model,
@@ -196,9 +154,7 @@ def _record(target, arguments, scene, seconds, machine, warned, found, axes) -> 
             {**row.method._asdict(), **row._asdict(), "method": str(row.method), "error": row.error._asdict()}
             for row in found.rows
         ],
-        "axes": [row._asdict() | {"error": row.error and row.error._asdict()} for row in axes.rows],
         "left_out": [str(method) for method in found.left_out],
-        "axes_left_out": axes.left_out,
         "advice": found.advice,
         "warnings": warned,
     }

@@ -62,12 +62,6 @@ def _add_measured(group) -> None:
         help="errors accepted (default 0,1/4096,1/64)",
     )
     add(
-        "--no-axes",
-        dest="has_axes",
-        action="store_false",
-        help="leave out what else the scene has: reflection, shadow maps, area lights, textures, spectra",
-    )
-    add(
         "--flip", dest="with_flip", action="store_true", help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)"
     )
     add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")

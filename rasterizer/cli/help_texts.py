@@ -68,17 +68,14 @@ intensity from the reference's Phong shading. On stdout goes a table:
 
 
 BENCH = """\
-Draw each model in many ways and measure them in turns: shading, subdivision, samples a pixel, tolerance; and
-what else the scene has, one thing at a time. The rows that no other row beats in time and error come first,
-the last line says what to choose.
+Draw each model in many ways and measure them in turns: shading, subdivision, samples a pixel, tolerance. The rows
+that no other row beats in time and error come first, the last line says what to choose.
 
-  ms, ns/tri, ns/px  a warm frame, median; the same for each triangle and for each covered pixel
+  ms                 a warm frame, median
   rms, max           error of the picture against Phong's shading at 64 samples a pixel with tolerance 0, in
                      linear intensity where white is 1, over the pixels that either covers
   over 1, ΔE         share of 8-bit values more than a level off; mean colour difference (CIEDE2000)
   method, sampling   what makes that error: where light is evaluated, and how many samples see it (rms)
-  rounding, bound    largest difference from tolerance 0, and what the frame says that it may be; *: next to a step,
-                     an edge of a shadow for one, where no bound holds
 """
 
 

@@ -350,7 +350,7 @@ FAULTS = (
     ),
     Fault(
         "ground shadow: points of the light crowd in its middle",
-        "ground_shadow.py",
+        "engine/ground_shadow.py",
         "np.sqrt((k + 0.5) / n)",
         "((k + 0.5) / n)",
         "pictures",
@@ -908,9 +908,9 @@ HELD_OUT = (
     ),
     Fault(
         "ground shadow: it is seen through what covers a part of a pixel",
-        "ground_shadow.py",
-        "behind = (1 - alpha) * opacity",
-        "behind = opacity",
+        "engine/ground_shadow.py",
+        "color * alpha[:, None], (1 - alpha) * opacity",
+        "color * alpha[:, None], opacity",
         "pictures cli",
     ),
     Fault(

@@ -5,9 +5,9 @@ import pytest
 from helpers.arrays import differences
 
 import rasterizer as rz
+from bench.ray_truth import draw_by_rays, only
 from rasterizer import reference
 from rasterizer.analysis.ground_truth import Light
-from rasterizer.analysis.ray_truth import draw_by_rays, only
 
 SIZE = (40, 27)  # no multiple of a tile
 
@@ -41,7 +41,7 @@ def test_every_tile_is_the_references(samples, opacity):
 
 def test_a_time_limit_leaves_tiles_out(monkeypatch):
     scene, clock = shadow_scene(), iter(range(10**6))
-    monkeypatch.setattr("rasterizer.analysis.ray_truth.perf_counter", lambda: float(next(clock)))  # a second a look
+    monkeypatch.setattr("bench.ray_truth.perf_counter", lambda: float(next(clock)))  # a second a look
     found = draw_by_rays(scene, SIZE, 1, 12.5)
     assert 0.0 < found.share < 1.0 and found.share == found.is_known.mean()
     whole = reference.render(scene, SIZE, shading="phong")

@@ -1,31 +1,40 @@
 """What else decides about time and error, where a scene has it: shadow maps, area lights, textures, spectra.
 
+    python bench/axes.py models/still_life.obj --seconds 20
+
 One thing is changed at a time; the rest stays what the scene says. Each is compared with the same picture in which that
 thing isn't saved at.
 """
 
+import argparse
 import math
+import sys
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ANTIALIASES, REFLECTIONS, Filter
-from ..engine.shadow_maps import MOST_NUMBERS
-from ..renderer import Renderer
-from ..scene.lights import AmbientLight, AreaLight, DirectionalLight, SpotLight
-from ..scene.lights import Light as Lamp
-from ..scene.material import Material
-from ..scene.mesh import Mesh
-from ..scene.scene import Scene
-from ..scene.shadow import Shadow, with_shadow_fields
-from ..scene.texture import Texture
-from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
-from .ray_truth import RayTruth, draw_by_rays, only
-from .timing import take_turns
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # a checkout need not be installed
+import rasterizer as rz
+from bench import measure
+from bench.ray_truth import RayTruth, draw_by_rays, only
+from rasterizer.analysis.ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
+from rasterizer.analysis.timing import take_turns
+from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
+from rasterizer.engine.shadow_maps import MOST_NUMBERS
+from rasterizer.renderer import Renderer
+from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, SpotLight
+from rasterizer.scene.lights import Light as Lamp
+from rasterizer.scene.material import Material
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.scene import Scene
+from rasterizer.scene.shadow import Shadow, with_shadow_fields
+from rasterizer.scene.texture import Texture
 
 _SIZES = (256, 512, 1024, 2048, 4096)
 _FILTERS = (1, 3, 5)
@@ -304,3 +313,29 @@ def _changed_materials(scene: Scene, change: Callable[[Material], Material]) -> 
         return replace(mesh, **own)
 
     return replace(scene, meshes=tuple(changed(mesh) for mesh in scene.meshes))
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("model", type=Path, metavar="MODEL", help="a model or a scene file")
+    parser.add_argument("--size", default="640x480", help="of the picture (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=10.0, help="for all pictures (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=1)
+    args = parser.parse_args(argv)
+    width, height = map(int, args.size.split("x"))
+    found = measure_axes(rz.load(args.model), (width, height), args.seconds, lambda *_: None, threads=args.threads)
+    table = measure.Table([("axis          ", "axis", ""), ("value      ", "value", ""), ("      ms", "ms", ".2f"),
+                           (" times", "ratio", ".2f"), ("     rms", "rms", ".2e"), ("   max", "max", ".2f"),
+                           ("against", "against", "")])  # fmt: skip
+    rows = []
+    for row in found.rows:
+        error = {"rms": math.nan, "max": math.nan} if row.error is None else row.error._asdict()
+        table.print(row._asdict() | error)
+        rows.append(row._asdict() | {"error": row.error and row.error._asdict()})
+    measure.print_json("axes", measure.Machine(), args, rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

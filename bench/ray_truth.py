@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..reference.cover import Window
-from ..reference.lamp import Lamp, make_lamps
-from ..reference.light import Lighting
-from ..reference.materials import channels_of
-from ..reference.picture import Look, look_at, resolve, spread_samples
-from ..reference.shading import Fragments, light_fragments, opacity_of, sample_textures, world_positions
-from ..reference.shadow import Casters
-from ..reference.visibility import NOTHING, Raster, find_visible, gather_fragments
-from ..scene.scene import Scene
-from .ground_truth import Light
+from rasterizer.analysis.ground_truth import Light
+from rasterizer.reference.cover import Window
+from rasterizer.reference.lamp import Lamp, make_lamps
+from rasterizer.reference.light import Lighting
+from rasterizer.reference.materials import channels_of
+from rasterizer.reference.picture import Look, look_at, resolve, spread_samples
+from rasterizer.reference.shading import Fragments, light_fragments, opacity_of, sample_textures, world_positions
+from rasterizer.reference.shadow import Casters
+from rasterizer.reference.visibility import NOTHING, Raster, find_visible, gather_fragments
+from rasterizer.scene.scene import Scene
 
 TILE = 8  # pixels along each side
 LEAST_TILES = 8  # that show something: fewer tell nothing of a picture

@@ -3,7 +3,7 @@
 import pytest
 
 import rasterizer as rz
-from rasterizer.analysis.scene_axes import list_axes, measure_axes
+from bench.axes import list_axes, measure_axes
 from rasterizer.engine.shadow_maps import MOST_NUMBERS
 
 
