@@ -3,8 +3,8 @@
     python bench/choices.py                                            the scenes of the page: two minutes
     python bench/choices.py path/to/scan.obj room --seconds 60
 
-What `raster bench` and axes.py measure of one model is measured of some that differ: time and error of every method, and
-of what else a scene has. `raster bench --help` explains the figures; the last line is JSON.
+What `raster bench` and axes.py measure of one model is measured of some that differ: time and error of every method,
+and of what else a scene has. `raster bench --help` explains the figures; the last line is JSON.
 """
 
 import argparse

@@ -16,17 +16,17 @@ if is_seen(numba.__version__):
     from numba.core import cgutils
 
 
-def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
+def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
     """Build `texel_blend.fetch_texels`."""
     return _build_texels(_fetch, (0,), 1.0, texels, batch, rows, out)
 
 
-def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
+def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
     """Build `texel_blend.blend_texels`."""
     return _build_texels(_means, (0, 1), -(2.0**-15), texels, batch, rows, out)
 
 
-def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):
+def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
     """Build `texel_blend.blend_mip_levels`."""
     return _build_texels(_mixed_means, (0, 1, 4, 5), -(2.0**-15), texels, batch, rows, out)
 

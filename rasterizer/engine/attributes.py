@@ -124,7 +124,7 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
             for material, start, end in share:
-                light_points(points, start, end, screen, sign, lighting, material, batch, out)
+                light_points(points, (start, end), screen, sign, lighting, material, batch, out)
 
     threads.map(light_share, bundle(pieces, least))
     return intensities

@@ -283,7 +283,7 @@ def add_lit(found: KernelList, scene: Scene, plan: Plan, parts: Parts) -> None:
         for dtype in plan.dtypes:
             batch = workspace.batch if dtype == SINGLE else workspace.double_batch
             found.add(shade_lit, band, parts.screen, lighting_without_functions(plan, dtype), table, tangents, textures,
-                      plan.tint, False, batch, workspace.radiance)  # fmt: skip
+                      batch, workspace.radiance)  # fmt: skip
     if workspace.points is not None:
         add_points(found, parts, plan)
 
@@ -296,7 +296,7 @@ def add_interpolated(found: KernelList, scene: Scene, plan: Plan, parts: Parts) 
     for dtype in plan.dtypes:
         batch = workspace.batch if dtype == SINGLE else workspace.double_batch
         lighting, out = lighting_without_functions(plan, dtype), np.empty((0, 1), dtype)
-        found.add(light_points, points, 0, 0, parts.screen, 0, lighting, 0, batch, out)
+        found.add(light_points, points, (0, 0), parts.screen, 0, lighting, 0, batch, out)
     if any(mesh.polygons is not None for mesh in scene.meshes) and not plan.is_flat:
         for is_double in set(plan.of_materials.reads_double.tolist()):
             out, rows = np.empty((0, 1), DOUBLE if is_double else SINGLE), np.empty(0, np.int64)
@@ -380,10 +380,10 @@ def add_resolve(found: KernelList, options: Options, plan: Plan, scene: Scene, p
     radiance, visibility, batch = workspace.radiance, workspace.visibility, workspace.pixels
     if workspace.points is not None and (plan.is_lit_per_sample or plan.textures is not None):
         found.add(
-            resolve.resolve_averages, visibility, radiance, workspace.points, 0, 0, grid, encoding, batch, picture
+            resolve.resolve_averages, visibility, radiance, workspace.points, (0, 0), grid, encoding, batch, picture
         )
     if workspace.points is None or plan.opacity is not None or not plan.is_lit_per_sample or plan.cue is not None:
-        found.add(resolve.resolve_averages, visibility, radiance, None, 0, 0, grid, encoding, batch, picture)
+        found.add(resolve.resolve_averages, visibility, radiance, None, (0, 0), grid, encoding, batch, picture)
     if plan.opacity is not None:
         columns, opacity = np.empty(0, np.int64), np.empty(0)
         translucent = layers.Translucent(opacity, columns, columns, columns)

@@ -247,11 +247,11 @@ class ColorPass(Pass):
         points = workspace.points
         if points is not None and not points.is_spread[0]:
             return resolve_averages(
-                workspace.visibility, points.radiance[:n_channel], points, *rows,
+                workspace.visibility, points.radiance[:n_channel], points, rows,
                 self.grid, encoding, workspace.pixels, self.picture,
             )  # fmt: skip
         return resolve(
-            workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
+            workspace.visibility, workspace.radiance[:n_channel], translucent, rows,
             self.grid, encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
@@ -299,10 +299,8 @@ class LitPass(ColorPass):
         ways = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
         for need, dtype, batch in ways:
             if band.counts.needs & need:
-                shade_lit(
-                    band, self.screen, self.lightings[np.dtype(dtype)], face_table, tangents, texturing, self.plan.tint,
-                    need == NEEDS_DOUBLE, batch, radiance,
-                )  # fmt: skip
+                lighting = self.lightings[np.dtype(dtype)]
+                shade_lit(band, self.screen, lighting, face_table, tangents, texturing, batch, radiance)
 
 
 @dataclass(**AS_PASS)

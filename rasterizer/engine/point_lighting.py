@@ -87,7 +87,7 @@ def illuminate(
     )  # fmt: skip
     n, side = len(points), 0 if two_sided else 1
     found = np.empty((n, plan.n_channel))
-    light_points(surface, 0, n, screen, side, lighting, 0, make_batch(plan.dtype), found)
+    light_points(surface, (0, n), screen, side, lighting, 0, make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * common_color(plan.materials, plan.lights, plan.ambient)
     return found.reshape(shape)

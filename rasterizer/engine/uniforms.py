@@ -62,6 +62,7 @@ def list_materials(plan: Plan, dtype) -> Lighting:
         has_highlight=highlights,
         is_view_dependent=is_view_dependent,
         n_channels=np.where(plan.of_materials.is_colored, 3, 1),
+        tint=plan.tint,
         needs_view=bool(is_view_dependent.any()),
         needs_position=plan.needs_position,
         has_albedo=plan.of_materials.has_albedo,

@@ -39,6 +39,7 @@ class Lighting(NamedTuple):
     has_highlight: np.ndarray  # (n_material,) bool
     is_view_dependent: np.ndarray  # (n_material,) bool: the reflection functions read N·V and the view directions
     n_channels: np.ndarray  # (n_material,) int64: 1 or 3
+    tint: np.ndarray  # (3,) float32, the colour of what has one channel, where a band has three
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a position
     has_albedo: np.ndarray  # (n_material,) bool: colours are given with the model
@@ -192,17 +193,19 @@ def combine_channel(batch, n, channel, lighting, material):
 
 
 @kernel
-def light_points(points, start, end, screen, side, lighting, material, batch, out_intensities):
-    """Evaluate the illumination equation at the surface points start..end, all of one material.
+def light_points(points, part, screen, side, lighting, material, batch, out_intensities):
+    """Evaluate the illumination equation at surface points, all of one material.
 
     Parameters
     ----------
     points : SurfacePoints
+    part : (first, end) of those that are lit
     side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
     material : row of lighting.materials
     batch : see fragments.py, of the lighting's dtype
     out_intensities : (n, n_channel) float32 or float64, linear; the first channel where the material has one
     """
+    start, end = part
     for batch_start in range(start, end, BATCH_SIZE):
         n, first = min(BATCH_SIZE, end - batch_start), index(batch_start)
         gather_positions(points.positions, first, n, screen.eye, batch)

@@ -64,9 +64,9 @@ class FaceTable(NamedTuple):
 
 
 @kernel
-def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint, is_double, batch, out_radiance):
+def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch, out_radiance):
     """Interpolate normals and evaluate the illumination equation at the visible samples of materials that are computed
-    in float64, or of those in float32.
+    in the type of the batch.
 
     Where a band has both, float32 comes first: it writes anything to the samples that float64 is needed for.
 
@@ -77,11 +77,10 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint,
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled
     texturing : Texturing, after `sample_textures`; None where there are no textures
-    tint : (3,) float32, the colour of what has one channel, where the band has three
-    is_double : which of the two
-    batch : see fragments.py, in that type
+    batch : see fragments.py, float32 or float64
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
+    is_double = batch.itemsize == 8
     visibility, shown = band.visibility, select_materials(band, is_double)
     for j in range(band.n_row):
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
@@ -104,7 +103,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint,
                 if lighting.needs_view or lighting.needs_position:
                     fill_rays(screen, where, n, lighting.needs_position, batch)
                 light_batch(batch, n, lighting, material)
-                write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance, start)
+                write_radiance(batch, n, lighting.n_channels[material], lighting.tint, out_radiance, start)
             first += n
 
 

@@ -43,7 +43,7 @@ def make_pixel_batch() -> PixelBatch:
     return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MOST_FACTOR))
 
 
-def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, batch, out) -> int:
+def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out) -> int:
     """Write rows of the picture from a band; clear the band.
 
     Parameters
@@ -51,7 +51,7 @@ def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, b
     visibility : of the band
     radiance : (n_channel, n_row * pitch) float32 or float64, linear
     translucent : Translucent, the samples that nothing opaque is behind (layers.py), or None where there are none
-    y_start, y_end : the rows of pixels; the band's rows are as many times that as a pixel has samples along an axis
+    rows : (first, end) of the pixels; the band's rows are as many times that as a pixel has samples along an axis
     grid : SampleGrid
     encoding : Encoding
     batch : PixelBatch, scratch
@@ -62,21 +62,21 @@ def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, b
     how many samples are covered
     """
     if translucent is not None:
-        return resolve_translucent(visibility, radiance, translucent, (y_start, y_end), grid, encoding, batch, out)
-    return resolve_averages(visibility, radiance, None, y_start, y_end, grid, encoding, batch, out)
+        return resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out)
+    return resolve_averages(visibility, radiance, None, rows, grid, encoding, batch, out)
 
 
 # ---------------------------------------------------------------- kernels
 
 
 @kernel
-def resolve_averages(visibility, radiance, points, y_start, y_end, grid, encoding, batch, out):
+def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, out):
     """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
 
     `points` is PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), and
     `radiance` theirs; or None, and `radiance` that of the samples.
     """
-    n_covered, factor = np.int64(0), factor_of(grid)
+    n_covered, factor, (y_start, y_end) = np.int64(0), factor_of(grid), rows
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = begin_row(visibility, row, factor, j, encoding, out)

@@ -115,7 +115,7 @@ def list_batch(band, first, factor, n_pixel, order, is_textured, n, out):
     is_whole = compare_samples(entries, pitch, factor, n_pixel, differences, totals)
     pixels, n_mixed = out.pixels[index(row) // factor, index(left) :], index(0)
     if is_whole and not is_textured:
-        return list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out)
+        return list_whole(band, first, factor, entries, totals, pixels[:n_pixel], n, out)
     n_sample, half = factor * factor, np.int32((np.int64(factor) - 1) * (SUBPIXEL // 2))
     y = np.int32((band.y_start + row) * SUBPIXEL) + half
     for i in range(n_pixel):
@@ -156,9 +156,9 @@ def compare_samples(entries, pitch, factor, n_pixel, differences, totals):
 
 
 @helper
-def list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out):
+def list_whole(band, first, factor, entries, totals, pixels, n, out):
     """List a point for each of a row's pixels behind n others; return how many there are now."""
-    (row, left), n_sample = first, factor * factor
+    (row, left), n_sample, n_pixel = first, factor * factor, index(len(pixels))
     half = np.int32((np.int64(factor) - 1) * (SUBPIXEL // 2))
     y, x = np.int32((band.y_start + row) * SUBPIXEL) + half, np.int32(left * np.int64(factor) * SUBPIXEL) + half
     step, number = np.int32(np.int64(factor) * SUBPIXEL), np.int32(n)

@@ -168,6 +168,7 @@ class Camera:
         margin: float = 0.05,
         orthographic: bool = False,
         aspect: float | None = None,
+        *,
         size: int | Sequence[int] | None = None,
     ) -> "Camera":
         """Make the camera with the smallest view from a given side that shows all of a subject, centred.
@@ -216,6 +217,7 @@ class Camera:
         margin: float = 0.05,
         orthographic: bool = False,
         aspect: float | None = None,
+        *,
         size: int | Sequence[int] | None = None,
     ) -> "list[Camera]":
         """Make the cameras of a turntable: all at one distance, and looking at one point, so that nothing jumps.

@@ -42,7 +42,7 @@ def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, hei
     for array in picture:
         array.fill(0)
     rows, grid = (y_start, y_start + n_row), make_grid(factor)
-    n_covered = resolve(workspace.visibility, workspace.radiance, None, *rows, grid, how, workspace.pixels, picture)
+    n_covered = resolve(workspace.visibility, workspace.radiance, None, rows, grid, how, workspace.pixels, picture)
     return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), workspace, n_covered
 
 

@@ -28,5 +28,5 @@ def light_points_of(material, light, points, normals, view, tolerance, clearance
     surface = SurfacePoints(*columns, None, np.empty((0, 3)), np.empty((2, 0)))
     found = np.empty((len(points), plan.n_channel), plan.dtype)
     batch = make_batch(plan.dtype)
-    light_points(surface, 0, len(points), screen, 1, make_lighting(plan, view, plan.dtype), 0, batch, found)
+    light_points(surface, (0, len(points)), screen, 1, make_lighting(plan, view, plan.dtype), 0, batch, found)
     return found[:, 0].astype(float)

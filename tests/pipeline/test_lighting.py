@@ -77,7 +77,7 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
     columns = [np.ascontiguousarray(values.T) for values in (positions, normals)]
     surface = SurfacePoints(*columns, None, albedo if has_albedo else NOTHING, np.empty((2, 0)))
     end = len(positions) if end is None else end
-    light_points(surface, start, end, screen, side, lighting, n_material - 1, make_batch(dtype), out)
+    light_points(surface, (start, end), screen, side, lighting, n_material - 1, make_batch(dtype), out)
     return out, plan
 
 

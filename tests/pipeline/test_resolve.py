@@ -96,7 +96,7 @@ def test_every_pixel_of_the_band_is_written():
         for array in picture:
             array.fill(77)
         resolve(
-            workspace.visibility, workspace.radiance, None, 0, 24, make_grid(1), encoding(), workspace.pixels, picture
+            workspace.visibility, workspace.radiance, None, (0, 24), make_grid(1), encoding(), workspace.pixels, picture
         )
         assert not differences(picture.rgba[~covered], 0) and np.count_nonzero(picture.rgba[covered] == 77) == 0
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
@@ -142,7 +142,7 @@ def test_what_lanes_wrote_behind_a_row_is_cleaned():
     assert workspace.visibility.pitch >= 40 + PADDING
     entries[2, 10 : 10 + PADDING] = entries[8, 40 : 40 + PADDING] = 7
     picture = make_picture((40, 9), True)
-    resolve(workspace.visibility, workspace.radiance, None, 0, 9, make_grid(1), encoding(), workspace.pixels, picture)
+    resolve(workspace.visibility, workspace.radiance, None, (0, 9), make_grid(1), encoding(), workspace.pixels, picture)
     assert not differences(entries, CLEAR)
 
 

@@ -55,7 +55,7 @@ def shade_by_phong(scanned, coding, size, screen, lighting, is_double):
     workspace.radiance[:] = np.nan
     batch = workspace.double_batch if is_double else workspace.batch
     band = band_of(workspace, coding, counts, size[1])
-    shade_lit(band, screen, lighting, NO_FACES, None, None, WHITE, is_double, batch, workspace.radiance[:3])
+    shade_lit(band, screen, lighting, NO_FACES, None, None, batch, workspace.radiance[:3])
     return workspace.radiance[:3].reshape(3, size[1], -1)[:, :, : size[0]]
 
 
