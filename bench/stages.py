@@ -34,7 +34,7 @@ HOOKS = {
     "rasterizer.compiler.kernels": {"load": "kernels"},
     "numba.core.dispatcher": {"_DispatcherBase._compile_for_args": "kernels"},
     "rasterizer.renderer": {"Renderer.__init__": "prepare", "Renderer.render": "draw"},
-    "rasterizer.ground_shadow": {"_draw_masks": "ground"},
+    "rasterizer.engine.ground_shadow": {"_draw_masks": "ground"},
     "rasterizer.frame": {"Frame.encode": "encode"},
     "rasterizer.io.files": {"write_whole": "write"},
 }

@@ -438,5 +438,5 @@ def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) 
 def add_edges(found: KernelList, scene: Scene, options: Options, camera: Camera) -> None:
     """Add what draws edges over a picture, and the depths that hide them."""
     add_buffers(found, scene, options, ("depth",), camera, is_shared=False)
-    samples, sides = np.empty((0, 0), np.float32), np.empty(0)
-    found.add(draw_edges, np.empty((0, 6)), sides, float(options.edge_width), True, samples, samples)
+    samples, lines = np.empty((0, 0), np.float32), np.empty((0, 3))
+    found.add(draw_edges, np.empty((0, 6)), lines, float(options.edge_width), True, samples, samples)

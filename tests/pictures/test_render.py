@@ -209,8 +209,8 @@ def test_samples_of_the_longest_pictures(size):
     (width, height), samples = size, 16 if max(size) <= 2**16 else 1
     points = [(-3, -3), (width + 5, -2), (width / 2, 2 * height + 5)] * 2
     scene = sheet(size, points, [1, 2.0, 1.5, 2.0, 1.0, 1.5], [[0, 1, 2], [3, 4, 5]], COLORED)
-    frame = rz.render(scene, size, samples=samples, tolerance=0)
-    expected = reference.render(scene, size, samples=samples)
+    frame = rz.render(scene, size, shading="gouraud", samples=samples, tolerance=0)
+    expected = reference.render(scene, size, shading="gouraud", samples=samples)
     assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
     error = np.abs(frame.color - expected.color).max()
     assert error <= EXACT, f"colours differ by {error:.3g} > {EXACT:.3g}"
