@@ -26,6 +26,7 @@ from .clip import Range, to_eye
 from .creases import NO_AREA, is_crease
 from .vectors import dot, length
 
+NEAREST = 2.0**-30  # of an edge's furthest depth: what is nearer to the eye's plane lies 2^30 px away, at 2^-22 px
 DEPTH_ERROR = 2.0**-20  # of a depth: it is stored in float32, and coordinates are, in files
 
 
@@ -138,7 +139,10 @@ def make_segment(edge: Edge, view: View, projection: Projection, depths: Range) 
     (2, 3) float64: x and y in samples, and nearness of both ends: 1/depth, without perspective the depth. It changes
     linearly along the segment. (0, 3) where nothing is left
     """
-    ends = _cut(to_eye(edge.ends, view), 1.0, -depths.near)
+    ends, near = to_eye(edge.ends, view), depths.near
+    if projection.is_perspective:
+        near = max(near, NEAREST * ends[:, 2].max())
+    ends = _cut(ends, 1.0, -near)
     ends = _cut(ends, -1.0, depths.far) if depths.is_far_given else ends
     w = ends[:, 2] if projection.is_perspective else np.ones(len(ends))
     x = projection.center_x + (projection.scale_x * ends[:, 0] - projection.skew * ends[:, 1]) / w
