@@ -34,11 +34,10 @@ HOOKS = {
     "rasterizer.compiler.kernels": {"load": "kernels"},
     "numba.core.dispatcher": {"_DispatcherBase._compile_for_args": "kernels"},
     "rasterizer.renderer": {"Renderer.__init__": "prepare", "Renderer.render": "draw"},
-    "rasterizer.engine.ground_shadow": {"_draw_masks": "ground"},
     "rasterizer.frame": {"Frame.encode": "encode"},
     "rasterizer.io.files": {"write_whole": "write"},
 }
-STAGES = ("python", *PACKAGES.values(), "command line", "read", "normals", "kernels", "prepare", "draw", "ground",
+STAGES = ("python", *PACKAGES.values(), "command line", "read", "normals", "kernels", "prepare", "draw",
           "encode", "write", "exit")  # fmt: skip
 
 
