@@ -28,12 +28,11 @@ from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
 from rasterizer.engine.shadow_maps import MOST_NUMBERS
 from rasterizer.renderer import Renderer
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, SpotLight
+from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, Shadow, SpotLight, with_shadow_fields
 from rasterizer.scene.lights import Light as Lamp
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene
-from rasterizer.scene.shadow import Shadow, with_shadow_fields
 from rasterizer.scene.texture import Texture
 
 _SIZES = (256, 512, 1024, 2048, 4096)

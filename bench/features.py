@@ -19,7 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
-from rasterizer.analysis.plotting import BLUE, ORANGE, check_plotting, figure_bytes
+from rasterizer.analysis.speed_error_plot import BLUE, ORANGE, check_plotting, figure_bytes
 from rasterizer.analysis.timing import take_turns
 
 LOOK = rz.Material(diffuse=0.6, specular=0.3, shininess=32)

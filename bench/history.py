@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 from bench import measure, scenes
 from rasterizer import Renderer
-from rasterizer.analysis.plotting import check_plotting, figure_bytes
+from rasterizer.analysis.speed_error_plot import check_plotting, figure_bytes
 from rasterizer.analysis.timing import take_turns
 
 HISTORY = Path(__file__).with_name("history.jsonl")

@@ -51,7 +51,7 @@ PATHS = (
         "float32",
         (
             (
-                "engine/material_plans.py",
+                "engine/plan.py",
                 "needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE",
                 "is_double = True; needs = g.NEEDS_DOUBLE",
             ),
@@ -78,15 +78,15 @@ PATHS = (
     Variant("lights that don't arrive", (("pipeline/lighting.py", "if not arrives(batch, n):", "if False:"),)),
     Variant(
         "pixels covered as a whole",
-        (("pipeline/box_filter.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
+        (("pipeline/resolve.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
     ),
     Variant(
         "one sample a pixel",
-        (("pipeline/box_filter.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
+        (("pipeline/resolve.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
     ),
     Variant(
         "grey encoding",
-        (("engine/coding.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
+        (("engine/attributes.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
     ),
     Variant(
         "extents of rows",

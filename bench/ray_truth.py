@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rasterizer.analysis.ground_truth import Light
-from rasterizer.reference.cover import Window
 from rasterizer.reference.lamp import Lamp, make_lamps
 from rasterizer.reference.light import Lighting
-from rasterizer.reference.materials import channels_of
 from rasterizer.reference.picture import Look, look_at, resolve, spread_samples
+from rasterizer.reference.reflection import channels_of
 from rasterizer.reference.shading import Fragments, light_fragments, opacity_of, sample_textures, world_positions
 from rasterizer.reference.shadow import Casters
-from rasterizer.reference.visibility import NOTHING, Raster, find_visible, gather_fragments
+from rasterizer.reference.visibility import NOTHING, Raster, Window, find_visible, gather_fragments
 from rasterizer.scene.scene import Scene
 
 TILE = 8  # pixels along each side

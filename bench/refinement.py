@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need 
 import rasterizer as rz
 from bench import measure, scenes, surfaces
 from rasterizer.analysis.comparison import root_mean_square
-from rasterizer.analysis.plotting import COLORS, check_plotting, figure_bytes, make_logarithmic
+from rasterizer.analysis.speed_error_plot import COLORS, check_plotting, figure_bytes, make_logarithmic
 from rasterizer.analysis.timing import take_turns
 
 SHADINGS = ("flat", "gouraud", "phong")

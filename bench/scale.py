@@ -26,7 +26,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
-from rasterizer.analysis.plotting import check_plotting, figure_bytes
+from rasterizer.analysis.speed_error_plot import check_plotting, figure_bytes
 from rasterizer.analysis.timing import take_turns
 from rasterizer.options import Options
 

@@ -18,9 +18,9 @@ _HOMES = {
     "AreaLight": "scene.lights",
     "Camera": "scene.camera",
     "Comparison": "analysis.comparison",
-    "DepthCue": "scene.depth_cue",
+    "DepthCue": "scene.scene",
     "DirectionalLight": "scene.lights",
-    "Explanation": "reference.explanation",
+    "Explanation": "reference.explain",
     "Frame": "frame",
     "MachBands": "analysis.mach",
     "Material": "scene.material",
@@ -37,15 +37,15 @@ _HOMES = {
     "Renderer": "renderer",
     "Scene": "scene.scene",
     "SceneError": "errors",
-    "Shadow": "scene.shadow",
+    "Shadow": "scene.lights",
     "SpotLight": "scene.lights",
     "Spectrum": "scene.spectrum",
     "Texture": "scene.texture",
-    "color_difference": "analysis.ciede2000",
+    "color_difference": "analysis.comparison",
     "compare": "analysis.comparison",
     "demo_model": "io.demo",
     "explain": "analysis.pixel",
-    "headlight": "scene.light_presets",
+    "headlight": "scene.lights",
     "illuminate": "engine.point_lighting",
     "load": "io.loader",
     "mach_bands": "analysis.mach",
@@ -53,8 +53,8 @@ _HOMES = {
     "render_many": "batch.rendering",
     "sheet": "analysis.contact_sheet",
     "srgb": "scene.color",
-    "studio": "scene.light_presets",
-    "tabletop": "scene.light_presets",
+    "studio": "scene.lights",
+    "tabletop": "scene.lights",
     "turntable": "animation",
     "view": "notebook",
 }
@@ -62,8 +62,8 @@ __all__ = sorted([*_HOMES, "__version__"])
 
 TYPE_CHECKING = False  # what editors and type checkers take for that of `typing`, which would take 2 ms to import
 if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are the names of _HOMES
-    from .analysis.ciede2000 import color_difference as color_difference
     from .analysis.comparison import Comparison as Comparison
+    from .analysis.comparison import color_difference as color_difference
     from .analysis.comparison import compare as compare
     from .analysis.contact_sheet import sheet as sheet
     from .analysis.mach import MachBands as MachBands
@@ -86,24 +86,24 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .notebook import view as view
     from .options import Options as Options
     from .picking import Pick as Pick
-    from .reference.explanation import Explanation as Explanation
+    from .reference.explain import Explanation as Explanation
     from .renderer import Renderer as Renderer
     from .renderer import render as render
     from .scene.camera import Camera as Camera
     from .scene.color import srgb as srgb
-    from .scene.depth_cue import DepthCue as DepthCue
-    from .scene.light_presets import headlight as headlight
-    from .scene.light_presets import studio as studio
-    from .scene.light_presets import tabletop as tabletop
     from .scene.lights import AmbientLight as AmbientLight
     from .scene.lights import AreaLight as AreaLight
     from .scene.lights import DirectionalLight as DirectionalLight
     from .scene.lights import PointLight as PointLight
+    from .scene.lights import Shadow as Shadow
     from .scene.lights import SpotLight as SpotLight
+    from .scene.lights import headlight as headlight
+    from .scene.lights import studio as studio
+    from .scene.lights import tabletop as tabletop
     from .scene.material import Material as Material
     from .scene.mesh import Mesh as Mesh
+    from .scene.scene import DepthCue as DepthCue
     from .scene.scene import Scene as Scene
-    from .scene.shadow import Shadow as Shadow
     from .scene.spectrum import Spectrum as Spectrum
     from .scene.texture import Texture as Texture
 else:

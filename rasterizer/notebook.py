@@ -11,7 +11,7 @@ from .viewer.session import Session
 
 if TYPE_CHECKING:
     from .frame import Frame
-    from .viewer.picking import Picked
+    from .viewer.controls import Picked
 
 _SIZE = (800, 600)
 

@@ -21,9 +21,9 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from .choices import BUFFERS, SAVED_ARRAYS
-from .engine.light_table import LIGHT_TABLE, LightEntry
-from .engine.output_buffers import BUFFER_TABLE, OutputBuffer
-from .engine.reflection_table import REFLECTION_TABLE, ReflectionEntry
+from .engine.buffers import BUFFER_TABLE, OutputBuffer
+from .engine.lights import LIGHT_TABLE, LightEntry
+from .engine.reflections import REFLECTION_TABLE, ReflectionEntry
 from .errors import SceneError, shown
 from .io.formats import FORMATS, Format, register
 from .reference.lamp import LAMP_KINDS, LampKind

@@ -10,21 +10,16 @@ from numpy.typing import NDArray
 
 from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
-from .engine.clock import Clock
-from .engine.memory import check_memory, checked_out
 from .engine.plan_summary import PlanSummary, summarize
-from .engine.prepared_scene import PreparedScene
-from .errors import SceneError, counted, shown
+from .engine.prepared import Clock, PreparedScene, check_memory, checked_out
+from .errors import SceneError, checked_keywords, counted, shown
 from .frame import Frame, Stats
-from .io.any_scene import AZIMUTH, check_one_view, framed_from, scene_of
-from .io.loader import FileLike
-from .keywords import checked_keywords
+from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, scene_of
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera
 from .scene.color import ColorLike
-from .scene.light_presets import on_tabletop
-from .scene.lights import Light
+from .scene.lights import Light, on_tabletop
 from .scene.scene import Scene, SceneLike
 
 

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.light_table import entry_of
+from ..engine.lights import entry_of
 from ..errors import SceneError, shown
 from ..frame import Frame
-from ..geometry.mesh_points import smooth_part
+from ..geometry.points import smooth_part
 from ..scene.camera import Camera, View
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene

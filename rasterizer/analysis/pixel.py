@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
-from ..engine.prepared_scene import PreparedScene
+from ..engine.prepared import PreparedScene
 from ..engine.probe import ways_at
-from ..io.any_scene import scene_of
-from ..io.loader import FileLike
-from ..keywords import checked_keywords
+from ..errors import checked_keywords
+from ..io.loader import FileLike, scene_of
 from ..options import Options
-from ..reference import explaining
-from ..reference.explanation import Explanation
+from ..reference import explain as explaining
+from ..reference.explain import Explanation
 from ..scene.camera import Camera
 from ..scene.scene import SceneLike
 

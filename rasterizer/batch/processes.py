@@ -20,7 +20,7 @@ from typing import Any
 from ..compiler.kernels import STORE
 from ..cores import n_core
 from ..errors import RasterizerError
-from .crew import Died, Done, Failed, Unit
+from .executors import Died, Done, Failed, Unit
 from .worker import MOST_SHARED, READY, read_message, write_message
 
 _PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from

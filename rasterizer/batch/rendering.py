@@ -18,9 +18,8 @@ from ..options import Options
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice, whole
-from .crew import Crew, Died, Done, Failed, SharedObject, Unit, work_through
 from .draw_run import Drawn, Picture, Run, draw_run, load_model_of, make_error, suffix_of
-from .executors import identify, make_executor_crew
+from .executors import Crew, Died, Done, Failed, SharedObject, Unit, identify, make_executor_crew, work_through
 from .processes import LocalProcesses
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 

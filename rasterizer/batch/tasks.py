@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from ..choices import SAVED_ARRAYS, VIEWS, SavedArray
 from ..errors import SceneError, counted, shown
 from ..frame import Stats
-from ..io.picture_formats import picture_format
+from ..io.formats import picture_format
 from ..options import Options
 from ..scene.camera import Camera
 

@@ -7,10 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-from ..analysis.flip import check_flip
-from ..analysis.plotting import FORMATS, check_plotting
+from ..analysis.ground_truth import check_flip
 from ..analysis.speed_error import Study, list_methods, printed, study, told
-from ..analysis.speed_error_plot import plot
+from ..analysis.speed_error_plot import FORMATS, check_plotting, plot
 from ..analysis.timing import describe_machine
 from ..errors import SceneError, counted
 from ..options import Options

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import SceneError
-from ..scene import light_presets
+from ..scene import lights as light_presets
 from ..scene.camera import Camera
-from ..scene.shadow import Shadow, with_shadow_fields, without_shadows
+from ..scene.lights import Shadow, with_shadow_fields, without_shadows
 from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .light_arguments import make_light
 

@@ -13,8 +13,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..scene.fields import Field, describe_fields
-from ..scene.lights import LIGHT_KINDS
-from ..scene.shadow import Shadow
+from ..scene.lights import LIGHT_KINDS, Shadow
 from . import values
 from .suggestions import did_you_mean
 

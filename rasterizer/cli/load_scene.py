@@ -14,15 +14,13 @@ from ..errors import ModelError, SceneError
 from ..io import formats
 from ..io.loader import load
 from ..io.model_file import MeshSettings
-from ..io.progress import noticing_progress
-from ..io.scene_contents import SceneFile
+from ..io.scene_file import SceneFile
+from ..io.text_numbers import noticing_progress
 from ..options import Options
 from ..scene.color import linear_rgb
-from ..scene.depth_cue import DepthCue
-from ..scene.light_presets import on_tabletop
+from ..scene.lights import Shadow, on_tabletop, with_shadow_fields
 from ..scene.material import REFLECTION_MODELS, Material
-from ..scene.scene import Scene
-from ..scene.shadow import Shadow, with_shadow_fields
+from ..scene.scene import DepthCue, Scene
 from ..scene.texture import Texture
 from .cameras_lights import cast_shadows, make_lights, make_shadow, shadow_fields, takes_shadows
 from .defaults import UNSAID

@@ -5,7 +5,7 @@ import re
 
 from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
-from ..scene.named_materials import fields_of
+from ..scene.material import fields_of
 from . import values
 from .suggestions import did_you_mean
 

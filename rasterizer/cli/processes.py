@@ -13,8 +13,7 @@ from collections.abc import Callable
 from copy import copy
 from typing import Any, NamedTuple
 
-from ..batch.crew import Crew, Died, Done, Failed, SharedObject, Unit, work_through
-from ..batch.executors import DaskCrew, identify
+from ..batch.executors import Crew, DaskCrew, Died, Done, Failed, SharedObject, Unit, identify, work_through
 from ..batch.processes import LocalProcesses
 from ..batch.rendering import LONGEST_RUN
 from ..batch.tasks import RenderSummary

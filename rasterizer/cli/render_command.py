@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..errors import SceneError
-from ..io.picture_formats import picture_format
+from ..io.formats import picture_format
 from ..options import Options
 from ..renderer import Renderer
 from .arrays import check_scale, encode_arrays, expand_arrays, holds_arrays

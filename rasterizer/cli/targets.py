@@ -227,7 +227,7 @@ def check_picture(output, array) -> None:
     if array or suffix in (".npy", ".npz", ".exr"):
         check_arrays(suffix, output, array)
         return
-    from ..io.picture_formats import picture_format
+    from ..io.formats import picture_format
 
     try:
         picture_format(suffix)

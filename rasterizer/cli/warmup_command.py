@@ -20,11 +20,10 @@ from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
 from ..errors import OutputError
 from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
-from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
+from ..scene.lights import AmbientLight, DirectionalLight, PointLight, Shadow, SpotLight
 from ..scene.material import REFLECTIONS, Material
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
-from ..scene.shadow import Shadow
 from .messages import compilation_shown
 
 _VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])

@@ -44,7 +44,8 @@ import numba.extending
 import numpy as np
 from numba import types
 
-from . import intrinsics, texel_intrinsics
+from . import intrinsics
+from . import intrinsics as texel_intrinsics
 from .fingerprint import SEEN, is_seen
 from .machine_code import Code
 from .signatures import class_of
@@ -126,7 +127,7 @@ def compile_choice(function: Callable, choose: Callable):
 
 def compile_intrinsic(function: Callable, name: str, is_documented: bool):
     """Return a function whose instructions are written by the function `name` of intrinsics.py, or of
-    texel_intrinsics.py."""
+    intrinsics.py."""
     if IS_SEEN or is_documented:
         module = intrinsics if hasattr(intrinsics, name) else texel_intrinsics
         return as_callee(numba.extending.intrinsic(getattr(module, name)))

@@ -26,7 +26,7 @@ What one light adds to a material errs by the sum of
     highlight   height     · (rounding + slopes·(turns of L, of N) + light)
     light       (2 + slopes of cone and range)·turn, and 12 u times their steepness
 
-with s of Oren-Nayar's formula (reflection_table.py). The table of highlights of height 1, n the exponent:
+with s of Oren-Nayar's formula (reflections.py). The table of highlights of height 1, n the exponent:
 
     model         height         rounding                        turn of N     turn of L      float32 up to about
     phong         1              (0.7 √n + 0.7)·68 u + 1.5 n u   1.4 √n + 1.4  0.7 √n + 0.7   n = 200, F/d = 4
@@ -53,7 +53,8 @@ from numpy.typing import NDArray
 
 from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen, skew_stretch
-from . import light_table, reflection_table
+from . import lights as light_table
+from . import reflections as reflection_table
 from .rounding import DOUBLE, SINGLE, Step, times
 
 EXACT = 1e-6  # what is stated of float64
@@ -114,7 +115,7 @@ def compute_brightness(materials, lights, ambient, most_albedo: float, products=
     ----------
     ambient : (3,) float64, the sum of the ambient lights
     most_albedo : largest component of the colours that multiply what materials reflect, textures' included
-    products : those of spectra (engine/spectral_products.py), in which the exposure is included, or None
+    products : those of spectra (engine/plan.py), in which the exposure is included, or None
     """
     undirected = np.array([max(m.ambient) * ambient.max() * most_albedo + max(m.emissive) for m in materials])
     colors = np.array([max(light.color) for light in lights], float)
@@ -141,7 +142,7 @@ class Distances(NamedTuple):
     ratio: float = 1.0  # of the furthest depth to the nearest one that is seen; 1 without perspective
     fading: float = 0.0  # how far off the share that depth cueing leaves of an intensity may be, in float32
     lean: float = 0.0  # of columns, by skew: |skew|/scale_x; 0 where no rays are asked for
-    shadow_shift: float = 0.0  # how far float32 moves what shadows are asked for, see shadow_views.py
+    shadow_shift: float = 0.0  # how far float32 moves what shadows are asked for, see shadow_maps.py
 
     def kept(self, share: float = 1.0) -> "Distances":
         """Return the same without points that lie on a light, and normals that vanish: next to these nothing is

@@ -15,12 +15,10 @@ import numpy as np
 
 from ..errors import SceneError
 from ..pipeline.bands import Band, BandLists, join_lists, sort_into_bands
-from ..pipeline.clip import clip
+from ..pipeline.clip import NO_PLANES, clip
 from ..pipeline.cull import Grid, find_visible
-from ..pipeline.drawables import Drawables, Triangles
-from ..pipeline.face_planes import NO_PLANES
 from ..pipeline.scan import ScanCounts, make_deferred, scan
-from ..pipeline.transform import transform
+from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
 from .passes import BufferPass, FaceTable, Pass
 from .plan_summary import Ways

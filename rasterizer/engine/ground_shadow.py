@@ -28,7 +28,7 @@ from ..scene.framing import orbit_axes
 from ..scene.lights import AmbientLight
 from ..scene.scene import Scene
 from .draw import NO_CLOCK
-from .prepared_scene import PreparedScene
+from .prepared import PreparedScene
 
 HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft

@@ -14,49 +14,36 @@ from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
 from ..geometry import creases, ears, surfaces
 from ..geometry.points import number_materials
+from ..geometry.polygons import fill_means
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline import (
-    a_buffer,
-    buffers,
-    clip,
-    cull,
-    layers,
-    resolve,
-    shade_once,
-    shadow_lookup,
-    surface_buffers,
-    texture_packing,
-)
+from ..pipeline import a_buffer, buffers, clip, cull, layers, resolve, shade_once, shadow_lookup, texture_packing
+from ..pipeline import buffers as surface_buffers
 from ..pipeline.bands import Band, Rows, scatter
+from ..pipeline.clip import compute_outcodes, list_seen
 from ..pipeline.depth_cueing import fade
-from ..pipeline.drawables import Drawables, Triangles
 from ..pipeline.edges import draw_edges
 from ..pipeline.encode import encode_picture
 from ..pipeline.gradients import NEEDS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import ShadowMaps, SurfacePoints, light_points
-from ..pipeline.means import fill_means
-from ..pipeline.outcodes import compute_outcodes, list_seen
 from ..pipeline.phong_shading import FaceTable, shade_lit
-from ..pipeline.sample_grid import make_grid
 from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.shade import shade_interpolated
+from ..pipeline.shade_once import make_grid
 from ..pipeline.texture_sampling import sample_textures
-from ..pipeline.textured_shading import shade_textured
-from ..pipeline.texturing import Texturing
-from ..pipeline.transform import Screen, Vertices, make_screen, transform_range
+from ..pipeline.texturing import Texturing, shade_textured
+from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_screen, transform_range
 from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture, make_workspace
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from . import light_table
-from .coding import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
+from . import lights as light_table
+from .attributes import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
+from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
-from .output_buffers import BUFFER_TABLE
 from .plan import Plan, list_lights, make_plan
-from .shadow_maps import leaves_casters_out
-from .shadow_views import corners_of
+from .shadow_maps import corners_of, leaves_casters_out
 from .uniforms import list_materials, used_functions
 
 SIZE = (8, 8)  # of a picture without room, pixels

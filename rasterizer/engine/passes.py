@@ -18,35 +18,25 @@ import numpy as np
 from ..pipeline.bands import Band
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
-from ..pipeline.drawables import Drawables
 from ..pipeline.encode import Encoding
-from ..pipeline.gradients import (
-    NEEDS_COLORS,
-    NEEDS_DOUBLE,
-    NEEDS_SINGLE,
-    NEEDS_TEXTURE,
-    Coding,
-)
+from ..pipeline.gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
 from ..pipeline.resolve import Picture, resolve, resolve_averages
-from ..pipeline.sample_grid import SampleGrid, make_grid
 from ..pipeline.scan import ScanCounts, scan
 from ..pipeline.shade import shade_interpolated
-from ..pipeline.shade_once import list_points, order_samples, spread_points
+from ..pipeline.shade_once import SampleGrid, list_points, make_grid, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
+from ..pipeline.texture_packing import Textures
 from ..pipeline.texture_sampling import sample_textures
-from ..pipeline.textured_shading import shade_textured
-from ..pipeline.textures import Textures
-from ..pipeline.texturing import Texturing
-from ..pipeline.transform import Screen
+from ..pipeline.texturing import Texturing, shade_textured
+from ..pipeline.transform import Drawables, Screen
 from ..pipeline.workspace import Workspace, WorkspaceKind
-from .attributes import NONE, Attributes
-from .coding import sampled_in_double
-from .output_buffers import BUFFER_TABLE
+from .attributes import NONE, Attributes, sampled_in_double
+from .buffers import BUFFER_TABLE
 from .plan import Plan
 
 if TYPE_CHECKING:
@@ -312,7 +302,7 @@ class BufferPass(Pass):
     """
 
     screen: Screen
-    buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
+    buffers: dict[str, np.ndarray]  # by name, see buffers.py; written
     tables: dict[str, tuple]  # by name: what those look up that need a table
     is_filled: bool = True
 

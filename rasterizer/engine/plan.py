@@ -2,29 +2,373 @@
 
 Found here, from the scene alone: how bright it may be, the colour that one channel is enough for, its textures and
 transparent surfaces, which functions are compiled. What each material needs, its channels, its type and its way to the
-samples, is found in material_plans.py. What a view says is added later (view_plans.py).
+samples, is found in plan.py. What a view says is added later (view_plans.py).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..geometry.points import number_materials
 from ..options import Options
+from ..pipeline import gradients as g
+from ..pipeline import texture_packing as texturing
 from ..pipeline.depth_cueing import Cue
 from ..pipeline.layers import Opacity, least_transmittance
-from ..pipeline.texture_packing import PackedTextures, pack_textures
-from ..pipeline.textures import Textures
+from ..pipeline.texture_packing import PackedTextures, Textures, pack_textures
 from ..pipeline.visibility import LEVEL_MASK
-from . import light_table
+from . import lights as light_table
+from . import reflections as reflection_table
 from .bounds import WRITTEN, Brightness, Distances, compute_brightness, rounding_errors
-from .material_plans import Facts, MaterialPlans, plan_materials
+from .reflections import has_colored_fresnel, has_highlight
 from .rounding import SINGLE
-from .spectral_products import Products, multiply_spectra
-from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
-from .tint import common_color, common_tint
+
+# ----------------------------------------------------------------
+# What surfaces are beside their illumination, as arrays that the pipeline reads: textures, opacities, depth cueing.
+
+
+def list_opacities(materials, least) -> Opacity:
+    """How transparent the materials are; see pipeline/a_buffer.py for `least`."""
+    return Opacity(
+        np.array([material.opacity for material in materials]),
+        np.array([material.is_opaque for material in materials], np.bool_),
+        np.array([material.texture is not None for material in materials], np.bool_),
+        least,
+    )
+
+
+def list_textures(materials) -> Textures:
+    """Lay the textures of materials, at least one, behind each other; those that are shared, once."""
+    different = {id(material.texture): material.texture for material in materials if material.texture is not None}
+    number = {key: k for k, key in enumerate(different)}
+    levels = [level for texture in different.values() for level in texture.pyramid]
+    first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
+    filters = {
+        "nearest": texturing.FILTER_NEAREST,
+        "bilinear": texturing.FILTER_BILINEAR,
+        "trilinear": texturing.FILTER_TRILINEAR,
+    }
+    wraps = {"repeat": texturing.WRAP_REPEAT, "clamp": texturing.WRAP_CLAMP, "mirror": texturing.WRAP_MIRROR}
+    return Textures(
+        np.concatenate([level.ravel() for level in levels]),
+        np.array(
+            [(start, level.shape[1], level.shape[0]) for start, level in zip(first, levels, strict=False)], np.int64
+        ),
+        np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
+        np.array([filters[texture.filter] for texture in different.values()], np.int64),
+        np.array([[wraps[word] for word in texture.wrap] for texture in different.values()], np.int64),
+        np.array([number.get(id(material.texture), -1) for material in materials], np.int64),
+    )
+
+
+def brightest_texel(materials) -> float:
+    """The largest component of any texture, at least 1."""
+    images = [material.texture.image for material in materials if material.texture is not None]
+    return max((float(image[..., :3].max()) for image in images), default=1.0)
+
+
+def make_cue(cue, n_channel) -> Cue:
+    """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest
+    component is 1."""
+    return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
+
+
+# ----------------------------------------------------------------
+# The colour that all intensities of a picture share, if they do: then one channel is enough.
+
+
+def common_color(
+    materials: Sequence[Any], lights: Sequence[Any], ambient: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return the RGB triple, its largest component 1, of which every intensity of the picture is a multiple; None if
+    there is none.
+
+    Intensities are products of a material's and a light's colour, so it is enough that all lights are grey and all the
+    materials' colours multiples of one triple, or the other way round.
+
+    Parameters
+    ----------
+    ambient : (3,) float64, the sum of the ambient lights
+    """
+    if any(has_colored_fresnel(material) for material in materials):
+        return None
+    of_lights = [np.array(light.color) for light in lights] + [ambient]
+    of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
+    of_materials += [np.array(m.specular) for m in materials if has_highlight(m)]
+    emission = [np.array(m.emissive) for m in materials]
+    if _direction(of_lights) is not None and np.ptp(_direction(of_lights)) == 0.0:
+        return _direction(of_materials + emission)
+    if _direction(of_materials) is not None and np.ptp(_direction(of_materials)) == 0.0:
+        return _direction(of_lights + emission)
+    return None
+
+
+def common_tint(tint: NDArray[np.float64], color: Sequence[float]) -> NDArray[np.float64] | None:
+    """Return the tint (3,) if a colour is a multiple of it, else None."""
+    return _direction([tint, np.array(color)])
+
+
+def _direction(colors):
+    """The triple, its largest component 1, of which all colours are multiples (to float64 rounding); None if there is
+    none."""
+    colors = np.array([color for color in colors if color.max() > 0.0]).reshape(-1, 3)
+    if len(colors) == 0:
+        return np.ones(3)
+    scaled = colors / colors.max(axis=1, keepdims=True)
+    # Quotients of equal colours differ by a rounding error each.
+    return scaled[0] if np.ptp(scaled, axis=0).max() <= 4 * np.finfo(float).eps else None
+
+
+# ----------------------------------------------------------------
+# Spectral colour: light and colours are multiplied wavelength by wavelength, and seen by the standard observer at
+# the.
+# end.
+#
+# The illumination equation is a sum of products of colours, each times a factor that geometry alone decides (cosines,
+# powers, attenuation, shadows). The observer's response is linear. So it may be applied to the products before
+# anything
+# is drawn:
+#
+#     RGB(Σ_i g_i · kd·Ip_i) = Σ_i g_i · RGB(kd·Ip_i)
+#
+# which gives what an evaluation of every sample of the spectrum at every pixel would give, for the price of three
+# channels. A specular reflection function with a spectrum F0 is no such product, but affine in F0: W = F0·(1 - s) +
+# s, s
+# = (1 - cos θ)^5. So two products serve, ks·Ip·F0 and ks·Ip·(1 - F0): the highlight is that of W = 1 with the first,
+# and
+# times s with the second.
+
+
+class Products(NamedTuple):
+    """Products of the spectra of materials and lights, as linear RGB; components may be negative."""
+
+    emissive: NDArray[np.float64]  # (n_material, 3)
+    ambient: NDArray[np.float64]  # (n_material, 3): ka·Ia
+    diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip
+    specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
+    grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
+
+
+def multiply_spectra(
+    materials: Sequence[Any], lights: Sequence[Any], ambient_lights: Sequence[Any], options: Options
+) -> Products | None:
+    """Multiply what materials reflect by what lights give; None where no colour is a spectrum and no samples are asked
+    for."""
+    fields = ("emissive", "ambient", "diffuse", "specular")
+    colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel")]
+    colors += [light.color for light in (*lights, *ambient_lights)]
+    if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
+        return None
+    from ..scene.spectrum import N_TABLE, rgb_weights
+
+    n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
+    weights = rgb_weights(n) * 2.0**options.exposure
+    emissive, ambient, diffuse, specular = (
+        np.array([_samples_of(getattr(material, field), n) for material in materials]) for field in fields
+    )
+    around = sum((_samples_of(light.color, n) for light in ambient_lights), np.zeros(n))
+    given = np.array([_samples_of(light.color, n) for light in lights]).reshape(-1, n)
+    first, rest = split_fresnel(materials, n)
+    return Products(
+        emissive @ weights,
+        (ambient * around) @ weights,
+        (diffuse[:, None] * given) @ weights,
+        ((specular * first)[:, None] * given) @ weights,
+        ((specular * rest)[:, None] * given) @ weights,
+    )
+
+
+def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return F0 and 1 - F0 of materials whose F0 is a colour, 1 and 0 of the others.
+
+    Parameters
+    ----------
+    n : samples of the spectrum; None = linear RGB
+
+    Returns
+    -------
+    two (n_material, n or 3) float64
+    """
+    first = np.ones((len(materials), n or 3))
+    for row, material in zip(first, materials, strict=True):
+        if has_colored_fresnel(material):
+            row[:] = material.fresnel if n is None else _samples_of(material.fresnel, n)
+    return first, 1.0 - first
+
+
+def _samples_of(color, n: int) -> NDArray[np.float64]:
+    from ..scene.spectrum import samples_of
+
+    return samples_of(color, n)
+
+
+# ----------------------------------------------------------------
+# What each material of a scene needs: one channel or three, float32 or float64, the cheapest way to its samples.
+# What one object needs costs its own samples and no others. The bounds that justify a cheaper way stand beside the
+# choice.
+
+SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
+TOO_MUCH = "rounding beyond half of the tolerance"
+MOST_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
+
+
+class MaterialPlans(NamedTuple):
+    """A row for each material."""
+
+    ways: NDArray[np.uint8]  # (n,): the cheapest that attributes may take to the samples, see pipeline/gradients.py
+    needs: NDArray[np.uint8]  # (n,): bits, as there
+    n_attributes: NDArray[np.int64]  # (n,): how many of the attributes are read
+    normal_limits: NDArray[np.float64]  # (n,): how far float32 planes may turn a normal, as there
+    roundings: NDArray[np.float64]  # (n,): what rounding may add to an intensity, linear; see view_plans.py
+    has_albedo: NDArray[np.bool_]  # (n,): colours are given with the model, or a texture
+    reasons: tuple[tuple[str, ...], ...]  # why float32 won't do; none where it does
+
+    @property
+    def is_double(self) -> NDArray[np.bool_]:
+        """Which need float64."""
+        return (self.needs & g.NEEDS_DOUBLE) != 0
+
+    def dtype_of(self, material: int) -> np.dtype:
+        """The type that a material is lit in."""
+        return np.dtype(np.float64 if self.needs[material] & g.NEEDS_DOUBLE else np.float32)
+
+    @property
+    def is_looked_up(self) -> NDArray[np.bool_]:
+        """Which have textures whose coordinates may stand in planes."""
+        return ((self.needs & g.NEEDS_TEXTURE) != 0) & ~self.is_double
+
+    @property
+    def reads_double(self) -> NDArray[np.bool_]:
+        """Which have attributes in float64: also texture coordinates, of which large pictures need many digits."""
+        return self.is_double | self.is_looked_up
+
+    @property
+    def is_colored(self) -> NDArray[np.bool_]:
+        """Which need three channels."""
+        return (self.needs & g.NEEDS_COLORS) != 0
+
+    def is_like(self, other: "MaterialPlans") -> bool:
+        """Tell whether others need the same, whatever rounding adds."""
+        return self.needs is other.needs or bool((self.needs == other.needs).all() and (self.ways == other.ways).all())
+
+    def doubled(self, which: NDArray[np.bool_], reason: str) -> "MaterialPlans":
+        """Return the same with float64 for some materials."""
+        singles = np.uint8(255 - g.NEEDS_SINGLE)
+        needs = np.where(which, self.needs & singles | np.uint8(g.NEEDS_DOUBLE), self.needs)
+        reasons = [(*old, reason) if new else old for new, old in zip(which, self.reasons, strict=True)]
+        return self._replace(
+            needs=needs.astype(np.uint8), ways=np.where(which, np.uint8(g.EXACT), self.ways), reasons=tuple(reasons)
+        )
+
+
+class Facts(NamedTuple):
+    """What is known of a material's surfaces, a row a material."""
+
+    has_albedo: NDArray[np.bool_]  # colours are given with the model, or a texture
+    has_vertex_colors: NDArray[np.bool_]  # colours are given with the model
+    has_colors: NDArray[np.bool_]  # not only grey ones
+    tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
+
+
+def plan_materials(
+    sources: Any,
+    brightest: Brightness,
+    roundings: NDArray[np.float64],
+    options: Any,
+    facts: Facts,
+    tint: NDArray | None,
+) -> MaterialPlans:
+    """Find out what each material needs.
+
+    Parameters
+    ----------
+    sources : Sources of the scene (engine/plan.py)
+    brightest : as bright as lights are at their clearances
+    roundings : (n_material,) the least that float32 adds to an intensity in any view
+    options : Options
+    tint : (3,) the colour of what has one channel; None where all has three
+    """
+    materials, bounds = sources.materials, brightest.of_materials
+    angles = options.tolerance / 4 / np.maximum(brightest.turn_slopes, 1e-30)
+    if sources.has_shadows:  # which depend on normals, however dim the lights are
+        angles = np.minimum(angles, MOST_TURN)
+    normal_limits = angles / (np.sqrt(3.0) * SINGLE)
+    ways, needs, n_attributes, reasons = [], [], [], []
+    for k, material in enumerate(materials):
+        why = reasons_of(material, sources.lights_of(k), options.tolerance, roundings[k], bounds[k])
+        is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
+        ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], bounds.max()))
+        needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))
+        n_attributes.append(count_attributes(material, options, sources, facts, k, is_colored))
+        reasons.append(why)
+    return MaterialPlans(
+        np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits,
+        roundings, facts.has_albedo, tuple(reasons),
+    )  # fmt: skip
+
+
+def reasons_of(
+    material: Any, lights: Sequence[Any], tolerance: float, rounding: float, bound: float
+) -> tuple[str, ...]:
+    """Say why float32 won't do for a material in any view, in a few words each; nothing where it does.
+
+    Parameters
+    ----------
+    lights : those that it reflects
+    rounding : the least that float32 adds to an intensity of it
+    bound : the largest intensity that it may have; infinite where a light amplifies without limit
+    """
+    lengths = [length for light in lights for length in light_table.entry_of(light).lengths(light)]
+    reasons = {
+        "tolerance 0": tolerance == 0,
+        TOO_MUCH: not rounding <= tolerance / 2,
+        "lights without bound": not np.isfinite(bound),
+        "numbers of lights beyond float32": not are_single(lengths),
+        reflection_table.entry_of(material).reason_for_float64(material): True,
+    }
+    return tuple(reason for reason, holds in reasons.items() if reason and holds)
+
+
+def are_single(lengths: Sequence[float]) -> bool:
+    """Tell whether lengths, and their products with squares of lengths, keep their digits in float32."""
+    return all(SMALL <= length <= LARGE for length in lengths)
+
+
+def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound: float) -> int:
+    """Choose the cheapest way that the attributes of a material may take to the samples."""
+    if reasons:
+        return g.EXACT
+    if options.shading == "phong":
+        return g.IN_PLANES if normal_limit > 3.0 else g.EXACT
+    if not np.isfinite(bound):
+        return g.EXACT
+    return g.IN_PLANES if needs_planes else g.IN_ENTRIES
+
+
+def list_needs(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
+    """Return what a material needs, as bits."""
+    needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE
+    needs |= g.NEEDS_COLORS if is_colored else 0
+    needs |= g.NEEDS_ALBEDO if has_vertex_colors else 0
+    if material.texture is not None:
+        is_nearest = material.texture.filter == "nearest" and not is_double
+        needs |= g.NEEDS_TEXTURE | (g.NEEDS_CORNERS if is_nearest else 0)
+    needs |= 0 if material.is_opaque else g.NEEDS_BEHIND if material.opacity > 0.0 else g.IS_INVISIBLE
+    return needs
+
+
+def count_attributes(material: Any, options: Any, sources: Any, facts: Facts, k: int, is_colored: bool) -> int:
+    """Return how many attributes of the surfaces of material k are read: see engine/attributes.py."""
+    if options.shading != "phong":
+        return 8 if material.texture is not None else 3 if is_colored else 1
+    if material.is_anisotropic and material.tangent == "u":
+        return 6 + 3 * bool(facts.has_albedo.any()) + 2 * sources.is_textured
+    return 8 if material.texture is not None else 6 if facts.has_albedo[k] else 3
+
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 

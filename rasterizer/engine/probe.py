@@ -9,7 +9,7 @@ from ..scene.camera import Camera
 from .depth_range import screen_of
 from .draw import NO_CLOCK, draw
 from .passes import AS_PASS, Pass
-from .prepared_scene import PreparedScene
+from .prepared import PreparedScene
 
 ENTRY, PLANES, EXACT = "packed entry", "plane record", "exact record"
 

@@ -5,14 +5,14 @@ import numpy as np
 
 from ..compiler.kernels import batch_function
 from ..pipeline import material_coefficients as m
-from ..pipeline.fresnel import no_second_term
 from ..pipeline.light_kinds import N_LIGHT_COEFFICIENT, same_light_again
 from ..pipeline.lighting import Lighting, ShadowMaps
+from ..pipeline.reflection import no_second_term
 from ..pipeline.shadow_lookup import occlude
-from . import light_table, reflection_table
-from .plan import Plan
-from .reflection_table import first_fresnel, has_colored_fresnel, has_highlight
-from .spectral_products import split_fresnel
+from . import lights as light_table
+from . import reflections as reflection_table
+from .plan import Plan, split_fresnel
+from .reflections import first_fresnel, has_colored_fresnel, has_highlight
 
 _COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 
@@ -152,7 +152,7 @@ def _color_lights(plan) -> np.ndarray:
 def is_parted(plan: Plan) -> bool:
     """Tell whether the light of each light is summed in two terms, because some material's F0 has a colour.
 
-    The second term is that of pipeline/fresnel.py; it follows the first as if it were another light's.
+    The second term is that of pipeline/reflection.py; it follows the first as if it were another light's.
     """
     return any(has_colored_fresnel(material) for material in plan.materials)
 

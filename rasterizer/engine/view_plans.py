@@ -14,9 +14,8 @@ from ..pipeline.lighting import Lighting
 from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from ..scene.camera import View
 from . import bounds as b
-from .light_table import entry_of, is_carried, shadow_of
-from .material_plans import TOO_MUCH, are_single
-from .plan import Plan, list_lights, make_plan
+from .lights import entry_of, is_carried, shadow_of
+from .plan import TOO_MUCH, Plan, are_single, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE, Step
 from .uniforms import light_view, list_materials, with_functions
@@ -133,7 +132,7 @@ class ViewPlans:
         if not self.plan.has_shadows or self.plan.of_materials.is_double.all():
             return 0.0
         if self._shadow_precision is None:
-            from .shadow_views import Precision
+            from .shadow_maps import Precision
 
             self._shadow_precision = Precision(self.plan, self._bounds)
         return self._shadow_precision.shift(view)

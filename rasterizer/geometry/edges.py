@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .creases import is_smooth, smooth_cosine
-from .mesh_points import unique_rows
 from .normals import polygon_normals
+from .points import unique_rows
 
 
 class Edges(NamedTuple):

@@ -8,7 +8,7 @@ out: the same surface in smaller triangles,            ╱ ╲                  
 
     a triangle f becomes 4f .. 4f + 3:              (0, 3, 5) (3, 1, 4) (5, 4, 2) (3, 4, 5)
     a convex polygon, drawn about its centre M      two triangles an edge: (a, m, M) (m, b, M)
-    (centers.py), is cut as it is drawn:            of a quad that are four a triangle, too
+    (polygons.py), is cut as it is drawn:            of a quad that are four a triangle, too
 
 Every triangle's points have numbers: 0, 1, 2 its corners, 3, 4, 5 the midpoints of the edges that begin there, 6 the
 centre of its polygon.
@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 from ..errors import ModelError, SceneError, shown
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..scene.validate import is_whole
-from .centers import Centers, with_means
-from .mesh_points import unique_rows
 from .normals import split_creases, within_range
-from .polygons import Rings, find_rings
+from .points import unique_rows
+from .polygons import Centers, Rings, find_rings, with_means
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])

@@ -8,13 +8,93 @@ A reader of a model takes a `ModelFile`, and returns a list of parts or `Content
 `scene_file.read_scene` is. This module imports neither numpy nor a reader, so that help is printed at once.
 """
 
+import io
 import os
+import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..errors import ModelError, SceneError, shown
+from ..errors import ModelError, OutputError, SceneError, shown
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+
+# ----------------------------------------------------------------
+# What a file is that can't be read, or isn't what its name says: the hint that goes with the error.
+# Only the first bytes are looked at, and only once a reader has failed.
+
+HEAD = 1024  # bytes that are looked at
+_CAD = "it holds curved surfaces: export STL, 3MF or OBJ from the CAD program"
+_LOOKS_LIKE_A_SCENE = "export glTF (.glb) or OBJ from the program that made it"
+_PACKED = "unpack it first"
+_CLOUD = "a point cloud has no faces to draw"
+_BY_SUFFIX = {
+    word: hint
+    for words, hint in (
+        ("step stp iges igs brep brp sat x_t x_b sldprt sldasm ipt iam f3d fcstd catpart catproduct prt 3dm", _CAD),
+        ("fbx blend dae usd usda usdc usdz max ma mb c4d 3ds x3d wrl vrml lwo skp abc amf vrm", _LOOKS_LIKE_A_SCENE),
+        ("zip gz bz2 xz zst 7z rar tar tgz", _PACKED),
+        ("pcd las laz e57 pts ptx splat spz", _CLOUD),
+        ("mtl", "it holds the materials of an .obj file: give that one"),
+        ("bin", "it holds the numbers of a .gltf file: give that one"),
+        (
+            "png jpg jpeg webp tif tiff bmp gif exr npy npz",
+            "a picture or an array is no model; outputs stand behind -o",
+        ),
+    )
+    for word in words.split()
+}
+# What files begin with; where our own name of a format stands, another reader takes it.
+_BY_CONTENT = (
+    (rb"version https://git-lfs", "the file is a Git LFS pointer, not the model itself: `git lfs pull` fetches it"),
+    (rb"(?i)\s*<(!doctype html|html)", "the file is an HTML page, perhaps of a download that failed"),
+    (rb"\xff\xfe|\xfe\xff", "the file is text in UTF-16: save it as UTF-8"),
+    (rb"\x1f\x8b|BZh|\xfd7zXZ|\x28\xb5\x2f\xfd", f"the file is compressed: {_PACKED}"),
+    (rb"ISO-10303-21", f"the file is a STEP file: {_CAD}"),
+    (rb"Kaydara FBX|; FBX", f"the file is an FBX file: {_LOOKS_LIKE_A_SCENE}"),
+    (rb"BLENDER", f"the file is a Blender file: {_LOOKS_LIKE_A_SCENE}"),
+    (rb"(?s)\s*<.{0,400}<?COLLADA", f"the file is a COLLADA file: {_LOOKS_LIKE_A_SCENE}"),
+    (rb"glTF", "glb"),
+    (rb"ply\s", "ply"),
+    (rb"(?s)PK\x03\x04.{26,200}?(3D/|_rels|\[Content_Types)", "3mf"),
+    (rb"PK\x03\x04", f"the file is a ZIP archive: {_PACKED}"),
+    (rb"(ST)?C?N?4?n?OFF\s", "off"),
+    (rb"(?si)\s*solid\b.*\b(facet|endsolid)\b", "stl"),
+    (rb"(?s)\s*\{.*\"(asset|accessors|bufferViews|meshes)\"", "gltf"),
+    (rb"(?s)(#[^\n]*\n|\s)*((mtllib|o|g) [^\n]+\n(#[^\n]*\n|\s)*)*v[ \t]+[-+.\d]", "obj"),
+)
+
+
+def hint_for_suffix(suffix: str) -> str:
+    """Return what to do with a file of a suffix that no reader takes, as "; what to do"; empty if that isn't known."""
+    hint = _BY_SUFFIX.get(suffix.lower().removeprefix("."))
+    return f"; {hint}" if hint else ""
+
+
+def hint_for_content(data: bytes, format: str) -> str:
+    """Return what a file is by its first bytes, as "; what it is".
+
+    Parameters
+    ----------
+    data : the file's bytes
+    format : name of the format that it was read as, without success
+
+    Returns
+    -------
+    text, empty where the bytes tell nothing else than the name
+    """
+    head = bytes(data[:HEAD])
+    found = next((what for pattern, what in _BY_CONTENT if re.match(pattern, head)), None)
+    if found is None and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little") > 84:
+        found = "stl"
+    if found is None or found == format:
+        return ""
+    if " " in found:
+        return f"; {found}"
+    return f"; by its content it is {found}: --input-format {found}, or format='{found}'"
 
 
 class Format(NamedTuple):
@@ -109,10 +189,48 @@ def format_of(name: str, wanted: str | None, *, is_scene: bool | None = None) ->
     if found is not None and is_scene in (None, found.is_scene):
         return found
     if word.removeprefix("."):
-        from .other_formats import hint_for_suffix
-
         what = f"format '{word.lower().removeprefix('.')}'" + " of a scene file" * (is_scene is True)
         raise ModelError(f"{name}: unknown {what}; readable are {legal}{hint_for_suffix(word)}")
     if wanted is None and os.path.isdir(name):
         raise ModelError(f"{name}: a folder, not a model")
     raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")
+
+
+# ----------------------------------------------------------------
+# Formats of pictures, by name or suffix: what Pillow writes, and what is written without it.
+
+_OWN_FORMATS = {"PNG": "PNG", "TIF": "TIFF", "TIFF": "TIFF"}
+
+
+def picture_format(name: str) -> str:
+    """Return Pillow's name of a format that it writes, given by name or suffix; OutputError if none."""
+    if not isinstance(name, str):
+        raise SceneError(f"format must be text; given {shown(name)}")
+    word = name.upper().lstrip(".")
+    if word in _OWN_FORMATS:
+        return _OWN_FORMATS[word]  # without importing Pillow, which takes as long as to encode
+    from PIL import Image
+
+    Image.init()
+    found = Image.EXTENSION.get(f".{word.lower()}", word)
+    if found in Image.SAVE:
+        return found
+    common = "png, jpg, webp, tif, bmp, ppm"
+    given = f"{name!r} is unknown" if word else "a file without a suffix has none"
+    raise OutputError(f"no format to write: {given}; legal are npy, {common} and others that Pillow writes")
+
+
+def encoded(image: "Image.Image", name: str, options: dict[str, Any]) -> bytes:
+    """Return a `PIL.Image` as the bytes of a file; `name` is Pillow's of the format, `options` are passed on."""
+    stream = io.BytesIO()
+    image.save(stream, name, **options)
+    return stream.getvalue()
+
+
+def on_white(image: "Image.Image") -> "Image.Image":
+    """Return an RGBA picture laid on white, as RGB."""
+    from PIL import Image
+
+    paper = Image.new("RGBA", image.size, "white")
+    paper.alpha_composite(image)
+    return paper.convert("RGB")

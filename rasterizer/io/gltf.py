@@ -9,18 +9,737 @@ for up to `MOST_COPIES` triangles more than it holds.
 Format: Khronos, glTF 2.0 Specification, 2021.
 """
 
+import base64
+import binascii
 import json
+import math
 import struct
+from collections.abc import Callable
+from io import BytesIO
+from typing import NamedTuple
+from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 
 from ..errors import ModelError, SceneError, warn_caller
-from ..scene.material import Material
-from .gltf_arrays import Buffers, item
-from .gltf_left_out import USED, count_points_and_lines, list_left_out
-from .gltf_material import Paint, Pictures, linear_values, read_paint, uv_from_gltf
-from .gltf_nodes import read_lights_and_camera, world_matrices
+from ..scene.camera import Camera
+from ..scene.lights import DirectionalLight, PointLight, SpotLight
+from ..scene.material import REFLECTION_MODELS, Material
+from ..scene.texture import Budget, Texture, read_picture
 from .model_file import WHITE, Contents, ModelFile, Part
+
+# ----------------------------------------------------------------
+# Buffers, views and accessors of a glTF file: bytes to arrays, each number of the tree checked before it is followed.
+# buffer      the binary chunk of a GLB file, a data: URI, or a file beside the model, of which byteLength bytes
+#     are
+#                 read
+#     bufferView  a range of a buffer
+#     accessor    rows of numbers in a view, byteStride bytes from one to the next; without a view they are 0. A sparse
+#                 one replaces some of them
+#
+# Arrays are views of the bytes that were read: however often accessors refer to a buffer, it is there once. Rows that
+# are
+# not in a buffer could be any number of them, so together they are limited.
+# Format: Khronos, glTF 2.0 Specification, 2021, 3.6.
+
+MOST_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
+_BIN_CHUNK = 0x004E4942
+_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+
+class Buffers:
+    """The bytes that a glTF file refers to.
+
+    Parameters
+    ----------
+    model : ModelFile
+    tree : dict, the file's JSON tree
+    tail : bytes, what follows the tree in a GLB file
+    """
+
+    def __init__(self, model: ModelFile, tree: dict, tail: bytes):
+        self.model, self.tree, self.tail = model, tree, tail
+        self._buffers, self._arrays = {}, {}
+        self._n_made = 0  # numbers in arrays that no buffer holds
+
+    def uri(self, uri, most: int | None = None) -> bytes:
+        """Return what a URI holds or names, up to `most` bytes.
+
+        Raises ModelError for a file that can't be read or may not be, ValueError for a data: URI that is damaged.
+        """
+        if not isinstance(uri, str):
+            raise TypeError(f"uri must be text, not {type(uri).__name__}")
+        if uri.startswith("data:"):
+            head, _, body = uri.partition(",")
+            try:
+                data = base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
+            except binascii.Error as fault:
+                raise ValueError(f"a data: URI is damaged ({fault})") from fault
+            return data[:most]
+        name = uri if len(uri) <= 80 else uri[:77] + "..."
+        if self.model.folder is None:
+            raise self.model.error(f"needs the file '{name}', but was given without a folder")
+        try:
+            beside = self.model.beside
+            return beside.read_bytes(beside.find(unquote(uri)), most)
+        except (OSError, ValueError) as fault:
+            reason = getattr(fault, "strerror", None) or fault
+            raise self.model.error(f"needs the file '{name}', which can't be read ({reason})") from fault
+
+    def view(self, number) -> memoryview:
+        """Return the bytes of a bufferView."""
+        view = item(self.tree, "bufferViews", number)
+        data = self._buffer(view["buffer"])
+        begin, length = whole(view, "byteOffset", 0), whole(view, "byteLength")
+        if begin + length > len(data):
+            raise ValueError(f"bufferViews {number} ends at byte {begin + length} of a buffer of {len(data)}")
+        return memoryview(data)[begin : begin + length]
+
+    def _buffer(self, number) -> bytes:
+        if number not in self._buffers:
+            buffer = item(self.tree, "buffers", number)
+            most = whole(buffer, "byteLength")
+            data = self.uri(buffer["uri"], most) if "uri" in buffer else self._chunk()
+            if len(data) < most:
+                raise ValueError(f"buffer {number} must have {most} bytes, but has {len(data)}")
+            self._buffers[number] = data
+        return self._buffers[number]
+
+    def _chunk(self) -> bytes:
+        """Return the binary chunk of a GLB file, the first that follows the tree."""
+        if len(self.tail) < 8:
+            raise ValueError("a buffer has no uri, and there is no binary chunk")
+        length, kind = struct.unpack_from("<2I", self.tail)
+        if kind != _BIN_CHUNK or length > len(self.tail) - 8:
+            raise ValueError("the binary chunk is cut off, or of another kind")
+        return self.tail[8 : 8 + length]
+
+    def array(self, number) -> np.ndarray:
+        """Return the rows (count, width) of an accessor, as they are stored.
+
+        Raises
+        ------
+        TypeError, LookupError, ValueError : what is none of glTF, reaches beyond its buffer, or asks for too many rows
+        """
+        if number not in self._arrays:
+            self._arrays[number] = self._read(number)
+        return self._arrays[number]
+
+    def _read(self, number) -> np.ndarray:
+        accessor, label = item(self.tree, "accessors", number), f"accessor {number}"
+        dtype = np.dtype(_DTYPES[_known(accessor, "componentType", _DTYPES)])
+        width, count = _WIDTHS[_known(accessor, "type", _WIDTHS)], whole(accessor, "count")
+        has_view = "bufferView" in accessor
+        rows = self._rows(accessor, dtype, (count, width), label) if has_view else None
+        if rows is not None and "sparse" not in accessor:
+            return rows
+        self._n_made += count * width
+        if count < 1 or self._n_made > MOST_MADE:
+            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MOST_MADE} numbers are legal")
+        made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
+        if "sparse" in accessor:
+            self._replace(made, accessor["sparse"], label)
+        return made
+
+    def _rows(self, table, dtype, shape, label) -> np.ndarray:
+        """Return the rows of a view that a table refers to, without a copy."""
+        count, width = shape
+        data, begin = self.view(table["bufferView"]), whole(table, "byteOffset", 0)
+        row = width * dtype.itemsize
+        stride = whole(item(self.tree, "bufferViews", table["bufferView"]), "byteStride", row)
+        if stride < 1:
+            raise ValueError(f"byteStride must be above 0; given {stride}")
+        end = begin + (count - 1) * stride + row
+        if count < 1 or end > len(data):
+            raise ValueError(f"{label} of {count} rows ends at byte {end} of {len(data)}")
+        # The buffer is as long as the last byte of the last row: checked above.
+        return np.ndarray((count, width), dtype, data, begin, (stride, dtype.itemsize))
+
+    def _replace(self, rows, sparse, label) -> None:
+        """Put the rows of a sparse accessor where its indices say."""
+        count, indices, values = whole(sparse, "count"), sparse["indices"], sparse["values"]
+        dtype = np.dtype(_DTYPES[_known(indices, "componentType", _DTYPES)])
+        places = self._rows(indices, dtype, (count, 1), f"the indices of {label}")[:, 0]
+        if dtype.kind != "u" or places.max() >= len(rows):
+            raise ValueError(f"the indices of {label} must be whole numbers below {len(rows)}")
+        rows[places] = self._rows(values, rows.dtype, (count, rows.shape[1]), f"the values of {label}")
+
+
+def _known(table, key, legal):
+    """Return what a table has under a key; a ValueError that says what is legal where it is something else."""
+    if table[key] not in legal:
+        raise ValueError(f"{key} must be one of {', '.join(map(str, legal))}; given {str(table[key])[:40]}")
+    return table[key]
+
+
+def item(tree, key, number) -> dict:
+    """Return an item of one of the tree's lists; a LookupError that names it where it is none."""
+    items = tree.get(key, [])
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(items):
+        raise IndexError(f"{key} has no number {str(number)[:40]}")
+    if not isinstance(items[number], dict):
+        raise TypeError(f"{key} {number} is no table")
+    return items[number]
+
+
+def whole(table, key, default=None) -> int:
+    """Return a whole number of at least 0 out of a table; TypeError where it is none, KeyError where it is missing."""
+    number = table[key] if default is None else table.get(key, default)
+    if isinstance(number, float) and number.is_integer():  # 12.0 is a whole number of JSON, too
+        number = int(number)
+    if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+        raise TypeError(f"{key} must be a whole number of at least 0, not {str(number)[:40]}")
+    return number
+
+
+# ----------------------------------------------------------------
+# What a glTF file has and isn't used: named once a file, for those who ask.
+
+POINTS, LINES, LINE_LOOP, LINE_STRIP = range(4)  # modes of primitives without triangles
+USED = {
+    "EXT_texture_webp", "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_specular", "KHR_materials_unlit", "KHR_mesh_quantization",
+    "KHR_texture_transform",
+}  # fmt: skip
+_TEXTURES = {
+    "normalTexture": "normal textures",
+    "occlusionTexture": "occlusion textures",
+    "emissiveTexture": "emissive textures, with their emission",
+}
+
+
+def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, ...]:
+    """Return texts about what isn't used of materials, extensions and motion.
+
+    Parameters
+    ----------
+    tree : the file's JSON tree
+    primitives : those that are shown
+    used : the numbers of their materials
+    """
+    materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
+    found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
+    surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
+    if any("metallicRoughnessTexture" in surface for surface in surfaces):
+        found.append("metallic-roughness textures, but for their means")
+    if any(
+        "baseColorTexture" in surface and _has(source, "unlit")
+        for surface, source in zip(surfaces, materials, strict=True)
+    ):
+        found.append("KHR_materials_unlit of textured materials, which are lit")
+    if any(not source.get("doubleSided", False) for source in materials):
+        found.append("doubleSided = false (backs are drawn unless they are culled)")
+    extensions = {*tree.get("extensionsUsed", [])}.union(*(source.get("extensions", ()) for source in materials))
+    found += [f"the extension {name}" for name in sorted(map(str, extensions - USED))]
+    found += [what for what in ("animations", "skins") if tree.get(what)]
+    return (*found, *(["morph targets"] if any("targets" in each for each in primitives) else []))
+
+
+def count_points_and_lines(tree: dict, primitives: list[dict]) -> tuple[int, int]:
+    """Return how many points and lines primitives have that are none of triangles."""
+    n_point = n_line = 0
+    for primitive in primitives:
+        source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
+        n = item(tree, "accessors", source)["count"]
+        lines = {LINES: n // 2, LINE_LOOP: n, LINE_STRIP: n - 1}
+        mode = primitive.get("mode")
+        n_point += n if mode == POINTS else 0
+        n_line += lines.get(mode, 0)
+    return n_point, n_line
+
+
+def _has(source, name) -> bool:
+    return f"KHR_materials_{name}" in source.get("extensions", {})
+
+
+# ----------------------------------------------------------------
+# How a surface of a glTF file reflects: metallic and roughness as coefficients of Cook-Torrance's model.
+# base color c, metallic m, roughness r         F0 of the dielectric: f = ((ior - 1)/(ior + 1))² · specularColor
+#     diffuse    c·(1 - m)·(1 - f)                   0.04 where the file says nothing
+#     fresnel    f·(1 - m) + c·m                     F0 of the whole
+#     roughness  r²                                  GGX' alpha, at least 0.001
+#     ambient    diffuse + F0: light from everywhere alike, at normal incidence
+#     specular   1 + (w - 1)·(1 - m)                 w: strength of KHR_materials_specular
+#
+# A texture multiplies diffuse and ambient at every sample. F0 and roughness are those of a whole material, so of a
+# texture of metallic and roughness the means count; and so does that of a base color texture for the F0 of metals.
+# A material without metallicFactor is a metal, but in files that trimesh has written: it leaves out what it doesn't
+# know.
+#
+#     KHR_materials_ior, _specular, _emissive_strength    as above; their textures are left out
+#     KHR_materials_unlit                   emission alone; with a texture, or colours of vertices: diffuse, lit
+#     KHR_materials_pbrSpecularGlossiness   diffuse d·(1 - F0), F0 = specular, roughness (1 - glossiness)²
+#
+# Sources: Khronos, glTF 2.0 Specification, 2021, appendix B; the extensions' texts; Schlick 1994 for F0.
+
+_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+_F0 = 0.04  # of an index of refraction of 1.5
+_LEAST_ALPHA = REFLECTION_MODELS["cook-torrance"].least_roughness
+_UNLIT, _GLOSSY = "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"
+
+
+def extension(source: dict, name: str) -> dict:
+    """Return an extension of an item of the tree, empty where it has none."""
+    return source.get("extensions", {}).get(f"KHR_materials_{name}", {})
+
+
+def base_of(source: dict) -> tuple[tuple[float, ...], dict | None]:
+    """Return the base color and alpha of a material, (4,), and the use of its texture, None where it has none."""
+    glossy = source.get("extensions", {}).get(_GLOSSY)
+    if glossy is not None:
+        return _numbers(glossy.get("diffuseFactor", (1, 1, 1, 1)), 4), glossy.get("diffuseTexture")
+    surface = source.get("pbrMetallicRoughness", {})
+    return _numbers(surface.get("baseColorFactor", (1, 1, 1, 1)), 4), surface.get("baseColorTexture")
+
+
+def emission_of(source: dict) -> tuple[float, ...]:
+    """Return what a material gives off, linear: nothing where a texture says where it does."""
+    if "emissiveTexture" in source:
+        return _BLACK
+    strength = float(extension(source, "emissive_strength").get("emissiveStrength", 1.0))
+    return tuple(strength * value for value in _numbers(source.get("emissiveFactor", _BLACK), 3))
+
+
+def is_unlit(source: dict) -> bool:
+    """Tell whether a material shows its base color whatever the light."""
+    return _UNLIT in source.get("extensions", {})
+
+
+def unlit_fields(base, is_multiplied: bool) -> dict:
+    """Return the fields of Material of an unlit surface.
+
+    Parameters
+    ----------
+    base : (3,) base color, linear
+    is_multiplied : whether a texture or colours of vertices multiply it, which do so with the diffuse coefficient only
+    """
+    diffuse, emissive = (base, _BLACK) if is_multiplied else (_BLACK, base)
+    return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
+
+
+def metallic_unless_given(tree: dict) -> float:
+    """Return the metallicFactor of materials that have none."""
+    return 0.0 if "trimesh" in str(tree.get("asset", {}).get("generator", "")) else 1.0
+
+
+def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndarray | None], metallic=1.0) -> dict:
+    """Return the fields of Material that say how a surface reflects.
+
+    Parameters
+    ----------
+    source : dict, a material of the tree
+    base : (3,) base color, linear, which the texture multiplies
+    mean_color : (3,) the mean of that texture, linear; 1 where there is none
+    mean_of : function of the use of a texture of numbers, which returns the mean (4,) of its texels, 0..1; None where
+        it is missing
+    metallic : metallicFactor of a material that has none
+    """
+    base, mean_color = np.array(base), np.array(mean_color)
+    if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
+        f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
+        smoothness = float(glossy.get("glossinessFactor", 1.0))
+        if (mean := _mean(glossy.get("specularGlossinessTexture"), mean_of)) is not None:
+            f0, smoothness = f0 * _linear_from_srgb(mean[:3]), smoothness * mean[3]
+        return _fields(base * (1.0 - f0.max()), f0, 1.0 - smoothness, 1.0)
+    surface = source.get("pbrMetallicRoughness", {})
+    metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
+    roughness = float(surface.get("roughnessFactor", 1.0))
+    if (mean := _mean(surface.get("metallicRoughnessTexture"), mean_of)) is not None:
+        metallic, roughness = metallic * mean[2], roughness * mean[1]
+    metallic = min(max(metallic, 0.0), 1.0)
+    weight, dielectric = _dielectric_of(source)
+    f0 = dielectric * (1.0 - metallic) + base * mean_color * metallic
+    diffuse = base * (1.0 - metallic) * (1.0 - weight * dielectric.max())
+    ambient = diffuse + base * metallic + weight * dielectric * (1.0 - metallic)
+    return _fields(diffuse, f0, roughness, 1.0 + (weight - 1.0) * (1.0 - metallic), ambient)
+
+
+def _dielectric_of(source) -> tuple[float, np.ndarray]:
+    """Return the strength of a material's highlight, and the F0 (3,) that it has where it isn't metal."""
+    f0 = _F0
+    if "ior" in extension(source, "ior"):
+        ior = float(extension(source, "ior")["ior"])
+        f0 = ((ior - 1.0) / (ior + 1.0)) ** 2 if ior > 0.0 else 1.0  # 0 stands for infinity: the extension's text
+    specular = extension(source, "specular")
+    color = np.array(_numbers(specular.get("specularColorFactor", _WHITE), 3))
+    return float(specular.get("specularFactor", 1.0)), np.clip(f0 * color, 0.0, 1.0)
+
+
+def _fields(diffuse, f0, roughness, specular, ambient=None) -> dict:
+    """Return fields of Material; a value that rounding, or the file, moved out of its range goes to its end."""
+    return {
+        "reflection": "cook-torrance",
+        "diffuse": tuple(diffuse.tolist()),
+        "ambient": tuple((diffuse + f0 if ambient is None else ambient).tolist()),
+        "specular": specular,
+        "fresnel": tuple(np.clip(f0, 0.0, 1.0).tolist()),
+        "roughness": min(max(float(roughness) ** 2, _LEAST_ALPHA), 1.0),
+    }
+
+
+def _mean(use, mean_of) -> np.ndarray | None:
+    return None if use is None else mean_of(use)
+
+
+def _numbers(values, n) -> tuple[float, ...]:
+    """Return so many numbers of a list; ValueError where there are more or fewer."""
+    numbers = tuple(float(value) for value in values)
+    if len(numbers) != n:
+        raise ValueError(f"a factor must have {n} numbers; given {len(numbers)}")
+    return numbers
+
+
+def _linear_from_srgb(values) -> np.ndarray:
+    """Decode sRGB within 0..1: IEC 61966-2-1."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+# ----------------------------------------------------------------
+# Materials of a glTF file: coefficients, textures with their samplers, and where on a texture a primitive lies.
+# baseColorFactor      diffuse and F0, linear, see `gltf_surface`; its alpha: see alphaMode
+#     baseColorTexture     texture
+#     emissiveFactor       emissive, linear; with an emissiveTexture nothing
+#     alphaMode OPAQUE     opacity 1; the texture's alpha is not looked at
+#               BLEND      opacity = alpha of the factor; the texture's own alpha multiplies it
+#               MASK       alpha of factor and texture together at least alphaCutoff: 1, else 0
+#     magFilter, minFilter NEAREST: "nearest"; without mipmaps: "bilinear"; else "trilinear"
+#     wrapS, wrapT         "repeat", "clamp" or "mirror"
+#     doubleSided          not looked at: both sides are lit and drawn, unless faces seen from behind are culled
+#
+# Textures of metallic and roughness count by their means; all others are left out.
+# Format: Khronos, glTF 2.0 Specification, 2021, 3.8 and 3.9; KHR_texture_transform.
+
+_NEAREST, _LINEAR = 9728, 9729
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+
+
+class Paint(NamedTuple):
+    """A material, and how texture coordinates of the file become those of its texture."""
+
+    material: Material
+    uv_set: int = 0  # which TEXCOORD_n
+    uv_matrix: np.ndarray | None = None  # (2, 3) float64, new from old; None = as they are
+    colored: Material | None = None  # the one for meshes with colours of vertices; None = the same
+
+
+class Pictures:
+    """The textures of one file; each is made once for every way in which materials use it.
+
+    Parameters
+    ----------
+    buffers : Buffers of the file
+    """
+
+    def __init__(self, buffers: Buffers):
+        self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
+        self._pixels, self._textures, self._budget = {}, {}, Budget()
+
+    def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
+        """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
+        missing."""
+        key = (number, alpha_mode, alpha if alpha_mode == "MASK" else 1.0, cutoff if alpha_mode == "MASK" else 0.0)
+        if key not in self._textures:
+            self._textures[key] = self._make(*key)
+        return self._textures[key]
+
+    def _make(self, number, alpha_mode, alpha, cutoff) -> Texture | None:
+        """Make a texture; where alpha decides, it does so before mipmaps are made."""
+        source, image = self._source(number)
+        pixels = self._read(image)
+        if pixels is None:
+            return None
+        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
+        texture = Texture(pixels, filter=_filter(sampler), wrap=_wrap(sampler), name=self._label(image))
+        if alpha_mode == "BLEND":
+            return texture
+        rgba = np.array(texture.image)
+        with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
+            rgba[..., 3] = rgba[..., 3] * alpha >= cutoff if alpha_mode == "MASK" else 1.0
+        return Texture(rgba, texture.filter, texture.wrap, texture.name)
+
+    def _source(self, number) -> tuple[dict, int | None]:
+        """Return a texture of the tree, and the number of its image."""
+        source = item(self.tree, "textures", number)
+        extensions = source.get("extensions", {}).values()
+        return source, next((each["source"] for each in extensions if "source" in each), source.get("source"))
+
+    def mean(self, use: dict) -> np.ndarray | None:
+        """Return the mean (4,) of the texels of a texture of numbers, within 0..1; None, and a UserWarning, if it is
+        missing."""
+        pixels = self._read(self._source(use["index"])[1])
+        if pixels is None:
+            return None
+        mean = np.atleast_1d(pixels.mean(axis=(0, 1), dtype=np.float64)) / 255.0
+        alpha = mean[-1] if len(mean) in (2, 4) else 1.0
+        return np.array([*np.broadcast_to(mean[:1] if len(mean) < 3 else mean[:3], 3), alpha])
+
+    def _label(self, number) -> str:
+        """What an image is called in reports."""
+        image = item(self.tree, "images", number)
+        uri = str(image.get("uri", ""))
+        return str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {number}"))[:80]
+
+    def _read(self, number) -> np.ndarray | None:
+        """Return the pixels of an image, read at most once; None, and a warning, where that fails."""
+        if number not in self._pixels:
+            try:
+                if number is None:
+                    raise self.model.error("the texture has no image")
+                self._pixels[number] = read_picture(BytesIO(self._bytes(number)), f"image {number}", self._budget)
+            except (ModelError, LookupError, TypeError, ValueError) as fault:
+                reason = str(fault).removeprefix(f"{self.model.name}: ")
+                what = "a texture" if number is None else f"texture '{self._label(number)}'"
+                warn_caller(f"{self.model.name}: {what}: {reason}; its materials keep their plain colour")
+                self._pixels[number] = None
+        return self._pixels[number]
+
+    def _bytes(self, number) -> bytes:
+        """Return the file that an image is: part of a buffer, written into the tree, or beside the model."""
+        image = item(self.tree, "images", number)
+        return (
+            bytes(self._buffers.view(image["bufferView"])) if "bufferView" in image else self._buffers.uri(image["uri"])
+        )
+
+
+def read_paint(source: dict, pictures: Pictures) -> Paint:
+    """Turn a material of the tree into a `Paint`.
+
+    Parameters
+    ----------
+    source : dict, one of the tree's materials
+    pictures : Pictures of the file
+
+    Raises
+    ------
+    ModelError : a value that is not legal
+    TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
+    """
+    (red, green, blue, alpha), use = base_of(source)
+    mode, cutoff = source.get("alphaMode", "OPAQUE"), float(source.get("alphaCutoff", 0.5))
+    if mode not in ("OPAQUE", "MASK", "BLEND"):
+        raise pictures.model.error(f"alphaMode must be OPAQUE, MASK or BLEND; given {mode!r}")
+    texture = None if use is None else pictures.texture(use["index"], mode, alpha, cutoff)
+    # With a texture, MASK has been decided texel by texel.
+    opacity = {"OPAQUE": 1.0, "BLEND": alpha, "MASK": 1.0 if texture is not None else float(alpha >= cutoff)}[mode]
+    common = {"opacity": opacity, "texture": texture, "name": str(source.get("name", ""))}
+    place = () if texture is None else _placement(use)
+    base = (red, green, blue)
+    if is_unlit(source):
+        plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
+        return Paint(plain, *place)._replace(colored=colored)
+    mean_color = (1.0, 1.0, 1.0) if texture is None else texture.image[..., :3].mean(axis=(0, 1), dtype=np.float64)
+    with np.errstate(all="ignore"):  # what isn't finite is refused by Material
+        fields = lit_fields(source, base, mean_color, pictures.mean, metallic_unless_given(pictures.tree))
+    return Paint(Material(emissive=emission_of(source), **common, **fields), *place)
+
+
+def _placement(use) -> tuple[int, np.ndarray | None]:
+    """Return which texture coordinates a texture is laid by, and the matrix that KHR_texture_transform applies to them.
+
+    Scale, then rotation, then offset. The rotation is counter-clockwise as seen with v pointing down, as the sample
+    model of the extension and its implementations have it; the listing in its text turns the other way
+    (KhronosGroup/glTF, issue 1563).
+    """
+    change = use.get("extensions", {}).get("KHR_texture_transform", {})
+    uv_set = change.get("texCoord", use.get("texCoord", 0))
+    if not {"offset", "rotation", "scale"} & change.keys():
+        return int(uv_set), None
+    angle = float(change.get("rotation", 0.0))
+    c, s = math.cos(angle), math.sin(angle)
+    (x, y), (a, b) = change.get("offset", (0.0, 0.0)), change.get("scale", (1.0, 1.0))
+    return int(uv_set), np.array([[c * a, s * b, x], [-s * a, c * b, y]], np.float64)
+
+
+def uv_from_gltf(values, matrix) -> np.ndarray:
+    """Turn texture coordinates of glTF, whose v points down, into ours.
+
+    Parameters
+    ----------
+    values : (n, 2) float, or the integers of a normalised accessor
+    matrix : (2, 3) float64, applied before v is turned round; or None
+
+    Returns
+    -------
+    (n, 2) float64
+    """
+    uv = linear_values(values)
+    if matrix is not None:
+        uv = uv @ matrix[:, :2].T + matrix[:, 2]
+    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
+
+
+def linear_values(values) -> np.ndarray:
+    """Return the values of an accessor as float64; integers are normalised."""
+    values = np.asarray(values)
+    scale = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
+    return (
+        np.maximum(values.astype(np.float64) / scale, -1.0)
+        if values.dtype.kind == "i"
+        else values.astype(np.float64) / scale
+    )
+
+
+def _filter(sampler) -> str:
+    """Return the filter that stands for a sampler's two."""
+    large, small = sampler.get("magFilter"), sampler.get("minFilter")
+    if large == _NEAREST or (large is None and small == _NEAREST):
+        return "nearest"
+    return "bilinear" if small in (_NEAREST, _LINEAR) else "trilinear"
+
+
+def _wrap(sampler) -> tuple[str, str]:
+    """Return what lies outside a texture, for u and v."""
+    return _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
+
+
+# ----------------------------------------------------------------
+# Lights and cameras of a glTF file, placed by the nodes that hold them.
+# A node's matrix is that of its parents times its own; a light shines and a camera looks down -z of its node, with +y
+# up.
+#
+#     KHR_lights_punctual   color · intensity is the intensity here, a plain number: candela (point, spot) and lux
+#                           (directional) are not converted; a white diffuse surface under 1 lux of directional light
+#                           has
+#                           the value 1
+#     point, spot           get weaker with 1/d², also nearer than 1 (`amplify`), and end at `range` where the file has
+#                           one
+#     spot                  innerConeAngle and outerConeAngle in radians, half angles
+#     camera                perspective: yfov (radians, vertical), znear, zfar; orthographic: the picture is 2·ymag
+#     high;
+#                           aspectRatio and xmag are those of the picture that is asked for
+#
+# Sources: Khronos, glTF 2.0 Specification, 2021, 3.5 and 3.10; KHR_lights_punctual.
+
+_LIGHTS = "KHR_lights_punctual"
+_INVERSE_SQUARE = (0.0, 0.0, 1.0)
+
+
+def read_lights_and_camera(model: ModelFile, tree: dict) -> tuple[tuple | None, Camera | None]:
+    """Return the lights of a file's scene in the order of its nodes, and its first camera; None for what it hasn't.
+
+    Parameters
+    ----------
+    model : ModelFile, for messages
+    tree : dict, the file's JSON tree
+
+    Raises
+    ------
+    ModelError : a light or camera that is not legal; the message names it
+    TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
+    """
+    nodes = tree.get("nodes", [])
+    places = world_matrices(tree)
+    sources = tree.get("extensions", {}).get(_LIGHTS, {}).get("lights", [])
+    lights, camera = [], None
+    for number, matrix in sorted(places.items(), key=lambda item: item[0]):
+        node = nodes[number]
+        light = node.get("extensions", {}).get(_LIGHTS, {}).get("light")
+        if light is not None:
+            lights.append(_made(model, "light", light, sources, _light, matrix))
+        if camera is None and "camera" in node:
+            camera = _made(model, "camera", node["camera"], tree.get("cameras", []), _camera, matrix)
+    return tuple(lights) or None, camera
+
+
+def world_matrices(tree: dict) -> dict[int, np.ndarray]:
+    """Return world-from-node matrices (4, 4) float64 by the numbers of the nodes that the file's scene shows.
+
+    A file without scenes shows all its nodes.
+    """
+    if tree.get("scenes"):
+        roots = item(tree, "scenes", tree.get("scene", 0)).get("nodes", [])
+    else:
+        children = {child for node in tree.get("nodes", []) for child in node.get("children", [])}
+        roots = [number for number in range(len(tree.get("nodes", []))) if number not in children]
+    found, open_nodes = {}, [(number, np.eye(4)) for number in roots]
+    while open_nodes:
+        number, parent = open_nodes.pop()
+        node = item(tree, "nodes", number)
+        if number in found:  # not legal; the first place counts
+            continue
+        with np.errstate(all="ignore"):  # what is not finite is refused where something stands there
+            found[number] = parent @ _own_matrix(node)
+        open_nodes += [(child, found[number]) for child in node.get("children", [])]
+    return found
+
+
+def _own_matrix(node) -> np.ndarray:
+    """Return a node's parent-from-node matrix: given as a whole, or as translation, rotation (x, y, z, w) and scale."""
+    if "matrix" in node:
+        return np.reshape(np.asarray(node["matrix"], np.float64), (4, 4)).T
+    x, y, z, w = (float(value) for value in node.get("rotation", (0, 0, 0, 1)))
+    length = math.sqrt(x * x + y * y + z * z + w * w) or 1.0
+    x, y, z, w = x / length, y / length, z / length, w / length
+    # Rotation by a unit quaternion: Shoemake 1985, Animating rotation with quaternion curves, SIGGRAPH.
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn * np.asarray(node.get("scale", (1, 1, 1)), np.float64)
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
+    return matrix
+
+
+def _made(model, kind, number, sources, make, matrix):
+    """Make a light or camera; its faults become errors that name it."""
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(sources):
+        raise model.error(f"a node refers to {kind} {number!r}; the file has {len(sources)}")
+    source = sources[number]
+    label = f"{kind} {number}" + (f" '{source['name']}'" if source.get("name") else "")
+    try:
+        return make(source, matrix)
+    except KeyError as fault:
+        raise model.error(f"{label}: {fault.args[0]} is missing") from fault
+    except (SceneError, TypeError, ValueError) as fault:
+        raise model.error(f"{label}: {fault}") from fault
+
+
+def _light(source, matrix):
+    """Make a light of its description and its node's matrix."""
+    strength = source.get("intensity", 1.0)
+    color = tuple(float(component) * float(strength) for component in source.get("color", (1.0, 1.0, 1.0)))
+    way, place = tuple((-matrix[:3, 2]).tolist()), tuple(matrix[:3, 3].tolist())
+    kind = source["type"]
+    if kind == "directional":
+        return DirectionalLight(way, color)
+    fall = {"attenuation": _INVERSE_SQUARE, "amplify": True, "range": source.get("range")}
+    if kind == "point":
+        return PointLight(place, color, **fall)
+    if kind == "spot":
+        cone = source.get("spot", {})
+        inner = math.degrees(float(cone.get("innerConeAngle", 0.0)))
+        outer = float(cone.get("outerConeAngle", math.pi / 4))
+        if np.float32(outer) == np.float32(math.pi / 2):  # float32 rounds the largest legal angle up
+            outer = math.pi / 2
+        outer = math.degrees(outer)
+        return SpotLight(place, way, color, inner, outer, **fall)
+    raise ValueError(f"its type must be directional, point or spot; given {kind!r}")
+
+
+def _camera(source, matrix) -> Camera:
+    """Make a camera of its description and its node's matrix, whose scale doesn't count."""
+    eye, up, forward = matrix[:3, 3], matrix[:3, 1], -matrix[:3, 2]
+    length = float(np.linalg.norm(forward))
+    if not length > 0.0:
+        raise ValueError("its node's matrix leaves it no direction")
+    # A target about as far away as the eye is from the origin keeps every digit of the direction.
+    target = eye + forward / length * max(1.0, float(np.abs(eye).max()))
+    kind = source["type"]
+    frame = {"position": eye.tolist(), "target": target.tolist(), "up": up.tolist()}
+    if kind == "perspective":
+        lens = source["perspective"]
+        return Camera(fov=math.degrees(float(lens["yfov"])), near=lens["znear"], far=lens.get("zfar"), **frame)
+    if kind == "orthographic":
+        lens = source["orthographic"]
+        return Camera(height=2.0 * float(lens["ymag"]), near=lens["znear"], far=lens["zfar"], **frame)
+    raise ValueError(f"its type must be perspective or orthographic; given {kind!r}")
+
 
 MOST_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A

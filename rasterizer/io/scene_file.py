@@ -17,22 +17,732 @@ beside it.
 """
 
 import json
+import math
 import os
 import re
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from io import BytesIO
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib import format as npy
 
 from ..errors import ModelError, SceneError, one_file, shown
 from ..scene.camera import Camera
-from ..scene.scene import Scene
-from ..scene.validate import picture_size
+from ..scene.color import linear_rgb
+from ..scene.fields import describe_fields
+from ..scene.lights import LIGHT_KINDS, PRESETS, Shadow
+from ..scene.material import NAMED_MATERIALS, Material
+from ..scene.mesh import Mesh
+from ..scene.scene import DepthCue, Scene, checked_cue
+from ..scene.spectrum import Spectrum
+from ..scene.texture import Budget, Texture, read_picture
+from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
 from .files import Folder, read_named
+from .gltf import MOST_COPIES
+from .loader import keep_quiet, load_model
 from .model_file import MeshSettings
-from .models import keep_quiet
-from .scene_contents import SceneFile
-from .scene_file_entry import Entry
-from .scene_file_meshes import read_meshes
-from .scene_file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
+
+# ----------------------------------------------------------------
+# What a scene file holds; who loads a model imports this alone, and no reader of scene files.
+
+
+class SceneFile(NamedTuple):
+    """What a scene file holds.
+
+    Parameters
+    ----------
+    scene : Scene; without a camera where the file asks for framing
+    options : dict of options of a picture by name, not checked
+    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
+    unshadowed : places of those lights that say `shadow = false`, other than those that say nothing
+    """
+
+    scene: Scene
+    options: dict = {}
+    framing: dict | None = None
+    unshadowed: tuple[int, ...] = ()
+
+    def framed_scene(self) -> Scene:
+        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
+        4:3."""
+        if self.framing is None:
+            return self.scene
+        size = self.options.get("size", (4, 3))
+        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
+        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
+        return replace(self.scene, camera=camera)
+
+
+# ----------------------------------------------------------------
+# A value of a scene file with the place where it stands, so that every fault names file, place and what is legal.
+
+_KINDS = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
+
+
+class Entry:
+    """Hold a value of a scene file.
+
+    Parameters
+    ----------
+    value : what JSON or TOML has there
+    file : text, the file's name
+    where : text, the way to the value, such as lights[2].color; empty for the whole file
+    """
+
+    def __init__(self, value, file, where=""):
+        self.value, self.file, self.where = value, file, where
+
+    def fault(self, text, kind=SceneError) -> Exception:
+        """Return the error that says what is wrong here."""
+        return kind(f"{self.file}: {self.where}: {text}" if self.where else f"{self.file}: {text}")
+
+    def _of_kind(self, kind):
+        if type(self.value) is not kind:
+            raise self.fault(f"must be {_KINDS[kind]}; given {shown(self.value)}")
+        return self.value
+
+    def text(self) -> str:
+        """Return the value, which must be text."""
+        return self._of_kind(str)
+
+    def flag(self) -> bool:
+        """Return the value, which must be true or false."""
+        return self._of_kind(bool)
+
+    def items(self) -> list["Entry"]:
+        """Return the entries of a list."""
+        return [Entry(value, self.file, f"{self.where}[{i}]") for i, value in enumerate(self._of_kind(list))]
+
+    def names(self) -> dict[str, "Entry"]:
+        """Return the entries of a table whose keys are up to the writer."""
+        return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_kind(dict).items()}
+
+    def table(self, legal, needed=()) -> dict[str, "Entry"]:
+        """Return the entries of a table.
+
+        Parameters
+        ----------
+        legal : sequence of text, the keys that it may have
+        needed : sequence of text, those that it must have
+
+        Raises
+        ------
+        SceneError : no table, a key that is unknown or missing
+        """
+        for key in self._of_kind(dict):
+            if key not in legal:
+                place = Entry(None, self.file, self._below(key))
+                raise place.fault(f"unknown key; legal are {', '.join(legal)}")
+        for key in needed:
+            if key not in self.value:
+                raise self.fault(f"{key} is missing; needed are {', '.join(needed)}")
+        return self.names()
+
+    def _below(self, key) -> str:
+        """The place of a key of this table."""
+        word = key if re.fullmatch(r"[\w-]+", key) else shown(key)
+        return f"{self.where}.{word}" if self.where else word
+
+    def call(self, function, *args, **settings):
+        """Call a function, and let its error name the place: that of the field of which it speaks, if it is one
+        here."""
+        try:
+            return function(*args, **settings)
+        except (ModelError, SceneError) as fault:
+            # Errors of the scene's classes name a field as in "the point light's color must be ..", "the azimuth must
+            # be ..".
+            named = re.finditer(r"(?:'s|\bthe) (\w+)|^(\w+)", str(fault)) if isinstance(self.value, dict) else ()
+            field = next((match[match.lastindex] for match in named if match[match.lastindex] in self.value), None)
+            place = self if field is None else Entry(None, self.file, self._below(field))
+            raise place.fault(str(fault), type(fault)) from fault
+
+
+# ----------------------------------------------------------------
+# Arrays of a .npz file, looked at before they are unpacked: a file of some kilobytes may hold gigabytes.
+# .npz   a zip file of .npy files: a header, which tells shape and dtype, and the numbers
+
+MOST_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, packed or not
+MOST_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MOST_UNPACKED
+# What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
+_FAULTS = (
+    OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError,
+    AttributeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+)  # fmt: skip
+
+
+class Arrays(Mapping):
+    """Map the names of a .npz file's arrays to the arrays, each unpacked when it is first asked for; no object is ever
+    made.
+
+    Parameters
+    ----------
+    stream : binary file object, or path
+    name : text, what messages call it
+
+    Raises
+    ------
+    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than MOST_UNPACKED bytes and
+        MOST_RATIO times its size; also when an array is asked for that is damaged or holds objects
+    """
+
+    def __init__(self, stream, name: str):
+        self._name, self._found = name, {}
+        try:
+            self._archive = zipfile.ZipFile(stream)
+            members = self._archive.infolist()
+            self._archive.fp.seek(0, os.SEEK_END)
+            limit = max(MOST_UNPACKED, MOST_RATIO * self._archive.fp.tell())
+        except _FAULTS as fault:
+            raise self._fault(fault) from fault
+        total = sum(member.file_size for member in members)
+        if total > limit:
+            raise ModelError(f"{name}: its arrays would take {total} bytes; an .npz file of its size may have {limit}")
+        self.n_byte = total  # of all arrays
+        self._members = {member.filename.removesuffix(".npy"): member for member in members}
+
+    def _fault(self, fault) -> ModelError:
+        reason = " ".join(str(fault).split())[:200] or type(fault).__name__
+        return ModelError(f"{self._name}: can't be read as .npz ({reason})")
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    def __iter__(self):
+        return iter(self._members)
+
+    def __contains__(self, key) -> bool:
+        return key in self._members
+
+    def __getitem__(self, key) -> np.ndarray:
+        if key not in self._found:
+            try:
+                self._found[key] = self._read(self._members[key])
+            except _FAULTS as fault:
+                raise self._fault(fault) from fault
+        return self._found[key]
+
+    def _read(self, member) -> np.ndarray:
+        """Unpack one array, whose header must ask for what the member holds, and no more."""
+        if member.flag_bits & 1:
+            raise ValueError(f"{member.filename} is encrypted")
+        with self._archive.open(member) as stream:
+            version = npy.read_magic(stream)
+            read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+            shape, is_fortran, dtype = read_header(stream)
+            if dtype.hasobject or dtype.names or dtype.kind not in "biuf":
+                raise ValueError(f"{member.filename} holds no numbers, but {str(dtype)[:40]}")
+            length = math.prod(shape) * dtype.itemsize
+            if min(shape, default=0) < 0 or length > member.file_size:
+                raise ValueError(
+                    f"{member.filename} must hold {length} bytes for its shape, and has {member.file_size}"
+                )
+            data = stream.read(length)
+            if len(data) < length:
+                raise ValueError(f"{member.filename} is cut off")
+        return np.frombuffer(data, dtype).reshape(shape, order="F" if is_fortran else "C")
+
+
+# ----------------------------------------------------------------
+# Materials, textures, lights and cameras of a scene file.
+
+COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
+FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
+
+# A unit vector that was computed once has n·n = 1 to 10 roundings of 2^-53: 3 of the sum, 1 of the root and 1 of the
+# division of each component count twice in the square, 3 of this sum, and 1 to spare.
+_UNIT_SLACK = 10 * 2.0**-53
+
+
+class Context:
+    """Hold what all parts of one scene file share.
+
+    Parameters
+    ----------
+    files : Folder to which names of files are relative
+    log : function of one text
+    crease_angle, drop_bad_faces, weighting : as `read_scene` takes them
+    """
+
+    def __init__(self, files: Folder, log, crease_angle=None, drop_bad_faces=False, weighting=None):
+        self.files, self.log, self.weighting = files, log, weighting
+        self.crease_angle, self.drop_bad_faces = crease_angle, drop_bad_faces
+        self.materials = {}  # by the name of the file's table
+        self.models = {}  # what `load` made of files, by path and settings
+        self.n_copy = 0  # triangles that are there because meshes refer to the same ones
+        self.budget = Budget()
+        self._arrays, self._textures = {}, {}
+
+    def path(self, entry) -> Path:
+        """Return the path that an entry names, of a file that may be read."""
+        text = entry.text()
+        if not text or "\0" in text:
+            raise entry.fault(f"must be the name of a file; given {shown(text)}")
+        try:
+            return self.files.find(text)
+        except FileNotFoundError:
+            raise entry.fault(f"{shown(text)[1:-1]}: no such file", ModelError) from None
+        except (OSError, ValueError) as fault:
+            reason = getattr(fault, "strerror", None) or fault
+            raise entry.fault(f"{shown(text)[1:-1]}: can't be read ({reason})", ModelError) from fault
+
+    def read(self, path, entry) -> BytesIO:
+        """Return what a file holds whose path `path` has returned."""
+        try:
+            return BytesIO(self.files.read_bytes(path))
+        except (OSError, ValueError) as fault:
+            raise entry.fault(
+                f"{path}: can't be read ({getattr(fault, 'strerror', None) or fault})", ModelError
+            ) from fault
+
+    def arrays(self, entry) -> Arrays:
+        """Return the arrays of a .npz file, read once."""
+        path = self.path(entry)
+        if path not in self._arrays:
+            self._arrays[path] = entry.call(Arrays, self.read(path, entry), str(path))
+        return self._arrays[path]
+
+    def texture(self, path, entry, **settings) -> Texture:
+        """Return the texture of a picture file; the same for the same settings."""
+        key = (path, *settings.items())
+        if key not in self._textures:
+            pixels = entry.call(read_picture, self.read(path, entry), str(path), self.budget)
+            self.take(pixels, entry)
+            self._textures[key] = entry.call(Texture, pixels, name=str(path), **settings)
+        return self._textures[key]
+
+    def take(self, image, entry) -> None:
+        """Count a texture that is made of an image (h, w, ..)."""
+        entry.call(self.budget.take, math.prod(np.shape(image)[:2]), "a texture")
+
+
+def array_of(entry, context, key) -> np.ndarray:
+    """Return an array of a .npz file by its name there."""
+    arrays = context.arrays(entry)
+    if key not in arrays:
+        raise entry.fault(
+            f"{entry.value} has no array {key!r}; it has {shown(', '.join(arrays))[1:-1] or 'none'}", ModelError
+        )
+    return entry.call(arrays.__getitem__, key)
+
+
+def index_of(entry) -> int:
+    """Return a whole number of at least 0."""
+    if type(entry.value) is not int or entry.value < 0:
+        raise entry.fault(f"must be a whole number of at least 0; given {shown(entry.value)}")
+    return entry.value
+
+
+# --- colours and materials ----------------------------------------------------------------------------------
+
+
+def color_value(entry):
+    """Return a colour as the classes take it: of a table the Spectrum, else what is there."""
+    if not isinstance(entry.value, dict):
+        return entry.value
+    table = entry.table(("wavelengths", "values"), ("wavelengths", "values"))
+    return entry.call(Spectrum, table["wavelengths"].value, table["values"].value)
+
+
+def read_color(entry):
+    """Return a colour, checked."""
+    return entry.call(linear_rgb, color_value(entry), "the color")
+
+
+def read_depth_cue(entry) -> DepthCue:
+    """Read a depth cue: its scale, or a table of its fields."""
+    if not isinstance(entry.value, dict):
+        return entry.call(checked_cue, entry.value)
+    table = entry.table([field.name for field in fields(DepthCue)], ("scale",))
+    settings = {key: color_value(field) if key in COLORS else field.value for key, field in table.items()}
+    return entry.call(DepthCue, **settings)
+
+
+def read_material(entry, context, name="") -> Material:
+    """Read a material: a table, the name of one of the file's materials, or else of one of the classic table's.
+
+    Parameters
+    ----------
+    entry : Entry
+    context : Context
+    name : text, that the material gets unless it says one itself
+
+    Raises
+    ------
+    SceneError : a value or name that is not legal
+    ModelError : a texture that can't be read
+    """
+    if isinstance(entry.value, str) and entry.value in context.materials:
+        return context.materials[entry.value]
+    if isinstance(entry.value, str) and entry.value in NAMED_MATERIALS:
+        return Material.named(entry.value)
+    if not isinstance(entry.value, dict):
+        known = ", ".join(context.materials) or "none"
+        classic = ", ".join(NAMED_MATERIALS)
+        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({classic})"
+        raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
+    settings = {"name": name}
+    for key, field in entry.table([field.name for field in fields(Material)]).items():
+        if key == "texture" and field.value is not None:
+            settings[key] = _read_texture(field, context)
+        else:
+            settings[key] = color_value(field) if key in COLORS else field.value
+    return keeping_units(entry.call(Material, **settings), settings, ("tangent",))
+
+
+def _read_texture(entry, context) -> Texture:
+    """Read a texture: the name of a picture, or a table with it or with an array in a .npz file."""
+    if not isinstance(entry.value, dict):
+        return context.texture(context.path(entry), entry)
+    table = entry.table(("file", "arrays", "texture", "filter", "wrap", "name"))
+    settings = {"filter": table["filter"].text()} if "filter" in table else {}
+    if "wrap" in table:
+        is_pair = isinstance(table["wrap"].value, list)
+        settings["wrap"] = tuple(item.text() for item in table["wrap"].items()) if is_pair else table["wrap"].text()
+    if ("file" in table) == ("arrays" in table):
+        raise entry.fault("a texture needs either file, or arrays and texture")
+    if "file" in table:
+        texture = context.texture(context.path(table["file"]), table["file"], **settings)
+    elif "texture" not in table:
+        raise entry.fault("texture is missing: the number of the texture in arrays")
+    else:
+        image = array_of(table["arrays"], context, f"texture{index_of(table['texture'])}")
+        context.take(image, entry)
+        texture = entry.call(Texture, image, **settings)
+    return replace(texture, name=table["name"].text()) if "name" in table else texture
+
+
+# --- lights and cameras -------------------------------------------------------------------------------------
+
+
+def read_lights(entry) -> tuple[tuple, tuple[int, ...]]:
+    """Read the lights: a preset's name, or a list of these and of tables.
+
+    Returns
+    -------
+    the lights, and the places of those that say `shadow = false`; raises SceneError
+    """
+    found, unshadowed = [], []
+    for item in [entry] if isinstance(entry.value, str) else entry.items():
+        if isinstance(item.value, str):
+            if item.value not in PRESETS:
+                raise item.fault(f"must be a table, or one of {', '.join(PRESETS)}; given {shown(item.value)}")
+            found += PRESETS[item.value]()
+            continue
+        if isinstance(item.value, dict) and item.value.get("shadow") is False:
+            unshadowed.append(len(found))
+        found.append(_read_light(item))
+    return tuple(found), tuple(unshadowed)
+
+
+def _read_light(entry):
+    """Read one light; `kind` chooses the class out of the scene's table, the other keys are its fields."""
+    kind = entry.names().get("kind")
+    if kind is None:
+        raise entry.fault(f"kind is missing; legal are {', '.join(LIGHT_KINDS)}")
+    if kind.text() not in LIGHT_KINDS:
+        raise kind.fault(f"must be one of {', '.join(LIGHT_KINDS)}; given {shown(kind.value)}")
+    described = describe_fields(LIGHT_KINDS[kind.value])
+    needed = [name for name, field in described.items() if field.is_needed]
+    table = entry.table(["kind", *described], ["kind", *needed])
+    readers = {"shadow": _read_shadow, "flag": Entry.flag, "color": color_value}
+    settings = {
+        name: readers.get(described[name].holds, _value_of)(field) for name, field in table.items() if name != "kind"
+    }
+    vectors = [name for name, field in described.items() if field.holds == "vector"]
+    return keeping_units(entry.call(LIGHT_KINDS[kind.value], **settings), settings, vectors)
+
+
+def _value_of(entry):
+    """What the file has there, for the class to check."""
+    return entry.value
+
+
+def _read_shadow(entry):
+    """Read a shadow: true, false, or a table."""
+    if entry.value is None or isinstance(entry.value, bool):
+        return entry.value
+    if not isinstance(entry.value, dict):
+        raise entry.fault(f"must be true, false, or a table with size and filter; given {shown(entry.value)}")
+    table = entry.table([field.name for field in fields(Shadow)])
+    return entry.call(Shadow, **{key: field.value for key, field in table.items()})
+
+
+def read_camera(entry) -> tuple[Camera | None, dict | None]:
+    """Read a camera, or how to frame the scene: one of both, the other is None."""
+    if isinstance(entry.value, dict) and "position" not in entry.value:
+        legal = [field.name for field in fields(Camera)]
+        for key in entry.value:
+            if key in legal and key not in FRAMING:
+                raise entry.fault(
+                    f"position is missing, which goes with {key}; without it, legal are {', '.join(FRAMING)}"
+                )
+        table = entry.table(FRAMING)
+        framing = {key: field.flag() if key == "orthographic" else field.value for key, field in table.items()}
+        return None, framing
+    table = entry.table([field.name for field in fields(Camera)])
+    settings = {key: field.value for key, field in table.items()}
+    return keeping_units(entry.call(Camera, **settings), settings, ("up",)), None
+
+
+def keeping_units(made, given, names):
+    """Give fields of what was made back the unit vectors that were given; to normalise one again moves it by a
+    rounding."""
+    for name in names:
+        vector = given.get(name)
+        if not isinstance(vector, list) or not hasattr(made, name):
+            continue
+        vector = tuple(map(float, vector))
+        is_unit = abs(math.fsum(x * x for x in vector) - 1.0) <= _UNIT_SLACK
+        if is_unit and all(abs(x - y) <= _UNIT_SLACK for x, y in zip(vector, getattr(made, name), strict=True)):
+            object.__setattr__(made, name, vector)
+    return made
+
+
+def keeping_normals(mesh, normals):
+    """Give a mesh back the normals (.., 3) that were saved, where all are unit vectors or zero; see `keeping_units`."""
+    if mesh.normals is None or mesh.normals.shape != normals.shape or normals.dtype != np.float64:
+        return mesh
+    squares = np.einsum("...i,...i", normals, normals)
+    if (((np.abs(squares - 1.0) <= _UNIT_SLACK) | (squares == 0.0)) & np.isfinite(squares)).all():
+        normals.flags.writeable = False
+        object.__setattr__(mesh, "normals", normals)
+    return mesh
+
+
+# ----------------------------------------------------------------
+# Meshes of a scene file: models in files of their own, arrays beside it, or numbers in it; and where they are.
+# placed.
+
+# In the order of Mesh; all but the first two may be left out.
+ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
+_FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
+_PLACING = ("transform", "crease_angle", "weighting", "name")
+
+
+def read_meshes(entry, context) -> tuple[list[Mesh], str]:
+    """Read the list of meshes.
+
+    Parameters
+    ----------
+    entry : Entry, the list
+    context : Context
+
+    Returns
+    -------
+    the meshes; and the up axis of the files where all meshes come from files that agree on one, else "y"
+
+    Raises
+    ------
+    SceneError : a key or value that is not legal
+    ModelError : a file or mesh that is not legal
+    """
+    meshes, axes = [], set()
+    for item in entry.items():
+        keys = item.names()
+        if sum(key in keys for key in ("file", "arrays", "vertices")) != 1:
+            raise item.fault("a mesh needs one of file (a model), arrays (a .npz file), or vertices and faces")
+        if "file" in keys:
+            found, up = _read_model(item, context)
+        else:
+            found, up = [_read_arrays(item, context)], "y"
+        axes.add(up)
+        meshes += found
+    if not meshes:
+        raise entry.fault("must hold at least one mesh; given none")
+    return meshes, axes.pop() if len(axes) == 1 else "y"
+
+
+def _read_model(entry, context) -> tuple[list[Mesh], str]:
+    """Read a model file; its meshes get the transform, name and materials asked for. Its camera and lights aren't
+    used."""
+    table = entry.table(("file", *_PLACING, "material", "materials"), ("file",))
+    if (format := formats.find(Path(table["file"].text()).suffix)) and format.is_scene:
+        raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
+    path = context.path(table["file"])
+    scene = _load_once(path, table["file"], _crease_angle(table, context), _weighting(table, context), context)
+    if "material" in table and "materials" in table:
+        raise entry.fault("takes material (for all) or materials (by name); given both")
+    meshes = list(scene.meshes)
+    if "material" in table:
+        material = read_material(table["material"], context)
+        meshes = [replace_materials(mesh, dict.fromkeys(mesh.palette, material), entry) for mesh in meshes]
+    elif "materials" in table:
+        meshes = _with_named(meshes, table["materials"], context)
+    return [_placed(mesh, table, entry) for mesh in meshes], scene.up
+
+
+def _crease_angle(table, context):
+    own = table["crease_angle"].value if "crease_angle" in table else None
+    return own if context.crease_angle is None else context.crease_angle
+
+
+def _load_once(path, entry, crease_angle, weighting, context):
+    """Return the scene of a model file; one that is used in many places is read once, as long as its copies are not too
+    many."""
+    key = (path, crease_angle if isinstance(crease_angle, (int, float)) else None, weighting)
+    if key in context.models:
+        scene = context.models[key]
+        context.n_copy += scene.n_face
+        if context.n_copy > MOST_COPIES:
+            raise entry.fault(
+                f"this model has been used so often that it makes more than {MOST_COPIES} triangles", ModelError
+            )
+        return scene
+    context.files.read.append(str(path))
+    settings = MeshSettings(crease_angle, weighting, context.drop_bad_faces)
+    files = context.files.below(path.parent)
+    context.models[key] = entry.call(load_model, path, settings, log=context.log, files=files)
+    return context.models[key]
+
+
+def _weighting(table, context):
+    own = table["weighting"].text() if "weighting" in table else None
+    return own if context.weighting is None else context.weighting
+
+
+def _with_named(meshes, entry, context) -> list[Mesh]:
+    """Replace the materials that have one of the names."""
+    names = sorted({material.name for mesh in meshes for material in mesh.palette} - {""})
+    changes = {}
+    for name, item in entry.names().items():
+        if name not in names:
+            raise item.fault(f"the model has no material of this name; it has {', '.join(names) or 'none with a name'}")
+        changes[name] = read_material(item, context, name)
+    changed = []
+    for mesh in meshes:
+        of_mesh = {material: changes[material.name] for material in mesh.palette if material.name in changes}
+        changed.append(replace_materials(mesh, of_mesh, entry) if of_mesh else mesh)
+    return changed
+
+
+def replace_materials(mesh, changes, entry) -> Mesh:
+    """Return a mesh with other materials.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    changes : dict from Material to Material
+    entry : Entry, the place that is named where the mesh can't have them
+
+    Raises
+    ------
+    ModelError : a texture for a mesh without texture coordinates
+    """
+    palette = tuple(changes.get(material, material) for material in mesh.palette)
+    own = {} if mesh.materials is None else {"materials": palette}
+    return entry.call(replace, mesh, material=palette[0], **own)
+
+
+def _read_arrays(entry, context) -> Mesh:
+    """Read a mesh from numbers in the scene file, or from a .npz file."""
+    is_inline = "arrays" not in entry.value
+    source = ARRAYS if is_inline else ("arrays", "mesh")
+    needed = ("vertices", "faces") if is_inline else source
+    table = entry.table((*source, *_PLACING, "material", "materials", "drop_bad_faces"), needed)
+    if is_inline:
+        is_given = {key: key in table and (key in needed or table[key].value is not None) for key in ARRAYS}
+        arrays = {key: _numbers(table[key], key) for key in ARRAYS if is_given[key]}
+    else:
+        start = f"mesh{index_of(table['mesh'])}_"
+        array_of(table["arrays"], context, f"{start}vertices"), array_of(table["arrays"], context, f"{start}faces")
+        stored = context.arrays(table["arrays"])
+        arrays = {key: table["arrays"].call(stored.__getitem__, start + key) for key in ARRAYS if start + key in stored}
+        context.n_copy += len(arrays["faces"]) if arrays["faces"].ndim else 0
+        if context.n_copy > MOST_COPIES + stored.n_byte:
+            raise entry.fault(
+                f"its arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError
+            )
+    settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
+    if (weighting := _weighting(table, context)) is not None:
+        settings["weighting"] = weighting
+    if "drop_bad_faces" in table:
+        settings["drop_bad_faces"] |= table["drop_bad_faces"].flag()
+    if "material" in table:
+        settings["material"] = read_material(table["material"], context)
+    if "materials" in table:
+        settings["materials"] = [read_material(item, context) for item in table["materials"].items()]
+    mesh = entry.call(Mesh, **arrays, **settings)
+    if "normals" in arrays:
+        mesh = keeping_normals(mesh, np.asarray(arrays["normals"]))
+    return _placed(mesh, table, entry)
+
+
+def _numbers(entry, key):
+    """Return an array of the file as the class takes it; whole numbers among the colours are linear too, not 8-bit
+    values."""
+    entry.items()
+    if key not in _FLOATS:
+        return entry.value
+    try:
+        array = np.asarray(entry.value)
+        is_number = array.dtype.kind in "iuf"
+    except (ValueError, OverflowError):  # lists of several lengths, or too many digits
+        is_number = False
+    if not is_number:
+        raise entry.fault(
+            f"must be a list of lists of numbers, all of one length; given {shown(entry.value)}", ModelError
+        )
+    return array.astype(np.float64)
+
+
+# --- where they are placed ----------------------------------------------------------------------------------
+
+
+def _placed(mesh, table, entry) -> Mesh:
+    """Give a mesh its name, and move it."""
+    if "name" in table:
+        # The mesh is new; a copy by `replace` would normalise its normals once more, which moves them by a rounding.
+        object.__setattr__(mesh, "name", table["name"].text())
+    if "transform" not in table:
+        return mesh
+    transform = table["transform"]
+    return transform.call(mesh.transformed, read_matrix(transform))
+
+
+def read_matrix(entry) -> np.ndarray:
+    """Read a transform: 4 × 4 numbers, row after row, or a table of translate, rotate and scale.
+
+    Returns
+    -------
+    (4, 4) float64, world-from-model: scaled first, then rotated, then moved; raises SceneError
+    """
+    if isinstance(entry.value, list):
+        rows = [item.value for item in entry.items()]
+        is_matrix = len(rows) == 4 and all(isinstance(row, list) and len(row) == 4 for row in rows)
+        if not is_matrix:
+            raise entry.fault(f"must be 4 rows of 4 numbers; given {shown(entry.value)}")
+        return np.array([[entry.call(number, x, "each number of the matrix") for x in row] for row in rows])
+    table = entry.table(("translate", "rotate", "scale"))
+    matrix = np.eye(4)
+    if "scale" in table:
+        scale = table["scale"]
+        factors = scale.value if isinstance(scale.value, list) else [scale.value] * 3
+        matrix[:3, :3] = np.diag(scale.call(vector3, factors, "the scale (a number, or three)"))
+    if "rotate" in table:
+        matrix[:3, :3] = _rotation(table["rotate"]) @ matrix[:3, :3]
+    if "translate" in table:
+        matrix[:3, 3] = table["translate"].call(vector3, table["translate"].value, "the translation")
+    return matrix
+
+
+def _rotation(entry) -> np.ndarray:
+    """The rotation (3, 3) about an axis by an angle in degrees, counter-clockwise seen from the axis' tip.
+
+    Source: Rodrigues 1840: R = I + sin a K + (1 - cos a) K², with K v = axis × v.
+    """
+    table = entry.table(("axis", "angle"), ("axis", "angle"))
+    x, y, z = table["axis"].call(unit3, table["axis"].value, "the axis")
+    angle = math.radians(math.fmod(table["angle"].call(number, table["angle"].value, "the angle"), 360.0))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+
 
 _OWN_SETTINGS = MeshSettings()  # of the file, that is
 MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds

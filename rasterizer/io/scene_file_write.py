@@ -23,8 +23,7 @@ from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
 from .files import write_and_move
-from .scene_file_meshes import ARRAYS
-from .scene_file_parts import COLORS
+from .scene_file import ARRAYS, COLORS
 
 
 def write_scene(scene, path) -> Path:

@@ -13,7 +13,7 @@ repeated by triangles that are near them in the file.
 import numpy as np
 from numpy.typing import NDArray
 
-from .progress import report
+from .text_numbers import report
 
 _BLOCK = 1 << 18  # rows sorted in one go
 _SEEDS = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)

@@ -26,8 +26,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
-from .fill import fill_spans
-from .scan import Deferred, Payload, box_of, surface_of
+from .scan import Deferred, Payload, box_of, fill_spans, surface_of
 from .visibility import strip_of
 
 MOST_FRAGMENTS = 2**22  # of all lists that a thread works on at a time: 32 MB; more where a sample alone has more

@@ -24,14 +24,15 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
-from .drawables import Drawables
 from .fragments import BATCH_SIZE, NEXT, NORMAL
 from .gradients import MOST_EXTENT
 from .interpolate import (
+    ExactTriangle,
     corner_values,
     corner_vectors,
     corner_weights,
     exact_triangle,
+    mean,
     mean_depth,
     mean_vector,
     needs_decoding,
@@ -41,9 +42,100 @@ from .interpolate import (
 )
 from .planes import DEPTH_PLANE_ROUNDING, DepthScale
 from .records import DEPTH, SIDE, Records, face_of
-from .transform import DEPTH_BITS, SUBPIXEL
+from .setup import rotate_to_first
+from .transform import DEPTH_BITS, SUBPIXEL, Drawables
 from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
-from .visible_triangles import fetch_normals, fetch_positions, fetch_triangle
+
+# ----------------------------------------------------------------
+# Triangles that are fetched once more: those of visible samples whose records don't hold their corners.
+# In:  the index of a triangle in the picture, and the picture's drawables.
+# Out: what `exact_triangle` of interpolate.py reads from an exact record: the same numbers in the same order, so that
+#      what is interpolated has the same bits.
+#
+# A part of a clipped face always has an exact record: its weights come from planes.
+
+
+class VertexOrder(NamedTuple):
+    """How a record orders the vertices of a triangle: clockwise on the screen, the topmost (then leftmost) first."""
+
+    is_b_first: bool
+    is_c_first: bool
+    is_front: bool  # counter-clockwise as loaded
+
+
+@helper
+def fetch_triangle(face, drawables, depths):
+    """Return a whole triangle, and the depths of its vertices, as an exact record holds them.
+
+    `face` is its index in the picture, `depths` the DepthScale.
+    """
+    xs, ys = fetch_positions(face, drawables)
+    order, z = order_of(xs, ys), drawables.vertices.z
+    a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
+    (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
+    z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
+    offset, step = depths.inv_w_offset, depths.inv_w_scale
+    inv_w = (offset + step * z0, offset + step * z1, offset + step * z2)
+    dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
+    zeros, sums = (0.0, 0.0, 0.0), (min(inv_w), max(inv_w))
+    area = float(dx1 * dy2 - dx2 * dy1)
+    triangle = ExactTriangle(False, x0, y0, dx1, dy1, dx2, dy2, inv_w, zeros, zeros, zeros, sums, area)
+    offset, step = depths.depth_offset, depths.depth_scale
+    return triangle, (offset + step * z0, offset + step * z1, offset + step * z2)
+
+
+@helper
+def fetch_normals(face, drawables):
+    """Return the normals of a triangle, an axis a row and a corner a column, and the side that is seen: 1 or -1.
+
+    Normals are the first three attributes in float64.
+    """
+    triangles, attributes = drawables.triangles, drawables.double_attributes
+    xs, ys = fetch_positions(face, drawables)
+    order = order_of(xs, ys)
+    is_flipped = order.is_front == (triangles.is_inverted[face] != 0)
+    side = index(attributes.shape[0] - 1) if is_flipped else index(0)
+    corners = fetch_indices(triangles.corner_idx, face)
+    is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[face] < 0
+    if is_whole:  # the attributes of a part are those of its face, in the order of the planes
+        corners = ordered(corners, order)
+    a, b, c = corners
+    x = (attributes[side, a, index(0)], attributes[side, b, index(0)], attributes[side, c, index(0)])
+    y = (attributes[side, a, index(1)], attributes[side, b, index(1)], attributes[side, c, index(1)])
+    z = (attributes[side, a, index(2)], attributes[side, b, index(2)], attributes[side, c, index(2)])
+    return (x, y, z), -1 if is_flipped else 1
+
+
+@helper
+def fetch_indices(columns, face):
+    """Return the three indices of a triangle."""
+    return index(columns[index(0), face]), index(columns[index(1), face]), index(columns[index(2), face])
+
+
+@helper
+def fetch_positions(face, drawables):
+    """Return the columns and rows of a triangle's vertices, int64, 1/256 px, in the order of the file."""
+    x, y = drawables.vertices.x, drawables.vertices.y
+    a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
+    return (np.int64(x[a]), np.int64(x[b]), np.int64(x[c])), (np.int64(y[a]), np.int64(y[b]), np.int64(y[c]))
+
+
+@helper
+def order_of(xs, ys):
+    """Return the order of the vertices at these places, as setup.order_vertices finds it."""
+    (xa, xb, xc), (ya, yb, yc) = xs, ys
+    key_a, key_b, key_c = (ya << 32) + xa, (yb << 32) + xb, (yc << 32) + xc
+    is_c_first = key_c < min(key_a, key_b)
+    is_b_first = (key_b < key_a) and not is_c_first
+    return VertexOrder(is_b_first, is_c_first, (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0)
+
+
+@helper
+def ordered(values, order):
+    """Bring what a triangle has at its vertices into their order."""
+    a, b, c = values
+    return rotate_to_first(a, b, c, order.is_b_first, order.is_c_first, order.is_front)
+
 
 LONG_RUN = 16  # samples, from which on a line is worth its slope
 MOST_SLACK = 2.0**-26  # of a depth: beyond, float32 leaves most depths open, and 1/w could come near 0
@@ -356,3 +448,113 @@ def clear_band(visibility, n_row):
                 entries[k] = CLEAR
     forget(visibility)
     return n_covered
+
+
+# ----------------------------------------------------------------
+# Stage 7 for buffers that follow from the visible triangle and the pixel's centre: masks, labels, and means of what.
+# the corners of the faces have.
+#
+# In:  what buffers.py works on, and a table: a label for each face, or values for the corners of each triangle.
+# Out: the band's rows of a buffer.
+#
+# A mean is Σ p_i·a_i with the perspective weights p_i of interpolate.py, in float64, rounded once to float32. The
+# weights
+# come in the order of the record, which begins at the topmost vertex; the table is in the order of the file.
+# `corner_order` tells which is which.
+
+
+class CornerTable(NamedTuple):
+    """What the corners of triangles have: rows of values, and which row belongs to which corner."""
+
+    values: np.ndarray  # (n, n_component) float64
+    rows: np.ndarray  # (3, n_triangle) uint32, of the triangles before any is clipped, corners in the order of the file
+
+
+@kernel
+def write_mask(surfaces, band, out):
+    """Write where something is visible: out is (height, width) bool."""
+    visibility = surfaces.visibility
+    for row in range(band.y_end - band.y_start):
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        for x in range(left, right):
+            out[index(y), index(x)] = visibility.entries[index(row * visibility.pitch + x)] < CLEAR
+
+
+@kernel
+def write_label(surfaces, band, out, labels):
+    """Write the label of the visible face: out is (height, width) int32, `labels` (n_face,) int32 of loaded faces."""
+    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
+    for row in range(band.y_end - band.y_start):
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        for x in range(left, right):
+            entry = visibility.entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                face = face_of(entry, records)
+                loaded = index(loaded_faces[face]) if len(loaded_faces) > 0 else face
+                out[index(y), index(x)] = labels[loaded]
+
+
+@kernel
+def write_mean(surfaces, band, out, table):
+    """Write the means of what the corners of the visible triangles have: out is (height, width, n_component) float32,
+    `table` a CornerTable."""
+    visibility = surfaces.visibility
+    for row in range(band.y_end - band.y_start):
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        if left >= right:
+            continue
+        first = row * visibility.pitch + left
+        entries = visibility.entries[index(first) : index(first + right - left)]
+        here = out[index(y), index(left) : index(right)]
+        start = index(0)
+        while start < index(len(entries)):
+            end = run_end(entries, start)
+            if entries[start] < CLEAR:
+                triangle, _ = triangle_of(entries[start], surfaces)
+                corners = table_rows(face_of(entries[start], surfaces.records), surfaces, table)
+                fill_means(triangle, corners, table.values, left + np.int64(start), y, here[start:end])
+            start = end
+
+
+@helper
+def table_rows(face, surfaces, table):
+    """Return the rows of a table for the corners of a triangle of the picture, in the order of its record."""
+    sources = surfaces.sources
+    source = index(sources[face]) if len(sources) > 0 else face
+    i, j, k = corner_order(face, surfaces.drawables)
+    return index(table.rows[i, source]), index(table.rows[j, source]), index(table.rows[k, source])
+
+
+@helper
+def corner_order(face, drawables):
+    """Return which corner of a triangle each corner of its record is; parts of clipped faces have those of the face."""
+    i, j, k = index(0), index(1), index(2)
+    clipped_idx = drawables.triangles.clipped_idx
+    is_whole = len(clipped_idx) == 0 or clipped_idx[face] < 0
+    if is_whole:
+        xs, ys = fetch_positions(face, drawables)
+        i, j, k = ordered((i, j, k), order_of(xs, ys))
+    return i, j, k
+
+
+@helper
+def fill_means(triangle, corners, values, x, y, out):
+    """Interpolate the values of three corners at a run of samples from (x, y) on: out is (n, n_component)."""
+    a, b, c = corners
+    for k in range(index(out.shape[0])):
+        q = corner_weights(triangle, x + np.int64(k), y)
+        total = q[0] + q[1] + q[2]
+        p = (q[0] / total, q[1] / total, q[2] / total)
+        for component in range(index(out.shape[1])):
+            out[k, component] = mean((values[a, component], values[b, component], values[c, component]), p)
+
+
+def write_turned_normal(surfaces, band, out, rotation):
+    """Write the unit normal, turned by a rotation: out is (height, width, 3) float32, `rotation` (3, 3) float64.
+
+    The normal is rounded to float32 before and after. A component of it is off by 2^-25 at most, so the turned one by
+    √3·2^-25 and its own rounding: less than 2^-23.
+    """
+    write_normal(surfaces, band, out)
+    rows = out[band.y_start : band.y_end]
+    rows[...] = rows @ rotation.T + 0.0  # no -0 where nothing is

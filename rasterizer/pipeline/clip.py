@@ -13,7 +13,7 @@ all parts of a face, wherever it is clipped:
 
 * A part's corners are rounded to 1/256 px as all vertices are. Its depths are those of the whole face at the rounded
   corners; depth is affine on the screen, so the planes of all parts are the plane of the face.
-* Attributes are interpolated with the weights of the face's own three vertices, from planes (face_planes.py).
+* Attributes are interpolated with the weights of the face's own three vertices, from planes (clip.py).
 
 The vertices of a face are sorted before anything is computed from them, and a part begins at its topmost, leftmost
 corner: so two faces with the same vertices have the same parts and the same depths to the last bit, in whatever order a
@@ -23,11 +23,194 @@ file lists them.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
-from .drawables import Triangles
-from .face_planes import LARGEST_SUM, LEAST_SUM, compute_face_planes
-from .transform import LIMIT, LIMIT_PX, OUTSIDE, Vertices, compute_z, project
+from ..geometry.vectors import dot, subtract, vector_of_column
+from .transform import LIMIT, LIMIT_PX, OUTSIDE, SUBPIXEL, Triangles, Vertices, compute_z, project, skew_stretch
+
+# ----------------------------------------------------------------
+# Outcodes: which triangles can't be seen in a view, because all their vertices lie beyond the same of its planes.
+# In:  positions and triangles, and planes through the eye.
+# Out: the triangles that may be seen, in order.
+#
+# Source: the outcodes of Cohen & Sutherland; Newman & Sproull 1973, "Principles of Interactive Computer Graphics".
+
+MOST_PLANES = 8  # bits of an outcode
+
+
+def list_seen_faces(positions: NDArray, vertex_idx: NDArray, eye: NDArray, planes: NDArray) -> NDArray[np.uint32]:
+    """Find the triangles that don't lie beyond one plane as a whole, (n,) indices in order.
+
+    Parameters
+    ----------
+    positions : (3, n_vertex) float64, world space, scene units
+    vertex_idx : (3, n_face) uint32
+    eye : (3,) float64, world space, on all planes
+    planes : (n_plane, 3) float64, up to MOST_PLANES normals; a point is beyond where n·(P - eye) < 0, and never where
+        that is no number
+    """
+    outcodes = np.empty(positions.shape[1], np.uint8)
+    compute_outcodes(positions, eye, planes, outcodes)
+    faces = np.empty(vertex_idx.shape[1], np.uint32)
+    return faces[: list_seen(vertex_idx, outcodes, faces)]
+
+
+@kernel
+def compute_outcodes(positions, eye, planes, out_outcodes):
+    """Compute a bit for each plane that a vertex lies beyond.
+
+    Parameters
+    ----------
+    out_outcodes : (n_vertex,) uint8
+    """
+    origin = eye[0], eye[1], eye[2]
+    for k in range(index(len(out_outcodes))):
+        away = subtract(vector_of_column(positions, k), origin)
+        outcode = np.int64(0)
+        for plane in range(index(len(planes))):
+            is_beyond = dot((planes[plane, 0], planes[plane, 1], planes[plane, 2]), away) < 0.0
+            outcode |= np.int64(is_beyond) << np.int64(plane)
+        out_outcodes[k] = outcode
+
+
+@kernel
+def list_seen(vertex_idx, outcodes, out_faces):
+    """List the triangles whose vertices have no bit in common; return how many they are.
+
+    Parameters
+    ----------
+    outcodes : (n_vertex,) uint8
+    out_faces : (n_face,) uint32
+    """
+    n = index(0)
+    for face in range(index(vertex_idx.shape[1])):
+        first, second, third = vertex_idx[0, face], vertex_idx[1, face], vertex_idx[2, face]
+        out_faces[n] = face
+        n += index((outcodes[first] & outcodes[second] & outcodes[third]) == 0)
+    return np.int64(n)
+
+
+# ----------------------------------------------------------------
+# The planes of clipped faces: how the weights of a whole face's vertices, and its depth, change over the screen.
+# In:  positions, and the faces that the clip stage has to clip.
+# Out: a row of planes for each face, from which every part of it is interpolated.
+#
+# The weights q_i of the face's own three vertices are affine on the screen: with the vertices P_i in eye space and the
+# ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a sample, q = M^-1 r, where P_0, P_1, P_2 are
+# the
+# columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i (Olano & Greer 1997, "Triangle scan conversion
+# using 2D homogeneous coordinates"). Without perspective P_i = (across, upward, 1), and q_i = b_i.
+#
+# Where all three vertices have a place on the screen, near and far planes apart, they count where they are rounded to:
+# the planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and
+# all
+# count where they are.
+
+# Columns of the planes: q_i at the picture's corner (0, 0), and what 1/256 px to the right, and down, adds to them; the
+# range that their sum has where the face is seen, 1 without perspective; depths of the vertices, scene units.
+WEIGHT, WEIGHT_X, WEIGHT_Y, LEAST_SUM, LARGEST_SUM, FACE_DEPTH = 0, 3, 6, 9, 10, 11
+N_COLUMN = 14
+NO_PLANES = np.empty((0, N_COLUMN))
+
+
+def compute_face_planes(positions, vertex_idx, screen):
+    """Compute the planes of the weights q_i of whole faces, and of their depths.
+
+    A face that is seen edge-on has the same weights everywhere, and so the same depth, which isn't known here.
+
+    Parameters
+    ----------
+    positions : (3, n) float64, world space, scene units
+    vertex_idx : (3, n_clipped) uint32
+
+    Returns
+    -------
+    planes : (n_clipped, N_COLUMN) float64; LEAST_SUM and LARGEST_SUM are 1
+    z_planes : (n_clipped, 3) float64, z-buffer units at the picture's corner, and what 1/256 px to the right, and down,
+        adds; NaN for faces that are seen edge-on
+    """
+    relative = positions[:, vertex_idx] - screen.eye[:, None, None]
+    across, upward, depth = (
+        np.einsum("a,akn->nk", axis, relative) for axis in (screen.across, screen.up, screen.forward)
+    )
+    w = depth if screen.is_perspective else np.ones_like(depth)
+    across, upward = snap_across_view(across, upward, w, screen)
+    order = np.lexsort((upward, across, depth), axis=-1)
+    across, upward, w, depth = (np.take_along_axis(values, order, axis=1) for values in (across, upward, w, depth))
+    corners = np.stack([across, upward, w], axis=2)
+    rows, is_edge_on = invert_corners(corners, screen.is_perspective, skew_stretch(screen))
+    q_x, q_y = rows[:, :, 0] / (screen.scale_x * SUBPIXEL), -rows[:, :, 1] / (screen.scale_y * SUBPIXEL)
+    q = (
+        rows[:, :, 2]
+        - rows[:, :, 0] * (screen.center_x / screen.scale_x)
+        + rows[:, :, 1] * (screen.center_y / screen.scale_y)
+    )
+
+    planes = np.ones((len(depth), N_COLUMN))
+    back = np.argsort(order, axis=1)
+    for column, values in ((WEIGHT, q), (WEIGHT_X, q_x), (WEIGHT_Y, q_y), (FACE_DEPTH, depth)):
+        planes[:, column : column + 3] = np.take_along_axis(values, back, axis=1)
+    share = np.ones_like(depth) if screen.is_perspective else depth
+    z_planes = np.stack([screen.z_scale * (values * share).sum(axis=1) for values in (q, q_x, q_y)], axis=1)
+    z_planes[:, 0] += screen.z_offset
+    z_planes[is_edge_on] = np.nan
+    return planes, z_planes
+
+
+def snap_across_view(across, upward, w, screen):
+    """Move the vertices of faces across the view to where the screen shows them rounded; depths stay.
+
+    Faces with a vertex that has no place on the screen are left as they are.
+
+    Parameters
+    ----------
+    across, upward, w : (n_clipped, 3) float64, scene units; w is 1 without perspective
+    """
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        x, y = project(across, upward, w, screen)
+        is_placed = ((w > 0.0) & (np.abs(x) <= LIMIT) & (np.abs(y) <= LIMIT)).all(axis=1, keepdims=True)
+        x, y = np.rint(x) / SUBPIXEL, np.rint(y) / SUBPIXEL
+        across = np.where(is_placed, w * (x - screen.center_x) / screen.scale_x, across)
+        upward = np.where(is_placed, w * (screen.center_y - y) / screen.scale_y, upward)
+    return across, upward
+
+
+def invert_corners(corners, is_perspective, stretch=1.0):
+    """Invert the matrices M whose columns are the corners of faces: (M^-1, which faces are seen edge-on).
+
+    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or
+    underflows; without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of
+    its length, twice, and so det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|,
+    however much further away one vertex is than another. A face whose determinant is no larger is seen edge-on; its
+    rows are (0, 0, 1). With skew that is 2^-53 of a length that may be `stretch` times as long, while the corner is as
+    much shorter: it counts stretch² times.
+
+    Parameters
+    ----------
+    corners : (n, corner, axis) float64, eye space, scene units
+    stretch : see `skew_stretch`
+
+    Returns
+    -------
+    (n, corner, axis of the ray) float64, and (n,) bool
+    """
+    largest = np.abs(corners[:, :, : 3 if is_perspective else 2]).max(axis=(1, 2), initial=2.0**-1000)
+    scale = np.repeat(np.exp2(np.ceil(np.log2(largest)))[:, None], 3, axis=1)
+    if not is_perspective:
+        scale[:, 2] = 1.0
+    corners = corners / scale[:, None, :]
+    # P_j × P_k = P_j × (P_k - P_j): the vertices of a small face far away differ in few digits.
+    after, before = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)
+    rows = np.cross(after, before - after)
+    edges = corners[:, 1:] - corners[:, :1]
+    determinant = (corners[:, 0] * np.cross(edges[:, 0], edges[:, 1])).sum(axis=1)
+    doubt = 2.0**-50 * stretch * stretch * (np.linalg.norm(corners, axis=2) * np.linalg.norm(rows, axis=2)).sum(axis=1)
+    is_edge_on = ~(np.abs(determinant) > doubt)
+    rows = rows / np.where(is_edge_on, 1.0, determinant)[:, None, None] / scale[:, None, :]
+    rows[is_edge_on] = (0.0, 0.0, 1.0)
+    return rows, is_edge_on
+
 
 NEAR, FAR, LEFT, RIGHT, TOP, BOTTOM = range(6)  # the clip planes
 N_CLIP_PLANE = 6
@@ -126,7 +309,7 @@ def snap_corners(parts, owners, z_planes, z_ranges, screen):
     ----------
     parts : (n, 3, N_CORNER_COLUMN) float64
     owners : (3 n,) uint32, the face that each corner is one of, below n_clipped
-    z_planes : (n_clipped, 3) float64, see face_planes.py
+    z_planes : (n_clipped, 3) float64, see clip.py
     z_ranges : (n_clipped, 2) float64, least and largest z that is seen of each face
     """
     corners = parts.reshape(-1, N_CORNER_COLUMN)

@@ -10,7 +10,7 @@ do for its illumination; each triangle takes the cheapest from there on that is 
 * In entries: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
   (Gouraud 1971). One channel, flat shading and Gouraud's method.
 * In planes: a record holds value, d/dx and d/dy of every attribute in float32, over w or not: the normals of Phong's
-  method, and intensities of three channels or in strong perspective (value_planes.py).
+  method, and intensities of three channels or in strong perspective (planes.py).
 * Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
   perspective and in float64. What the first two can't do within the tolerance, and everything at tolerance 0.
 
@@ -25,9 +25,16 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index
 from . import setup as s
-from .planes import DepthScale, compute_plane, depth_rounding, inverse_depths, straight_depths, values_at
+from .planes import (
+    DepthScale,
+    compute_plane,
+    compute_value_planes,
+    depth_rounding,
+    inverse_depths,
+    straight_depths,
+    values_at,
+)
 from .texture_planes import TEXCOORDS, TextureCoding, compute_texcoord_planes
-from .value_planes import compute_value_planes
 from .visibility import LEVEL_MASK
 
 EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index
-from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
+from .clip import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .gradients import Coding
 from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts

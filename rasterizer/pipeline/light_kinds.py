@@ -145,7 +145,7 @@ def keep_to_cone(batch, n, light):
 
 @helper
 def keep_to_shaped_cone(batch, n, light):
-    """Do as `keep_to_cone`, with the fall t²(3 - 2t) raised to a power: its slope, see engine/light_table.py."""
+    """Do as `keep_to_cone`, with the fall t²(3 - 2t) raised to a power: its slope, see engine/lights.py."""
     real, axis, outer, slope = light.dtype.type, read_vector(light, AXIS), light[COS_OUTER], light[CONE_SCALE]
     zero, one, two, three = real(0), real(1), real(2), real(3)
     is_step, falloff = slope == np.inf, light[CONE_FALLOFF]

@@ -34,7 +34,6 @@ from .interpolate import (
     sample_weights,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
-from .lookup_batch import S_PLANE
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .screen_points import (
@@ -47,6 +46,7 @@ from .screen_points import (
     samples_from,
 )
 from .shade import fill_weights
+from .texture_packing import S_PLANE
 from .texturing import fill_texels, has_texcoord_planes
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from . import setup as s
-from .face_planes import FACE_DEPTH, NO_PLANES
+from .clip import FACE_DEPTH, NO_PLANES
 from .gradients import MOST_CHANNELS, NEEDS_ALBEDO, NEEDS_TEXTURE, LevelCoding, NormalCoding
 from .simd import PLANE_GROUP, PlaneGroup
 from .texture_planes import TEXCOORD_PLANE

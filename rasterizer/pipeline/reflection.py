@@ -7,7 +7,7 @@ Out: DIFFUSE and SPECULAR, which lighting.py multiplies by colours and sums over
     N  unit normal      L  unit vector to the light      V  unit vector to the viewer
     R  L mirrored at N, 2 (N·L) N - L                    H  half vector, (L + V) / |L + V|
 
-A new model is a function, here or in a file of its own as cook_torrance.py is, and an entry in REFLECTION_FUNCTIONS, by
+A new model is a function, here or in a file of its own as reflection.py is, and an entry in REFLECTION_FUNCTIONS, by
 the name that the engine has for it. Which models conserve energy, and which are reciprocal: see the table in
 scene/material.py. At a silhouette N·V may come out below 0, by a rounding error or an interpolated normal: no model
 here divides by it.
@@ -20,14 +20,263 @@ import numpy as np
 
 from ..compiler.kernels import as_array, helper, index
 from ..errors import SceneError
-from ..geometry.vectors import add, dot, scale, subtract
+from ..geometry.vectors import add, cross, dot, length, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
-from .anisotropic import anisotropic_ggx, anisotropic_ggx_by_axis
-from .cook_torrance import beckmann, ggx
-from .fragments import get_vector
-from .fresnel import grazing_term, grazing_term_of_mirrors, schlick
-from .power import grazing, power
+from .fragments import get_vector, read_vector, set_vector
+from .power import exponential, grazing, power
+
+# ----------------------------------------------------------------
+# The specular reflection function W(θ) of highlights, and its second term where F0 is a colour or a spectrum.
+# W = F0 + (1 - F0)·s with s = (1 - cos θ)^5 is affine in F0, so
+#
+#     ks·Ip·W·h = (ks·Ip·F0)·h + (ks·Ip·(1 - F0))·(s·h)
+#
+# in every channel and for every wavelength: two sums whose colours geometry has no part in. The first is what the
+# material's reflection function writes with W = 1. The functions here follow it, as if the light were there once more,
+# and make s·h of the h that still stands in SPECULAR. With F0 within 0..1 neither term is negative, so nothing
+# cancels.
+#
+# Source: Schlick 1994, Computer Graphics Forum 13(3), 233-246.
+
+LEAST_SINK = 2.0**-12  # the fifth power of less is taken for 0: invisible, and never a denormal number
+
+
+@helper
+def schlick(fresnel, cosine):
+    """Return the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5."""
+    real = type(cosine)
+    sink = real(1) - cosine
+    sink = sink if sink > real(LEAST_SINK) else real(0)
+    square = sink * sink
+    return fresnel + (real(1) - fresnel) * (square * square * sink)
+
+
+def grazing_term(batch, n, material):
+    """The second term of Phong's and Blinn's highlights: times s with cos θ = N·L."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        share = schlick(zero, max(batch[f.N_DOT_L + k], zero))
+        # No product where nothing is left: the highlight may be infinite in the light itself.
+        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
+        batch[f.DIFFUSE + k] = zero
+
+
+def grazing_term_of_mirrors(batch, n, material):
+    """The second term of Cook-Torrance's: θ is the angle of incidence on the mirrors, cos θ = |L + V|/2."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero, two = batch.dtype.type(0), batch.dtype.type(2)
+    for k in range(index(n)):
+        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+        share = schlick(zero, length(half) / two)
+        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
+        batch[f.DIFFUSE + k] = zero
+
+
+def no_second_term(batch, n, material):
+    """The second term of a material whose F0 has no colour, in a scene where another one's has: nothing."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        batch[f.DIFFUSE + k] = batch[f.SPECULAR + k] = zero
+
+
+# ----------------------------------------------------------------
+# Highlights of microscopic mirrors, tilted at random (Cook & Torrance 1981): the reflection functions.
+# SPECULAR = strength · N·L · π D F G / (4 (N·L) (N·V))       DIFFUSE = strength · N·L
+#
+# D says how many mirrors look along the half vector, G how many of these see both light and viewer, F = W(θ) what a
+# mirror reflects, cos θ = |L + V|/2. At a silhouette N·V may come out below 0, by a rounding error or an interpolated
+# normal: it is taken for 0, where the formula has a finite limit. Mirrors whose tilt depends on a direction in the
+# surface: reflection.py.
+#
+# Sources: Cook & Torrance 1981, Proc. SIGGRAPH, 307-316; Walter, Marschner, Li & Torrance 2007, EGSR, 195-206.
+
+STEEP = 2.0**-20  # square of the cosine of a tilt of 89.94 degrees: Beckmann's D is exp(-2^20) there
+BECKMANN_LIMIT = 1.6  # from this a on, G1 of Beckmann's distribution is 1
+
+
+def ggx(batch, n, material):
+    """Mirrors tilted as GGX says.
+
+    D and G: Walter et al. 2007, equations 33, 34 and 23 (Smith's G, the two directions masked independently). With
+    s = |N×H|, c = N·H: D = α² / (π (α² c² + s²)²); s by the cross product, because 1 - c² loses its digits in the
+    highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at N·V = 0, unlike with the V-shaped grooves
+    of 1981.
+    """
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
+    alpha_square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
+    rest = one - alpha_square
+    for k in range(index(n)):
+        half_square, along, across_square = half_vector_parts(batch, k)
+        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+        spread = alpha_square * along * along + across_square
+        ratio = half_square / spread if (along > zero) & (spread > zero) else zero
+        mirrors = alpha_square * ratio * ratio
+        masked = n_dot_l / (n_dot_l + np.sqrt(alpha_square + rest * n_dot_l * n_dot_l))
+        masked = masked / (n_dot_v + np.sqrt(alpha_square + rest * n_dot_v * n_dot_v))
+        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
+        set_reflection(batch, k, n_dot_l, reflected)
+
+
+def beckmann(batch, n, material):
+    """Mirrors tilted as Beckmann says: D = exp(-tan²θh / m²) / (π m² cos⁴θh).
+
+    Cook & Torrance 1981; Smith's G in the approximation of Walter et al. 2007, section 5.2. Mirrors tilted by more than
+    89.9° count as none: exp(-2^20).
+    """
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    real, roughness = batch.dtype.type, material[m.ROUGHNESS]
+    zero, one, two, four, steep = real(0), real(1), real(2), real(4), real(STEEP)
+    scale = one / (roughness * roughness)
+    for k in range(index(n)):
+        half_square, along, across_square = half_vector_parts(batch, k)
+        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+        square = along * along
+        inverse = one / square if (along > zero) & (square > steep * half_square) else zero
+        ratio = half_square * inverse  # 1 / cos²θh
+        mirrors = exponential(-scale * across_square * inverse) * scale * ratio * ratio
+        masked = n_dot_l * beckmann_visible(n_dot_l, roughness) * beckmann_visible(n_dot_v, roughness) / four
+        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
+        set_reflection(batch, k, n_dot_l, reflected)
+
+
+@helper
+def set_reflection(batch, k, n_dot_l, reflected):
+    """Write what fragment k reflects; nothing where the light is behind the surface, also of infinite strength."""
+    zero, strength = batch.dtype.type(0), batch[f.STRENGTH + k]
+    batch[f.DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
+    batch[f.SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
+
+
+@helper
+def half_vector_parts(batch, k):
+    """Return |L + V|², the part of L + V along N, and the square of its part across N."""
+    half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+    normal = get_vector(batch, f.NORMAL, k)
+    across = cross(normal, half)
+    return dot(half, half), dot(normal, half), dot(across, across)
+
+
+@helper
+def beckmann_visible(cosine, roughness):
+    """Return G1(θ) / cos θ of Beckmann's distribution (Walter et al. 2007, equation 27).
+
+    With a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a + 2.577 a²), else 1. The fraction exceeds 1 by
+    less than 1e-4 from a = 1.55 on; cut off at 1, it is continuous.
+    """
+    real = type(cosine)
+    slope = roughness * np.sqrt(max(real(1) - cosine * cosine, real(1e-12)))  # cos θ / a
+    a = cosine / slope
+    fraction = (real(3.535) + real(2.181) * a) / (real(1) + a * (real(2.276) + a * real(2.577))) / slope
+    whole = real(1) / max(cosine, real(1e-12))
+    return min(fraction, whole) if a < real(BECKMANN_LIMIT) else whole
+
+
+# ----------------------------------------------------------------
+# Mirrors that are tilted more across a direction T in the surface than along it: brushed metal, wood, hair.
+# Burley 2012, "Physically-based shading at Disney", appendix B; Heitz 2014, JCGT 3(2), equations 85 and 99. With B =
+# N×T,
+# and the roughnesses αx along T and αy across it:
+#
+#     D  = 1 / (π αx αy ((H·T)²/αx² + (H·B)²/αy² + (N·H)²)²)
+#     G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²))
+#     G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² + αy²(V·B)²))
+#
+# The last two terms under the root are 1 - (N·V)² times the square of the roughness in the plane of N and V:
+# `masking`.
+# So it is the isotropic formula (reflection.py) where αx = αy.
+
+SHORT = 2.0**-80  # square of a projected tangent that is too short to be one: see `tangent_in_surface`
+
+
+def anisotropic_ggx(batch, n, material):
+    """Cook-Torrance with GGX whose mirrors' tilt depends on a direction: TANGENT, of any length, in the surface or not.
+
+    The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and
+    all that depends on it, has no bound in float32.
+    """
+    reflect_anisotropically(as_array(batch, f.BATCH_SHAPE), n, as_array(material, m.REFLECTION_SHAPE))
+
+
+def anisotropic_ggx_by_axis(batch, n, material):
+    """The same, the direction being an axis of the world: TANGENT_AXIS."""
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    axis = read_vector(material, m.TANGENT_AXIS)
+    for k in range(index(n)):
+        set_vector(batch, f.TANGENT, k, axis)
+    reflect_anisotropically(batch, n, material)
+
+
+@helper
+def reflect_anisotropically(batch, n, material):
+    """Fill DIFFUSE and SPECULAR."""
+    two, roughnesses = batch.dtype.type(2), (material[m.ROUGHNESS], material[m.ROUGHNESS_ACROSS])
+    for k in range(index(n)):
+        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+        reflected = anisotropic_mirrors(batch, k, half, roughnesses)
+        reflected = reflected * schlick(material[m.FRESNEL], length(half) / two)
+        set_reflection(batch, k, batch[f.N_DOT_L + k], reflected)
+
+
+@helper
+def anisotropic_mirrors(batch, k, half, roughnesses):
+    """Return N·L · π D G / (4 (N·L) (N·V)) of fragment k, without W; `half` is L + V, `roughnesses` are αx and αy."""
+    zero, (roughness_along, roughness_across) = batch.dtype.type(0), roughnesses
+    normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
+    view_dir = get_vector(batch, f.VIEW_DIR, k)
+    tangent, is_tangent = tangent_in_surface(normal, get_vector(batch, f.TANGENT, k))
+    bitangent = cross(normal, tangent)
+    mean = np.sqrt(roughness_along * roughness_across)
+    alpha_x, alpha_y = roughness_along if is_tangent else mean, roughness_across if is_tangent else mean
+    along = dot(normal, half)
+    h_t, h_b = dot(half, tangent) / alpha_x, dot(half, bitangent) / alpha_y
+    spread = h_t * h_t + h_b * h_b + along * along
+    ratio = dot(half, half) / spread if (along > zero) & (spread > zero) else zero
+    n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+    masked = n_dot_l / masking(n_dot_l, dot(light_dir, tangent), dot(light_dir, bitangent), alpha_x, alpha_y)
+    masked = masked / masking(n_dot_v, dot(view_dir, tangent), dot(view_dir, bitangent), alpha_x, alpha_y)
+    return ratio * ratio / (alpha_x * alpha_y) * masked
+
+
+@helper
+def tangent_in_surface(normal, tangent):
+    """Return the unit vector along the tangent's part in the surface, and whether there is one; else any one there.
+
+    With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an
+    axis that stands upright on the surface has no direction there, but rounding would make one up.
+    """
+    real = type(normal[0])
+    zero, one = real(0), real(1)
+    whole_square = dot(tangent, tangent)
+    tangent = subtract(tangent, scale(normal, dot(normal, tangent)))
+    square = dot(tangent, tangent)
+    is_tangent = square > real(SHORT) * whole_square
+    if not is_tangent:
+        # The shortest of the axes' parts along N has the longest one across: never shorter than √(2/3).
+        nx, ny, nz = abs(normal[0]), abs(normal[1]), abs(normal[2])
+        is_x = (nx <= ny) & (nx <= nz)
+        is_y = (not is_x) & (ny <= nz)
+        axis = (one if is_x else zero, one if is_y else zero, zero if is_x | is_y else one)
+        tangent = subtract(axis, scale(normal, dot(normal, axis)))
+        square = dot(tangent, tangent)
+    return scale(tangent, one / np.sqrt(square)), is_tangent
+
+
+@helper
+def masking(cosine, along, across, alpha_x, alpha_y):
+    """Return c + √(c² + α²(1 - c²)) of a direction D, c its cosine with N: the denominator of G1(D) / (2 N·D).
+
+    α² = (αx²(D·T)² + αy²(D·B)²) / ((D·T)² + (D·B)²) with D·T = `along` and D·B = `across`. Where D is N itself, α has
+    no part in it. Where c was below 0 and is taken for 0, this is the limit at the horizon.
+    """
+    one, square = type(cosine)(1), along * along + across * across
+    x, y = alpha_x * along, alpha_y * across
+    alpha_square = (x * x + y * y) / square if square > type(cosine)(0) else alpha_x * alpha_y
+    return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
+
 
 MOST_SQUARED = 4096  # integer exponents up to this are raised by squaring
 SMALLEST_SQUARED = 28.0  # results of that below 2^-28 become 0: invisible, and no denormal number on the way there
@@ -41,7 +290,7 @@ class ReflectionFunction(NamedTuple):
     needs_view: bool  # it reads N_DOT_V and VIEW_DIR
     has_highlight: bool  # it writes SPECULAR
     needs_tangent: bool = False  # it reads TANGENT, which nobody else fills for it
-    second_term: Callable | None = None  # follows `evaluate` where F0 has a colour, see fresnel.py
+    second_term: Callable | None = None  # follows `evaluate` where F0 has a colour, see reflection.py
 
 
 def lambert(batch, n, material):

@@ -4,7 +4,7 @@ In:  the band's visibility entries (what is covered) and radiance (linear intens
 Out: all of the band's rows of the picture: linear colour float32, and, by the encode stage, 8 bits a channel. The
      visibility buffer is left clear for the next band.
 
-Samples are averaged over each pixel (box_filter.py) where there are several; a pixel's colour is the mean of its
+Samples are averaged over each pixel (resolve.py) where there are several; a pixel's colour is the mean of its
 covered samples in linear light, its alpha the covered fraction.
 """
 
@@ -12,12 +12,297 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
-from .box_filter import PIECE, average_points, average_samples
+from ..compiler.kernels import choice, helper, index, kernel
 from .encode import ALPHA, PIXELS_SHAPE, RANGE_CLAMP, encode_batch
 from .fragments import BATCH_SIZE, NEXT
-from .sample_grid import MOST_FACTOR, factor_of
-from .visibility import clear, extent_of_pixels
+from .shade_once import MOST_FACTOR, NO_POINT, SEVERAL, factor_of
+from .visibility import CLEAR, clear, extent_of_pixels, strip_of
+
+# ----------------------------------------------------------------
+# The box filter: the samples of each pixel, or the points that it is shaded at, into one linear colour.
+# In:  the band's visibility entries and radiance; or the points of shade_once.py and theirs.
+# Out: a batch of pixels: linear colours, and the covered share as alpha.
+#
+# A pixel's colour is the mean of its covered samples, in linear light, summed up row by row in float64: sixteen
+# roundings
+# of float32 would show at tolerance 0.
+
+PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter way
+
+
+@helper
+def gather_samples(entries, radiance, start, pixels):
+    """Copy one sample a pixel: its intensities and its coverage; return how many are covered."""
+    n = index(len(entries))
+    zero, one = np.float32(0), np.float32(1)
+    n_covered = np.int64(0)
+    for i in range(n):
+        n_covered += entries[i] < CLEAR
+        pixels[ALPHA + i] = one if entries[i] < CLEAR else zero
+    for channel in range(index(radiance.shape[0])):
+        source, target = radiance[channel, start : start + n], channel * NEXT
+        for i in range(n):
+            pixels[target + i] = np.float32(source[i]) if entries[i] < CLEAR else zero
+    return n_covered
+
+
+def choose_average(visibility, radiance, translucent, first, grid, n, batch):
+    """Return what is compiled in the place of `average_samples`."""
+    return average_single if len(grid[0]) == 1 else average_several
+
+
+@choice(choose_average)
+def average_samples(visibility, radiance, translucent, first, grid, n, batch):
+    """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
+    samples show anything.
+
+    Of a pixel that shows nothing transparent, these are the mean of its covered samples, and the covered share.
+
+    Parameters
+    ----------
+    translucent : Translucent; None where nothing transparent is seen
+    first : the band's row of samples and the column of pixels where the batch begins
+    grid : SampleGrid
+    """
+    average = average_single if len(grid.axis) == 1 else average_several
+    return average(visibility, radiance, translucent, first, grid, n, batch)
+
+
+@helper
+def average_single(visibility, radiance, translucent, first, grid, n, batch):
+    """See `average_samples`, for one sample a pixel: nothing is to sum."""
+    if translucent is not None:
+        return weight_single_samples(visibility, radiance, translucent, first, n, batch.values)
+    start = index(first[0] * visibility.pitch + first[1])
+    return gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
+
+
+@helper
+def average_several(visibility, radiance, translucent, first, grid, n, batch):
+    """See `average_samples`, for several samples a pixel: PIECE pixels at a time."""
+    (row, left), pitch, n_seen, factor = first, visibility.pitch, np.int64(0), index(factor_of(grid))
+    for skipped in range(index(0), n, PIECE):
+        n_here, column = min(n - skipped, PIECE), (left + np.int64(skipped)) * np.int64(factor)
+        n_opaque = count_opaque(visibility.entries, pitch, (row, column), factor, n_here)
+        if n_opaque == np.int64(n_here * factor * factor):
+            average_opaque(radiance, pitch, (row, column), factor, skipped, n_here, batch.values)
+        else:
+            n_opaque = average_weighted(
+                visibility, radiance, translucent, (row, column), factor, skipped, n_here, batch
+            )
+        n_seen += n_opaque
+    return n_seen
+
+
+@helper
+def count_opaque(entries, pitch, first, factor, n):
+    """Count the samples of n pixels in which something opaque is seen; `first` is the row and column of samples."""
+    n_opaque, n_sample = np.int64(0), n * factor
+    for sub in range(factor):
+        start = index((first[0] + np.int64(sub)) * pitch + first[1])
+        of_row = entries[start : start + n_sample]
+        for k in range(n_sample):
+            n_opaque += of_row[k] < CLEAR
+    return n_opaque
+
+
+@helper
+def average_opaque(radiance, pitch, first, factor, skipped, n, pixels):
+    """Compute the means of n pixels all of whose samples show something opaque; they come after `skipped` pixels."""
+    scale = 1.0 / np.float64(factor * factor)
+    for channel in range(index(radiance.shape[0])):
+        target = channel * NEXT + skipped
+        start, step = index(first[0] * pitch + first[1]), index(pitch)
+        samples = radiance[channel, start : start + (factor - index(1)) * step + n * factor]
+        for i in range(n):
+            total = 0.0
+            for sub in range(factor):
+                for k in range(factor):
+                    total += np.float64(samples[sub * step + i * factor + k])
+            pixels[target + i] = total * scale
+    for i in range(n):
+        pixels[ALPHA + skipped + i] = np.float32(1)
+
+
+@helper
+def average_weighted(visibility, radiance, translucent, first, factor, skipped, n, batch):
+    """Compute the means of n pixels weighted by opacity; return how many samples show anything.
+
+    `first` is the row and column of samples; the pixels come after `skipped` ones.
+    """
+    sums, weights, n_channel = batch.sums, batch.weights, index(radiance.shape[0])
+    n_seen, n_sample, (row, column) = np.int64(0), n * factor, first
+    for channel in range(index(4)):
+        for i in range(n):
+            sums[channel * NEXT + i] = 0.0
+    for sub in range(row, row + np.int64(factor)):
+        start = index(sub * visibility.pitch + column)
+        n_seen += fill_opacities(visibility, translucent, (sub, column), n_sample, weights)
+        for channel in range(n_channel):
+            add_weighted(radiance[channel, start : start + n_sample], weights, factor, n, sums[channel * NEXT :])
+        add_weights(weights, factor, n, sums[ALPHA:])
+    scale_sums(sums, n, n_channel, np.float64(factor * factor), batch.values[skipped:])
+    return n_seen
+
+
+@helper
+def fill_opacities(visibility, translucent, first, n, weights):
+    """Fill the opacity of n samples of a row, float64: 1 where something opaque is seen; return how many are not 0.
+
+    `first` is the row and the column of samples of the first one.
+    """
+    (row, left), n_seen, zero, one = first, np.int64(0), np.float64(0), np.float64(1)
+    start = index(row * visibility.pitch + left)
+    entries = visibility.entries[start : start + n]
+    for k in range(n):
+        weights[k] = one if entries[k] < CLEAR else zero
+        n_seen += entries[k] < CLEAR
+    if translucent is not None:
+        strip = strip_of(row)
+        begin, end = max(left, translucent.left[strip]), min(left + np.int64(n), translucent.right[strip])
+        if begin < end:
+            sample = index(translucent.columns[index(row)] + begin)
+            before, n_here = index(begin - left), index(end - begin)
+            opacity = translucent.opacity[sample : sample + n_here]
+            for k in range(n_here):
+                is_behind = entries[before + k] >= CLEAR
+                weights[before + k] = opacity[k] if is_behind else one
+                n_seen += is_behind & (opacity[k] > zero)
+    return n_seen
+
+
+@helper
+def add_weighted(samples, weights, factor, n, sums):
+    """Add a row's samples of each of n pixels, times their weights, to its sum; samples without weight may hold
+    anything."""
+    for i in range(n):
+        total = sums[i]
+        for k in range(factor):
+            weight, sample = weights[i * factor + k], np.float64(samples[i * factor + k])
+            total += weight * (sample if weight > 0.0 else 0.0)
+        sums[i] = total
+
+
+@helper
+def add_weights(weights, factor, n, sums):
+    """Add the weights of a row's samples of each of n pixels to their sum."""
+    for i in range(n):
+        total = sums[i]
+        for k in range(factor):
+            total += weights[i * factor + k]
+        sums[i] = total
+
+
+@helper
+def scale_sums(sums, n, n_channel, n_sample, pixels):
+    """Divide the sums of n pixels by those of their weights, and these by the number of samples; of a pixel without
+    weight all is 0."""
+    for i in range(n):
+        weight = sums[ALPHA + i]
+        pixels[ALPHA + i] = weight / n_sample
+        sums[ALPHA + i] = 1.0 / (weight if weight > 0.0 else 1.0)
+    for channel in range(n_channel):
+        first = channel * NEXT
+        for i in range(n):
+            pixels[first + i] = sums[first + i] * sums[ALPHA + i]
+
+
+@helper
+def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
+    """Copy one sample a pixel and its opacity; return how many show anything."""
+    (row, left), n_covered = first, np.int64(0)
+    start, sample = index(row * visibility.pitch + left), index(translucent.columns[index(row)] + left)
+    entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
+    for i in range(n):
+        weight = 1.0 if entries[i] < CLEAR else opacity[i]
+        n_covered += weight > 0.0
+        pixels[ALPHA + i] = weight
+    for channel in range(index(radiance.shape[0])):
+        source, target = radiance[channel, start : start + n], channel * NEXT
+        for i in range(n):
+            is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
+            pixels[target + i] = np.float32(source[i]) if is_seen else np.float32(0)
+    return n_covered
+
+
+# ---------------------------------------------------------------- points into pixels
+
+
+@helper
+def average_points(pitch, points, radiance, first, grid, n, pixels):
+    """Compute the means of n pixels from their points, the same bits as `average_samples` computes them from samples;
+    return how many samples are covered.
+
+    Parameters
+    ----------
+    pitch : entries from row to row
+    points : PointList, of all that the band shows
+    radiance : (n_channel, n_point)
+    first : the band's row of samples and the column of pixels where the batch begins
+    grid : SampleGrid
+    pixels : PIXELS_SHAPE float32, written
+    """
+    factor = index(factor_of(grid))
+    (row, left), n_covered, n_mixed, mixed = first, np.int64(0), index(0), points.scratch[2]
+    of_pixels = points.pixels[index(row) // factor, index(left) :]
+    for i in range(n):
+        is_point = of_pixels[i] >= 0
+        pixels[ALPHA + i] = np.float32(1) if is_point else np.float32(0)
+        n_covered += is_point
+    for i in range(n):
+        mixed[n_mixed] = np.int64(i)
+        n_mixed += index(of_pixels[i] == SEVERAL)
+    n_covered *= np.int64(factor * factor)
+    for channel in range(index(radiance.shape[0])):
+        average_equals(of_pixels, radiance[channel], factor, n, pixels[channel * NEXT :])
+    start = index(row * pitch + left * np.int64(factor))
+    for k in range(n_mixed):
+        i = index(mixed[k])
+        n_covered += average_mixed(index(pitch), points.numbers, radiance, start + i * factor, factor, i, pixels)
+    return n_covered
+
+
+@helper
+def average_equals(of_pixels, radiance, factor, n, pixels):
+    """Compute the means of n pixels all of whose samples have one point, or none.
+
+    The sum of up to 16 equal numbers of float32 is exact in float64, and its mean the number itself, rounded or not. In
+    float64 the sum is rounded as that of samples is.
+    """
+    if radiance.itemsize == 4:
+        for i in range(n):
+            value = np.float32(radiance[index(max(of_pixels[i], np.int32(0)))])
+            pixels[i] = value if of_pixels[i] >= 0 else np.float32(0)
+        return
+    scale = 1.0 / np.float64(factor * factor)
+    for i in range(n):
+        value, total = np.float64(radiance[index(max(of_pixels[i], np.int32(0)))]), 0.0
+        for _ in range(factor * factor):
+            total += value
+        pixels[i] = total * scale if of_pixels[i] >= 0 else 0.0
+
+
+@helper
+def average_mixed(pitch, numbers, radiance, start, factor, i, pixels):
+    """Compute the mean of a pixel that has several points, or samples without; return how many samples have one.
+
+    `start` is the number of its first sample, `i` its number in the batch.
+    """
+    n_covered = np.int64(0)
+    for row in range(factor):
+        for k in range(factor):
+            n_covered += numbers[start + row * pitch + k] != NO_POINT
+    scale = 1.0 / np.float64(max(n_covered, 1))
+    for channel in range(index(radiance.shape[0])):
+        total, source = 0.0, radiance[channel]
+        for row in range(factor):
+            for k in range(factor):
+                number = numbers[start + row * pitch + k]
+                value = np.float64(source[index(max(number, np.int32(0)))])
+                total += value if number != NO_POINT else 0.0
+        pixels[channel * NEXT + i] = total * scale
+    pixels[ALPHA + i] = np.float32(n_covered) / np.float32(factor * factor)
+    return n_covered
 
 
 class Picture(NamedTuple):

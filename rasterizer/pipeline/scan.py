@@ -5,7 +5,7 @@ Out: an entry for every sample of the band (visibility.py), and a record for eve
      later (records.py).
 
 Triangles are set up a block at a time (setup.py), their attributes get planes (gradients.py), and their samples are
-filled one after the other (fill.py).
+filled one after the other (scan.py).
 """
 
 from typing import NamedTuple
@@ -14,11 +14,300 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
-from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
+from .cull import first_sample
 from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, BufferCoding, NormalCoding, compute_gradients
 from .records import write_exact, write_index, write_normals, write_values
-from .simd import MOST_HIGH, MOST_WIDE
-from .visibility import IS_EXACT, IS_WEIGHTED, VisibilityBuffer, id_payload, note_extent, note_material, pack
+from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
+from .transform import HALF, SUBPIXEL
+from .visibility import (
+    DEPTH_MASK,
+    IS_EXACT,
+    IS_ID,
+    IS_WEIGHTED,
+    VisibilityBuffer,
+    id_payload,
+    note_extent,
+    note_material,
+    pack,
+)
+
+# ----------------------------------------------------------------
+# Stage 5, scan: the samples of one triangle, into the visibility buffer or into lists of fragments (a_buffer.py).
+# In:  a triangle's vertices, and what gives its entry at a sample: `Surface`.
+# Out: the nearer entry at every sample that the triangle covers.
+#
+# A plane of entries is anchored at the first sample of the part of the triangle's box that lies right of and below the
+# picture's upper left corner, and integer addition is associative: an entry is a function of triangle and sample
+# alone,
+# not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right
+# entry all the same, because the entry itself fits.
+#
+#     top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
+#        /\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs
+#        to
+#       /  \_                   the triangle, on a right or bottom edge it doesn't: spans run from the first sample at
+#       or
+#   v2 /_____\ v1               beyond the left edge to the last one before the right edge.
+#
+# Small boxes are filled whole, LANES samples side by side; of other triangles the two chains are walked down the rows.
+
+# What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
+# optimiser takes tuples of numbers apart.
+
+
+class Triangle(NamedTuple):
+    """The vertices of a triangle, int64, 1/256 px, clockwise on the screen, the topmost (then leftmost) first."""
+
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+    x2: int
+    y2: int
+
+
+class Box(NamedTuple):
+    """The samples that a triangle may cover, int64, half-open, within the picture and the band."""
+
+    left: int
+    right: int
+    top: int
+    bottom: int
+
+
+class Plane(NamedTuple):
+    """A plane of entries, uint64: at the picture's sample (0, 0), and its steps a sample; modulo 2^64."""
+
+    value: int
+    dx: int
+    dy: int
+
+
+class Depths(NamedTuple):
+    """The z of a triangle's vertices, float64, z-buffer units, and the range that its samples may have."""
+
+    z0: float
+    z1: float
+    z2: float
+    least: float
+    largest: float
+
+
+class Surface(NamedTuple):
+    """What gives the entry of a triangle at a sample: the plane, or, of a sliver, exact edge functions."""
+
+    triangle: Triangle
+    is_sliver: bool
+    plane: Plane
+    depths: Depths
+    payload: int  # of slivers
+
+
+class Edge(NamedTuple):
+    """An edge on its way down the rows, int64, as an exact digital differential analyser."""
+
+    x: int  # the first sample at or beyond the edge on this row
+    rest: int  # how far beyond, in shares of a sample: rest / divisor
+    dx: int  # what the next row adds to x, and to the rest
+    d_rest: int
+    divisor: int
+
+
+# ---------------------------------------------------------------- small boxes
+
+
+@helper
+def fill_box(visibility, y_start, box, surface):
+    """Test every sample of a small box against the three edges, LANES at a time, without a branch."""
+    triangle, plane = surface.triangle, surface.plane
+    base = (box.top - y_start) * visibility.pitch
+    for first in range(box.left, box.right, LANES):
+        sx, sy = first * SUBPIXEL + HALF, box.top * SUBPIXEL + HALF
+        e0, e0_dx, e0_dy = edge_function(triangle.x0, triangle.y0, triangle.x1, triangle.y1, sx, sy)
+        e1, e1_dx, e1_dy = edge_function(triangle.x1, triangle.y1, triangle.x2, triangle.y2, sx, sy)
+        e2, e2_dx, e2_dy = edge_function(triangle.x2, triangle.y2, triangle.x0, triangle.y0, sx, sy)
+        edges = (e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy)
+        entries = (entry_at(plane, first, box.top), plane.dx, plane.dy)
+        n_row = box.bottom - box.top
+        merge_box(visibility.entries, index(base + first), index(visibility.pitch), n_row, entries, edges, DEPTH_MASK)
+
+
+@helper
+def edge_function(xa, ya, xb, yb, sx, sy):
+    """Evaluate the edge function of a clockwise edge at a sample: value and steps a sample; >= 0 means inside.
+
+    A sample on the edge is inside only on a top edge (to the right) or a left one (upwards), so the others are moved by
+    one. All are int64, 1/256 px.
+
+    Source: Pineda 1988, "A parallel algorithm for polygon rasterization", SIGGRAPH 88, 17-20.
+    """
+    dx, dy = xb - xa, yb - ya
+    is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
+    value = dx * (sy - ya) - dy * (sx - xa) - (0 if is_top_left else 1)
+    return value, -dy * SUBPIXEL, dx * SUBPIXEL
+
+
+@helper
+def entry_at(plane, x, y):
+    """Evaluate a plane of entries at the sample (x, y), uint64."""
+    return plane.value + np.uint64(x) * plane.dx + np.uint64(y) * plane.dy
+
+
+# ---------------------------------------------------------------- spans
+
+
+@helper
+def fill_spans(visibility, y_start, box, surface, lists):
+    """Walk the left and the right chain down the rows and fill the samples between them.
+
+    `y_start` is the band's first row in the picture.
+    `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is: see
+    a_buffer.py.
+    """
+    triangle = surface.triangle
+    middle = first_sample(min(triangle.y1, triangle.y2))
+    for half in range(2):
+        top, bottom = (box.top, min(box.bottom, middle)) if half == 0 else (max(box.top, middle), box.bottom)
+        if top >= bottom:
+            continue
+        left, right = left_edge(triangle, half, top), right_edge(triangle, half, top)
+        for y in range(top, bottom):
+            x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
+            if x_start < x_end:
+                first = (y - y_start) * visibility.pitch + x_start
+                span = visibility.entries[index(first) : index(first + x_end - x_start)]
+                if lists is not None:
+                    list_span(span, lists.columns[index(y - y_start)] + x_start, x_start, y, surface, lists)
+                elif surface.is_sliver:
+                    fill_sliver_span(span, x_start, y, surface)
+                else:
+                    fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx)
+            left, right = advance(left), advance(right)
+
+
+@helper
+def left_edge(triangle, half, y):
+    """Start the left chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
+    x0, y0, x1, y1, x2, y2 = triangle
+    is_second = half == 1 and y2 < y1
+    xa, ya, xb, yb = (x2, y2, x1, y1) if is_second else (x0, y0, x2, y2)
+    return start_edge(xa, ya, xb, yb, y)
+
+
+@helper
+def right_edge(triangle, half, y):
+    """Start the right chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
+    x0, y0, x1, y1, x2, y2 = triangle
+    is_second = half == 1 and y1 < y2
+    xa, ya, xb, yb = (x1, y1, x2, y2) if is_second else (x0, y0, x1, y1)
+    return start_edge(xa, ya, xb, yb, y)
+
+
+@helper
+def start_edge(xa, ya, xb, yb, y):
+    """Start the edge a-b, downwards, on a row of samples.
+
+    With sy the height of the samples, the crossing is at x = xa + (sy - ya)·dx/dy; the first sample at or beyond it is
+    ceil((x - 128)/256), a quotient of integers below 2^60.
+    """
+    dx, dy, sy = xb - xa, yb - ya, y * SUBPIXEL + HALF
+    divisor = dy * SUBPIXEL
+    dividend = (xa - HALF) * dy + (sy - ya) * dx + divisor - 1
+    sample = dividend // divisor
+    step = dx // dy
+    return Edge(sample, dividend - sample * divisor, step, (dx - step * dy) * SUBPIXEL, divisor)
+
+
+@helper
+def advance(edge):
+    """Move an edge to the next row: the rest carries one sample when it reaches the divisor."""
+    rest = edge.rest + edge.d_rest
+    carry = rest >= edge.divisor
+    rest -= edge.divisor if carry else 0
+    return Edge(edge.x + edge.dx + carry, rest, edge.dx, edge.d_rest, edge.divisor)
+
+
+@helper
+def fill_span(span, entry, step):
+    """Advance depth and intensity by one addition a sample; the nearer entry stays, at equal depth the earlier one."""
+    for k in range(index(len(span))):
+        new, old = np.int64(entry), span[k]
+        span[k] = new if new < (old & DEPTH_MASK) else old
+        entry += step
+
+
+@helper
+def fill_sliver_span(span, x_start, y, surface):
+    """Fill a span of a triangle that is too thin or too steep for a plane."""
+    for k in range(index(len(span))):
+        new, old = entry_of_sliver(x_start + np.int64(k), y, surface), span[k]
+        span[k] = new if new < (old & DEPTH_MASK) else old
+
+
+@helper
+def entry_of_sliver(x, y, surface):
+    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range.
+
+    A weighted mean, none of whose weights is negative: so where a corner lies far before all that is seen, its z
+    doesn't take the digits of the others'.
+    """
+    triangle, depths = surface.triangle, surface.depths
+    dx1, dy1 = triangle.x1 - triangle.x0, triangle.y1 - triangle.y0
+    dx2, dy2 = triangle.x2 - triangle.x0, triangle.y2 - triangle.y0
+    area = dx1 * dy2 - dx2 * dy1
+    ux, uy = x * SUBPIXEL + HALF - triangle.x0, y * SUBPIXEL + HALF - triangle.y0
+    e1, e2 = ux * dy2 - uy * dx2, uy * dx1 - ux * dy1
+    z = (float(area - e1 - e2) * depths.z0 + float(e1) * depths.z1 + float(e2) * depths.z2) / float(area)
+    return np.int64(pack(np.rint(min(max(z, depths.least), depths.largest)), surface.payload))
+
+
+@helper
+def list_span(span, first, x_start, y, surface, lists):
+    """Count the entries of a span that lie before those of the buffer, or append them to the lists of their samples.
+
+    Whole entries are compared, so that at equal depth the triangle with the lower index lies in front. Of an opaque
+    surface that has its intensity in its entries the index is not known: a fragment at its depth is noted as a tie.
+
+    Parameters
+    ----------
+    span : (n,) int64, a row's entries
+    first : the first sample of the span in the A-buffer
+    x_start, y : the same in the picture
+    lists : FragmentLists
+    """
+    lengths, plane = lists.cursors, surface.plane
+    if lists.is_counting and not surface.is_sliver:  # all samples: the compiler makes vector instructions of it
+        lengths, ties = lengths[index(first) : index(first + np.int64(len(span)))], np.int64(0)
+        entry = entry_at(plane, x_start, y)
+        for k in range(index(len(span))):
+            new = np.int64(entry)
+            lengths[k] += (new >= 0) & (new < span[k])
+            ties |= is_tie(new, span[k])
+            entry += plane.dx
+        lists.ties[0] |= ties
+        return
+    for sample in range(max(first, lists.first), min(first + np.int64(len(span)), lists.end)):
+        x, old = x_start + sample - first, span[index(sample - first)]
+        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(plane, x, y))
+        if 0 <= new < old:
+            list_entry(lists, index(sample), new)
+        elif lists.is_counting:
+            lists.ties[0] |= np.int64(is_tie(new, old))
+
+
+@helper
+def is_tie(new, old):
+    """Tell whether an entry that holds an index is as deep as one that doesn't."""
+    return (new ^ old) & (DEPTH_MASK | IS_ID) == IS_ID
+
+
+@helper
+def list_entry(lists, sample, entry):
+    """Append an entry to the list of a sample, or count it."""
+    cursors, starts = lists.cursors, lists.starts
+    if not lists.is_counting and cursors[sample] < starts[sample + index(1)]:
+        lists.entries[index(cursors[sample] - lists.base)] = entry
+    cursors[sample] += 1
 
 
 class Payload(NamedTuple):

@@ -1,6 +1,6 @@
 """Triangle setup: boxes, slopes and planes of depth over a block of triangles. The first part of the scan stage.
 
-In:  faces, in order, and what they refer to (drawables.py).
+In:  faces, in order, and what they refer to (transform.py).
 Out: `Block`: for each triangle its vertices, clockwise on the screen and the topmost first, its box, the slopes of
      planes over it, and the plane of its depth; gradients.py adds the planes of what is interpolated.
 
@@ -48,7 +48,7 @@ CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is 
 MATERIAL = index(BLOCK * 22)
 # What is known of its material, see gradients.py: its cheapest way, how many attributes are read.
 WAY, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
-IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see value_planes.py
+IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see planes.py
 N_INT = 26
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.

@@ -29,10 +29,34 @@ from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE
 from .interpolate import ScannedBand
 from .records import material_of
-from .sample_grid import factor_of
 from .screen_points import ScreenPoints
 from .transform import SUBPIXEL
 from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
+
+# ----------------------------------------------------------------
+# How many samples a pixel has, as a type: each number of them has kernels of its own.
+# Loops over the samples of a pixel are unrolled, and those over pixels become vector instructions, where the number is
+# known when they are compiled. A picture has one number of samples: so one such loop is compiled, not one for each.
+
+MOST_FACTOR = 4  # samples a pixel along an axis
+
+
+class SampleGrid(NamedTuple):
+    """The samples of a pixel, as many along either axis as `axis` has items."""
+
+    axis: tuple  # zeros
+
+
+def make_grid(factor) -> SampleGrid:
+    """Return the samples of a pixel, `factor` along each axis."""
+    return SampleGrid((0,) * factor)
+
+
+@helper
+def factor_of(grid):
+    """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
+    return len(grid.axis)
+
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
 NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)

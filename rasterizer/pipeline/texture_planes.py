@@ -1,4 +1,4 @@
-"""The planes of texture coordinates: what a record holds of them, and how they come into a batch (lookup_batch.py).
+"""The planes of texture coordinates: what a record holds of them, and how they come into a batch (texture_packing.py).
 
 In:  a group of four planes of a record (records.py): s'/w, t'/w, 1/w, and the references, which are the same at every
      sample: their slopes are 0.
@@ -17,8 +17,7 @@ from ..compiler.widths import PLANE_GROUP
 from . import setup as s
 from .planes import LEAST_INVERSE, compute_plane, inverse_ratios, values_at
 from .simd import evaluate_planes, record_number
-from .texture_packing import PackedTextures, texture_error
-from .textures import WRAP_CLAMP, WRAP_MIRROR
+from .texture_packing import WRAP_CLAMP, WRAP_MIRROR, PackedTextures, texture_error
 
 TEXCOORDS = 6  # which attributes of a textured surface are texture coordinates: this one and the next
 TEXCOORD_PLANE = index(6)  # the first of four planes of a block's triangles

@@ -30,7 +30,7 @@ from .interpolate import (
 )
 from .records import ATTRIBUTE, material_of
 from .screen_points import samples_from, skip_to, step_of
-from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from .texture_packing import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from .visibility import record_of, stretch_of, strip_of
 
 # Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,

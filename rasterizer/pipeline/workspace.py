@@ -6,11 +6,11 @@ import numpy as np
 
 from .a_buffer import Room
 from .fragments import make_batch
-from .lookup_batch import make_lookup_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
 from .shade_once import PointList, make_point_list
+from .texture_packing import make_lookup_batch
 from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
 

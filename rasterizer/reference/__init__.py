@@ -16,7 +16,7 @@ cut into; nothing that is compiled. The modules in the order of a polygon's way:
 vectors holds the vector algebra of all of them.
 """
 
-from .cover import coverage
 from .picture import Picture, render
+from .visibility import coverage
 
 __all__ = ["Picture", "coverage", "render"]

@@ -21,14 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.camera import Projection, View
-from ..scene.depth_cue import DepthCue
 from ..scene.lights import Light
-from ..scene.scene import Scene
+from ..scene.scene import DepthCue, Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
 from .lamp import Lamp, attenuate, lamp_kind_of, make_lamps
-from .materials import channels_of, count_waves, palette_of, read_materials
-from .reflection import reflect
+from .reflection import channels_of, count_waves, palette_of, read_materials, reflect
 from .shadow import Casters, gather_casters, reaches
 from .surface import Surface
 from .vectors import dot, unit

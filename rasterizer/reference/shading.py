@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from .light import Lighting, RayOrigins, light_points, to_viewer
 from .shadow import NO_OWNER
-from .surface import Surface
-from .tangents import face_tangents, unit_sums
+from .surface import Surface, face_tangents, unit_sums
 from .texture import sample_texture
 from .vectors import area_vectors, blend, dot, length, unit
 

@@ -18,22 +18,239 @@ Only a calibration may have skew. Pixel (i, j) has its sample at (i + ½, j + ½
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..choices import AXES, Axis, PoseFrame
-from ..errors import SceneError
-from ..keywords import checked_keywords
-from . import camera_checks as checks
+from ..choices import AXES, POSE_FRAMES, Axis, PoseFrame
+from ..errors import SceneError, checked_keywords, shown
 from . import framing
-from .arrays import VectorLike
-from .calibration import read_calibration, read_pose
-from .projection import Projection as Projection
-from .projection import View as View
-from .validate import choice, picture_size, position3, unit3
-from .value_class import value_class
+from .validate import VectorLike, choice, number, picture_size, plain_array, position3, unit3, value_class
+
+# ----------------------------------------------------------------
+# What a camera means to those who draw: where its eye is, its axes, and how a point of its frame gets its pixel.
+# The figure and the formulas stand in `camera.py`.
+
+
+class View(NamedTuple):
+    """Where the camera is and its axes: (3,) float64 each, world space; the axes are orthonormal."""
+
+    eye: NDArray[np.float64]
+    right: NDArray[np.float64]
+    up: NDArray[np.float64]
+    forward: NDArray[np.float64]
+
+    @property
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """(3, 3) float64: its columns are the axes right, up and backwards of the camera's frame, world space.
+
+        A direction of the camera's frame (x right, y up, looking down -z) is `world_from_camera @ direction` in the
+        world; a point is that plus `eye`.
+        """
+        return np.stack([self.right, self.up, -self.forward]).T
+
+
+class Projection(NamedTuple):
+    """How a point in the camera's frame gets its pixel; pixels, or pixels a scene unit where orthographic."""
+
+    scale_x: float
+    scale_y: float
+    center_x: float
+    center_y: float
+    is_perspective: bool
+    skew: float = 0.0  # px that a scene unit upwards takes off x at depth 1; K[0, 1] of OpenCV; 0 without perspective
+
+    def ray_axes(self, view: View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what a step of 1/scale_x, 1/scale_y of a pixel moves a point at depth 1 by, (3,) float64 each, world
+        space: the ray through (x, y) is
+
+            (x - center_x)/scale_x · across + (center_y - y)/scale_y · upward + forward
+
+        They are the camera's right and up; with skew what stays in one column leans, by skew/scale_x to the right.
+        """
+        if self.skew == 0.0:
+            return view.right, view.up
+        return view.right, view.up + (self.skew / self.scale_x) * view.right
+
+
+# ----------------------------------------------------------------
+# Checks of what a camera is given: its field of view, height or intrinsics, of which one rules, and its depths.
+
+LEAST_FOV = 1e-6  # degrees: a hair in 10 km
+MOST_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
+
+
+def lens_of(camera: "Camera") -> dict[str, Any]:
+    """Return the fields of a camera's lens, checked: `fov` or `height`, and `intrinsics` with `skew` and `size`."""
+    fields: dict[str, Any] = {}
+    fov = camera.fov
+    if camera.intrinsics is not None:
+        fields = _intrinsics_of(camera)
+        fov = fields["fov"]
+    elif camera.size is not None:
+        raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
+    elif number(camera.skew, "the camera's skew") != 0.0:
+        raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(camera.skew)} without any")
+    else:
+        fields = {"skew": 0.0}
+    if (fov is None) == (camera.height is None):
+        raise SceneError(
+            "a camera needs either fov (perspective) or height (orthographic); "
+            f"given fov={shown(fov)}, height={shown(camera.height)}"
+        )
+    if fov is not None:
+        return fields | {"fov": checked_fov(fov)}
+    height = number(camera.height, "the camera's height")
+    if height <= 0.0:
+        raise SceneError(f"the camera's height must be above 0 scene units; given {shown(camera.height)}")
+    return fields | {"height": height}
+
+
+def _intrinsics_of(camera: "Camera") -> dict[str, Any]:
+    """Check the OpenCV intrinsics, skew and the size that they belong to, and derive the field of view."""
+    given: Any = camera.intrinsics
+    try:
+        values = tuple(given)
+    except TypeError:
+        values = ()
+    if len(values) != 4:
+        raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {shown(given)}")
+    fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
+    if fx <= 0.0 or fy <= 0.0:
+        raise SceneError(f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}")
+    skew = number(camera.skew, "the camera's skew")
+    if abs(skew) > MOST_SKEW * fx:
+        raise SceneError(
+            f"the camera's skew must be at most {MOST_SKEW:g} times its fx, {shown(fx)} pixels; "
+            f"given {shown(camera.skew)}"
+        )
+    width, height = picture_size(camera.size)
+    fov = math.degrees(2.0 * math.atan(0.5 * height / fy))
+    return {"intrinsics": (fx, fy, cx, cy), "skew": skew, "size": (width, height), "fov": fov}
+
+
+def depths_of(camera: "Camera") -> dict[str, float]:
+    """Return near and far, where given, checked."""
+    depths: dict[str, float] = {}
+    for field in ("near", "far"):
+        given = getattr(camera, field)
+        if given is not None:
+            depths[field] = number(given, f"the camera's {field}")
+            if depths[field] <= 0.0 and camera.is_perspective:
+                raise SceneError(
+                    f"the {field} of a perspective camera must be above 0 scene units; given {shown(given)}"
+                )
+    if len(depths) == 2 and depths["near"] >= depths["far"]:
+        raise SceneError(f"the camera's near must be below its far; given near={camera.near}, far={camera.far}")
+    return depths
+
+
+def fov_unless(orthographic: object, fov: object) -> float | None:
+    """Return the field of view, or None for a camera without perspective."""
+    if not isinstance(orthographic, (bool, np.bool_)):
+        raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
+    return None if orthographic else checked_fov(fov)
+
+
+def checked_fov(fov: object) -> float:
+    """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
+    value = number(fov, "the camera's fov")
+    if not LEAST_FOV <= value < 180.0:
+        raise SceneError(
+            f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}"
+        )
+    return value
+
+
+# ----------------------------------------------------------------
+# Read where a camera is as others write it: OpenCV's calibration K, R, t, and the 4 × 4 pose of graphics programs.
+
+
+def read_calibration(
+    K: ArrayLike, R: ArrayLike, t: ArrayLike
+) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64], NDArray[np.float64]]:
+    """Check a calibration x_cam = R x_world + t, in a frame with x right, y down, z forward.
+
+    Parameters
+    ----------
+    K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels
+    R : (3, 3) rotation from world to camera
+    t : (3,) or (3, 1), scene units
+
+    Returns
+    -------
+    (fx, fy, cx, cy, skew) in pixels, the rotation (3, 3) nearest to R, and t (3,)
+
+    Raises
+    ------
+    SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
+    """
+    K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
+    t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
+    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+    ideal = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
+        raise SceneError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; given {shown(K.tolist())}")
+    return (fx, fy, cx, cy, skew), _nearest_rotation(R, "R"), t
+
+
+def read_pose(pose: ArrayLike, frame: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check a pose: x_world = R x_cam + eye.
+
+    Parameters
+    ----------
+    pose : (4, 4) world-from-camera
+    frame : "opengl" (x right, y up, looking down -z) or "opencv" (x right, y down, looking down +z)
+
+    Returns
+    -------
+    the rotation (3, 3) nearest to R, from the frame of "opengl", and the eye (3,), scene units
+
+    Raises
+    ------
+    SceneError : another shape, values that are not finite, a matrix that isn't affine, scales or mirrors
+    """
+    choice(frame, POSE_FRAMES, "the pose's frame")
+    matrix = _checked_matrix(pose, (4, 4), "the pose")
+    if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
+        raise SceneError(f"the pose's last row must be (0, 0, 0, 1); given {shown(matrix[3].tolist())}")
+    rotation = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)")
+    return rotation * (1.0, -1.0, -1.0) if frame == "opencv" else rotation, matrix[:3, 3]
+
+
+def _is_column(value: Any) -> bool:
+    """Tell whether a value is (3, 1), as OpenCV writes vectors."""
+    try:
+        return [len(each) for each in value] == [1, 1, 1]
+    except TypeError:
+        return False
+
+
+def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    """Return a finite float64 array of the given shape."""
+    try:
+        matrix = plain_array(value)
+        matrix = matrix.astype(np.float64) if matrix.dtype.kind in "fiu" else np.empty(0)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != shape or not np.isfinite(matrix).all():
+        raise SceneError(f"{what} must be finite numbers of the shape {shape}; given {shown(value)}")
+    return matrix
+
+
+def _nearest_rotation(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
+    """Return the rotation nearest to a matrix that is one up to a few digits.
+
+    Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.
+    """
+    u, stretch, vt = np.linalg.svd(matrix)
+    rotation = u @ vt
+    if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
+        raise SceneError(
+            f"{what} must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
+        )
+    return rotation
 
 
 @value_class
@@ -100,7 +317,7 @@ class Camera:
         self._set("up", unit3(up, "the camera's up"))
         if self.position == self.target:
             raise SceneError(f"the camera's position and target must differ; given {self.position} for both")
-        for field, value in (checks.lens_of(self) | checks.depths_of(self)).items():
+        for field, value in (lens_of(self) | depths_of(self)).items():
             self._set(field, value)
 
     def _set(self, field: str, value: object) -> None:
@@ -200,7 +417,7 @@ class Camera:
         Source: derivation at `rasterizer.scene.framing.fit_perspective`.
         """
         axes = framing.orbit_axes(azimuth, elevation, framing.up_axis(subject, up))
-        lens = framing.checked_lens(checks.fov_unless(orthographic, fov), margin, aspect, size)
+        lens = framing.checked_lens(fov_unless(orthographic, fov), margin, aspect, size)
         cloud = framing.Cloud(subject, axes)
         eye, target, height = lens.fit(cloud)
         return cls(position=cloud.to_world(eye), target=cloud.to_world(target), up=axes[1], fov=lens.fov, height=height)
@@ -242,7 +459,7 @@ class Camera:
         Source: derivation at `rasterizer.scene.framing.SweptCloud`.
         """
         axis = framing.up_axis(subject, up)
-        lens = framing.checked_lens(checks.fov_unless(orthographic, fov), margin, aspect, size)
+        lens = framing.checked_lens(fov_unless(orthographic, fov), margin, aspect, size)
         all_axes = [framing.orbit_axes(a, elevation, axis) for a in framing.checked_azimuths(azimuths)]
         cloud = framing.SweptCloud(subject, all_axes[0], AXES[axis])
         eye, target, height = lens.fit(cloud)

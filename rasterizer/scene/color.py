@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
-from .arrays import plain_array
-from .validate import is_whole, number, vector3
+from .validate import is_whole, number, plain_array, vector3
 
 RGB: TypeAlias = tuple[float, float, float]  # linear
 # A colour as a caller may give it: a grey, three linear numbers, hex or CSS text, or a Spectrum (which is a tuple).

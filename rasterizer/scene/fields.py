@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_args, get_origin, get_type_hints
 
-from .arrays import VectorLike
 from .color import ColorLike
+from .validate import VectorLike
 
 # What a class may be given. Once checked it is stored as three floats, as two ints, as linear RGB or a Spectrum, and as
 # three floats (kc, kl, kq).

@@ -20,9 +20,84 @@ from ..choices import ATTACHMENTS, Attachment
 from ..errors import SceneError, shown
 from .color import linear_rgb
 from .fields import Attenuation, Cells, Color, Vector
-from .shadow import Shadow, checked_shadow
-from .validate import choice, is_whole, number, position3, unit3, vector3
-from .value_class import value_class
+from .validate import choice, is_whole, number, position3, unit3, value_class, vector3
+
+# ----------------------------------------------------------------
+# How a light casts shadows: the size and the filter of its shadow maps.
+
+MOST_TEXELS = 8192  # along a side of a shadow map
+MOST_TAPS = 9  # along a side of its filter
+
+
+@value_class
+@dataclass(frozen=True)
+class Shadow:
+    """How a light casts shadows: by shadow maps (Williams 1978), depths of the scene as the light sees it.
+
+    Parameters
+    ----------
+    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; a light
+        with a place has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells
+        of an area light have maps of half the size, but at least 16
+    filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin &
+        Cook 1987): an odd number, 1 (hard edges) to 9
+
+    Raises
+    ------
+    SceneError : a value that is not legal
+    """
+
+    size: int = 1024
+    filter: int = 1
+
+    def __post_init__(self) -> None:
+        for field, kind, low, high, step in (
+            ("size", "a whole", 16, MOST_TEXELS, 1),
+            ("filter", "an odd", 1, MOST_TAPS, 2),
+        ):
+            value = getattr(self, field)
+            if not (is_whole(value, low, high) and (value - low) % step == 0):
+                raise SceneError(
+                    f"the shadow's {field} must be {kind} number within {low}..{high}; given {shown(value)}"
+                )
+            object.__setattr__(self, field, int(value))
+
+
+def checked_shadow(shadow: Any, whose: str) -> Shadow | None:
+    """Return what a light's field `shadow` is stored as: a Shadow, or None for a light that casts none.
+
+    Parameters
+    ----------
+    shadow : Shadow, True, False or None
+    whose : text, the light's name in messages, such as "the point light's"
+
+    Raises
+    ------
+    SceneError : anything else
+    """
+    if shadow is None or shadow is False:
+        return None
+    if shadow is True:
+        return Shadow()
+    if not isinstance(shadow, Shadow):
+        raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
+    return shadow
+
+
+def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
+    """Return lights whose shadows, where they cast any, have other fields."""
+
+    def changed(light: Any) -> Any:
+        shadow = getattr(light, "shadow", None)
+        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
+
+    return tuple(map(changed, lights))
+
+
+def without_shadows(lights: Iterable[Any]) -> tuple[Any, ...]:
+    """Return lights that cast no shadows."""
+    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
+
 
 MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
@@ -375,3 +450,50 @@ def check_count(lights: Iterable) -> None:
                 f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {count}: "
                 "choose fewer, or a smaller resolution of area lights"
             )
+
+
+# ----------------------------------------------------------------
+# Ready-made lights: neutral, attached to the camera, so that every view of a model is lit alike.
+
+
+def studio() -> tuple[Light, ...]:
+    """Return the default lights: key from the upper left, weaker fill from the right, rim from behind and
+    above, low ambient.
+
+    They move with the camera and are exactly neutral, so that a grey scene needs one channel. The intensities
+    are chosen so that the default material stays below 1 whichever way a surface faces, highlight included.
+    """
+    return (
+        AmbientLight(0.08),
+        DirectionalLight((0.55, -0.65, -0.75), 0.85, "camera"),
+        DirectionalLight((-0.85, -0.10, -0.50), 0.20, "camera"),
+        DirectionalLight((0.15, -0.70, 0.70), 0.30, "camera"),
+    )
+
+
+def headlight() -> tuple[Light, ...]:
+    """Return one directional light along the view and a low ambient, both neutral: nothing seen is dark."""
+    return (AmbientLight(0.15), DirectionalLight((0.0, 0.0, -1.0), 0.80, "camera"))
+
+
+def tabletop() -> tuple[Light, ...]:
+    """Return the lights of `studio`, brighter for darker materials, with a key that casts shadows."""
+    return (
+        AmbientLight(0.08),
+        DirectionalLight((0.55, -0.65, -0.75), 0.95, "camera", shadow=Shadow(1024, 5)),
+        DirectionalLight((-0.85, -0.10, -0.50), 0.20, "camera"),
+        DirectionalLight((0.15, -0.70, 0.70), 0.35, "camera"),
+    )
+
+
+def on_tabletop(lights: tuple[Light, ...], takes_shadows: bool) -> tuple[Light, ...]:
+    """Return the lights of `tabletop` in place of those of `studio`, the default; others as they are.
+
+    Without `takes_shadows` the key light casts none.
+    """
+    if lights != studio():
+        return lights
+    return tabletop() if takes_shadows else without_shadows(tabletop())
+
+
+PRESETS = {"studio": studio, "headlight": headlight, "tabletop": tabletop}

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError, shown, warn_caller
-from .arrays import is_masked, plain_array
 from .color import linear_from_srgb_bytes
 from .services import service
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
-from .validate import COORDINATE_LIMIT
+from .validate import COORDINATE_LIMIT, is_masked, plain_array
 
 CHUNK = 1 << 16  # faces looked at in one go
 _FIRST_CHUNK = 1 << 8

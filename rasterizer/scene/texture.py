@@ -23,12 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
-from ..errors import ModelError, SceneError, shown
-from ..keywords import checked_fields
-from .arrays import plain_array
+from ..errors import ModelError, SceneError, checked_fields, shown
 from .color import linear_from_srgb_bytes
 from .mesh_arrays import KeepsArrays, fixed
-from .validate import choice
+from .validate import choice, plain_array
 
 if TYPE_CHECKING:
     from PIL import Image

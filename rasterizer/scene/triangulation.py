@@ -31,8 +31,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import distinct
 from .services import service
+from .validate import distinct
 
 # The squares of the corners of polygons that are cut by ears may sum up to this: one polygon of 23170, or 53687 of 100.
 MOST_STEPS = 1 << 29

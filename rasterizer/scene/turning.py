@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .camera import Camera
-from .mesh_moves import rotation
+from .mesh import rotation
 
 
 def turned_cameras(

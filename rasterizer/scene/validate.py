@@ -6,10 +6,14 @@ standard library is imported, because the command line's help needs the options.
 
 import math
 import operator
-from collections.abc import Collection
-from typing import Any
+from collections.abc import Collection, Sequence
+from dataclasses import MISSING, fields
+from typing import Any, TypeAlias, TypeVar
 
-from ..errors import SceneError, shown
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import SceneError, checked_fields, shown
 
 COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
 _MOST_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
@@ -103,3 +107,88 @@ def picture_size(size: object) -> tuple[int, int]:
     if not is_size or not (is_whole(int(width), 1, _MOST_PIXELS) and is_whole(int(height), 1, _MOST_PIXELS)):
         raise SceneError(f"size must be (width, height), whole pixels of at least 1; given {shown(size)}")
     return int(width), int(height)
+
+
+# ----------------------------------------------------------------
+# Arrays as callers give them: of any kind that numpy reads, but never masked.
+
+VectorLike: TypeAlias = Sequence[float] | NDArray[Any]  # three numbers, as a caller may give them
+
+
+def plain_array(values: ArrayLike) -> NDArray:
+    """Return `np.asarray(values)`, numbers beyond float64 as infinities.
+
+    Parameters
+    ----------
+    values : anything that numpy reads, of any shape and dtype
+
+    Returns
+    -------
+    array of the same shape; longer floats become float64
+
+    Raises
+    ------
+    TypeError, ValueError : no array, or a masked one, whose masked values would count
+    """
+    if is_masked(values):
+        raise ValueError("masked values are no numbers")
+    array = np.asarray(values)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float64)
+    return array
+
+
+def is_masked(values: object) -> bool:
+    """Tell whether an array has masked values. `np.ma` would say so, but takes as long to import as a small model."""
+    return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
+
+
+def distinct(values: NDArray) -> NDArray:
+    """Return the distinct ones of whole numbers (n,), ascending.
+
+    `np.unique` would do, but imports `np.ma`, to see whether some are masked.
+    """
+    ordered = np.sort(values)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
+
+
+# ----------------------------------------------------------------
+# What the small dataclasses of a scene have in common: they name the nearest field, and print in one line.
+
+T = TypeVar("T", bound=type)
+
+
+def value_class(cls: T) -> T:
+    """Let a dataclass say what fields it has where it is given another one, and print those that differ from their
+    defaults."""
+    cls.__repr__ = _short_repr  # type: ignore[method-assign, assignment]
+    return checked_fields(cls)
+
+
+def _short_repr(self: Any) -> str:
+    """The fields that differ from their defaults, in one line."""
+    told, follows = [], getattr(self, "FOLLOWS", {})
+    for field in fields(self):
+        value = getattr(self, field.name)
+        if field.name in follows and value == getattr(self, follows[field.name]):
+            continue
+        default = field.default_factory() if field.default_factory is not MISSING else field.default
+        if field.default is MISSING or not _is_same(value, default):
+            told.append(f"{field.name}={_text(value)}")
+    return f"{type(self).__name__}({', '.join(told)})"
+
+
+def _is_same(value: Any, default: Any) -> bool:
+    """Tell whether a field has its default: a grey is stored as three equal numbers."""
+    is_grey = isinstance(value, tuple) and isinstance(default, (int, float)) and not isinstance(default, bool)
+    return value == (default,) * len(value) if is_grey else bool(value == default)
+
+
+def _text(value: Any) -> str:
+    """Six digits of each number, one number of a grey, and the beginning of anything else."""
+    if isinstance(value, float):
+        return f"{value + 0.0:g}"  # no -0
+    if type(value) is tuple and value and all(isinstance(each, float) for each in value):
+        return f"({', '.join(f'{each + 0.0:g}' for each in value)})"
+    return shown(value)

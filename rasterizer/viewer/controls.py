@@ -1,12 +1,261 @@
 """What each event does: to the camera, to the look, or to what is picked."""
 
-from typing import NamedTuple
+import math
+import re
+from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError, shown
+from ..frame import Frame
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .events import Click, Drag, Event, Key, Switch, Zoom
 from .orbit import Orbit, Size
-from .picking import Picked
+
+# ----------------------------------------------------------------
+# What is seen at a pixel: which face, of which object, where in the world, and how it is turned.
+
+
+class Picked(NamedTuple):
+    """A point of a surface.
+
+    Parameters
+    ----------
+    pixel : (column, row) of the picture
+    face : index of the triangle in the scene, as the buffer `face` has it
+    mesh : index of its mesh in `scene.meshes`
+    face_of_mesh : index of the triangle in `mesh.faces`
+    name : the mesh's name, "" where it has none
+    position : (x, y, z) world space, scene units, at the pixel's centre, as exact as the buffer of depth: float32
+    normal : (x, y, z) unit, world space, towards the viewer
+    """
+
+    pixel: tuple[int, int]
+    face: int
+    mesh: int
+    face_of_mesh: int
+    name: str
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+    def __str__(self) -> str:
+        whose = f"object {self.name!r}" if self.name else f"object {self.mesh}"
+        x, y, z = (f"{value:.6g}" for value in self.position)
+        normal = ", ".join(f"{value:.3f}" for value in self.normal)
+        return f"face {self.face_of_mesh} of {whose}, position ({x}, {y}, {z}), normal ({normal})"
+
+
+def pick(frame: Frame, scene: Scene, camera: Camera, x: float, y: float) -> Picked | None:
+    """Tell what a frame shows at a point of the picture.
+
+    Parameters
+    ----------
+    frame : Frame with the buffers "face", "depth" and "normal"
+    scene : Scene that it shows
+    camera : Camera that it was taken with
+    x, y : pixels from the upper left corner; the pixel that they lie in counts
+
+    Returns
+    -------
+    Picked; None where nothing is, or outside the picture
+    """
+    column, row = math.floor(x), math.floor(y)
+    width, height = frame.size
+    if not (0 <= column < width and 0 <= row < height):
+        return None
+    face = int(frame.face[row, column])
+    if face < 0:
+        return None
+    view, projection = camera.view(), camera.projection(frame.size)
+    right, up = projection.ray_axes(view)
+    depth = float(frame.depth[row, column])
+    spread = depth if projection.is_perspective else 1.0
+    across = (column + 0.5 - projection.center_x) / projection.scale_x * spread
+    upwards = (projection.center_y - row - 0.5) / projection.scale_y * spread
+    position = view.eye + across * right + upwards * up + depth * view.forward
+    mesh = int(np.searchsorted(scene.face_offsets, face, side="right")) - 1
+    return Picked(
+        pixel=(column, row),
+        face=face,
+        mesh=mesh,
+        face_of_mesh=face - int(scene.face_offsets[mesh]),
+        name=scene.meshes[mesh].name or "",
+        position=_three(position),
+        normal=_three(frame.normal[row, column]),
+    )
+
+
+def _three(vector: NDArray[Any]) -> tuple[float, float, float]:
+    """Return a vector (3,) as plain numbers."""
+    x, y, z = map(float, vector)
+    return x, y, z
+
+
+# ----------------------------------------------------------------
+# Messages of the page: what was done since the last one. They come from outside, so all of them is checked.
+# {"size": [800, 600], "background": "#ffffff", "is_rest": false, "events": [{"kind": "drag", ...}, ...]}
+#
+# All positions are in pixels of a picture of that size, from its upper left corner.
+
+MOST_BYTES = 1 << 16  # of a message
+MOST_EVENTS = 256  # of a message; the page sends one a picture, with moves of the same kind added up
+MOST_SIDE = 8192  # pixels of the picture along a side
+MOST_PIXELS = 1 << 25  # in all
+_FURTHEST = 1e6  # pixels or steps of a wheel: more than a hand can do between two pictures
+
+DRAGS = ("rotate", "pan", "zoom")
+
+
+class Drag(NamedTuple):
+    """The pointer was moved with a button down: pixels to the right and downwards."""
+
+    action: str
+    dx: float
+    dy: float
+
+
+class Zoom(NamedTuple):
+    """The wheel was turned, or two fingers were spread: enlarged `factor` times about a point."""
+
+    factor: float
+    x: float
+    y: float
+
+
+class Key(NamedTuple):
+    """A key was pressed, by the name that browsers have for it."""
+
+    key: str
+    is_shift: bool
+
+
+class Click(NamedTuple):
+    """A point of the picture was clicked, once or twice."""
+
+    x: float
+    y: float
+    is_double: bool
+
+
+class Switch(NamedTuple):
+    """Something was chosen from a list."""
+
+    name: str
+    value: str
+
+
+Event: TypeAlias = Drag | Zoom | Key | Click | Switch
+
+
+class Message(NamedTuple):
+    """What the page wants.
+
+    `size` : (width, height) of the picture at rest, pixels; `background` : "#rrggbb", the page's own; `is_rest` :
+    whether nothing moves, so that the picture shall be as good as it gets
+    """
+
+    size: tuple[int, int]
+    background: str
+    is_rest: bool
+    events: tuple[Event, ...]
+
+
+def read_message(given: object) -> Message:
+    """Return a message that came as JSON, checked.
+
+    Parameters
+    ----------
+    given : whatever JSON may be; a message is an object
+
+    Raises
+    ------
+    SceneError : what is no message; the text says what is wrong
+    """
+    fields = _object(given, {"size", "background", "is_rest", "events"}, "a message")
+    events = fields["events"]
+    if not isinstance(events, list) or len(events) > MOST_EVENTS:
+        raise SceneError(f"events must be a list of at most {MOST_EVENTS}; given {shown(events)}")
+    background = fields["background"]
+    if not isinstance(background, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", background):
+        raise SceneError(f"background must be a colour such as '#ffffff'; given {shown(background)}")
+    return Message(
+        _size(fields["size"]), background, _flag(fields["is_rest"], "is_rest"), tuple(map(_read_event, events))
+    )
+
+
+def _read_event(given: object) -> Event:
+    """Return one event; its kind says which fields it has."""
+    kind = given.get("kind") if isinstance(given, dict) else None
+    if not isinstance(kind, str) or kind not in _READERS:
+        raise SceneError(f"an event's kind must be one of {', '.join(_READERS)}; given {shown(kind)}")
+    names, read = _READERS[kind]
+    return read(_object(given, {"kind", *names}, f"an event {kind!r}"))
+
+
+def _read_drag(fields: dict[str, Any]) -> Drag:
+    if fields["action"] not in DRAGS:
+        raise SceneError(f"a drag's action must be one of {', '.join(DRAGS)}; given {shown(fields['action'])}")
+    return Drag(fields["action"], _number(fields["dx"], "dx"), _number(fields["dy"], "dy"))
+
+
+def _read_zoom(fields: dict[str, Any]) -> Zoom:
+    factor = _number(fields["factor"], "factor")
+    if not 0.01 <= factor <= 100.0:
+        raise SceneError(f"a zoom's factor must be within 0.01..100; given {shown(factor)}")
+    return Zoom(factor, _number(fields["x"], "x"), _number(fields["y"], "y"))
+
+
+def _read_click(fields: dict[str, Any]) -> Click:
+    is_double = _flag(fields["is_double"], "is_double")
+    return Click(_number(fields["x"], "x"), _number(fields["y"], "y"), is_double)
+
+
+_READERS: dict[str, tuple[tuple[str, ...], Any]] = {
+    "drag": (("action", "dx", "dy"), _read_drag),
+    "zoom": (("factor", "x", "y"), _read_zoom),
+    "key": (("key", "is_shift"), lambda f: Key(_text(f["key"], "key"), _flag(f["is_shift"], "is_shift"))),
+    "click": (("x", "y", "is_double"), _read_click),
+    "switch": (("name", "value"), lambda f: Switch(_text(f["name"], "name"), _text(f["value"], "value"))),
+}
+
+
+def _object(given: object, names: set[str], what: str) -> dict[str, Any]:
+    """Return an object that has these fields and no others."""
+    if not isinstance(given, dict) or given.keys() != names:
+        found = sorted(map(str, given)) if isinstance(given, dict) else given
+        raise SceneError(f"{what} is an object of {', '.join(sorted(names))}; given {shown(found)}")
+    return given
+
+
+def _size(given: object) -> tuple[int, int]:
+    """Return a size that a picture on a screen may have."""
+    if isinstance(given, list) and len(given) == 2 and all(type(side) is int for side in given):
+        width, height = given
+        if 1 <= width <= MOST_SIDE and 1 <= height <= MOST_SIDE and width * height <= MOST_PIXELS:
+            return width, height
+    legal = f"[width, height], each 1 to {MOST_SIDE} px, and {MOST_PIXELS} px in all"
+    raise SceneError(f"size must be {legal}; given {shown(given)}")
+
+
+def _number(given: object, name: str) -> float:
+    """Return a number that a hand can have caused."""
+    if isinstance(given, bool) or not isinstance(given, (int, float)) or not abs(given) <= _FURTHEST:  # NaN isn't
+        raise SceneError(f"{name} must be a number within -{_FURTHEST:g}..{_FURTHEST:g}; given {shown(given)}")
+    return float(given)
+
+
+def _flag(given: object, name: str) -> bool:
+    if not isinstance(given, bool):
+        raise SceneError(f"{name} must be true or false; given {shown(given)}")
+    return given
+
+
+def _text(given: object, name: str) -> str:
+    if not isinstance(given, str) or len(given) > 40:
+        raise SceneError(f"{name} must be text of at most 40 characters; given {shown(given)}")
+    return given
+
 
 SHADINGS = ("flat", "gouraud", "phong")
 LIGHTS = ("own", "studio", "headlight")  # the scene's own, and the presets of `scene.lights`

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from ..errors import OutputError, RasterizerError, error_of
-from .events import MOST_BYTES
+from .controls import MOST_BYTES
 from .session import Reply, Session
 
 HOST = "127.0.0.1"

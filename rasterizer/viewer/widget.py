@@ -11,7 +11,7 @@ from ..errors import error_of
 from ..frame import Frame
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .picking import Picked
+from .controls import Picked
 from .session import Session
 
 _FOLDER = Path(__file__).parent / "page"

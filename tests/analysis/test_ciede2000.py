@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rasterizer as rz
-from rasterizer.analysis.ciede2000 import color_difference, delta_e_2000, lab_from_linear
+from rasterizer.analysis.comparison import color_difference, delta_e_2000, lab_from_linear
 from rasterizer.scene.color import linear_from_srgb_bytes
 
 # Sharma, Wu & Dalal 2005, table 1: L*, a*, b* of two colours, and their difference to four decimals.

@@ -7,7 +7,7 @@ import pytest
 from helpers.pinhole import octasphere
 
 import rasterizer as rz
-from rasterizer.reference import explaining
+from rasterizer.reference import explain as explaining
 
 SIZE = (40, 30)
 CAMERA = rz.Camera.perspective((0, 0, 4), fov=40)

@@ -11,7 +11,7 @@ import pytest
 from helpers.deadly import Deadly
 from helpers.stores import environment_with
 
-from rasterizer.batch.crew import Died, Done, Failed, SharedObject, Unit, work_through
+from rasterizer.batch.executors import Died, Done, Failed, SharedObject, Unit, work_through
 from rasterizer.batch.processes import LocalProcesses
 from rasterizer.batch.worker import MOST_SHARED, pack_answer, read_message, serve, write_message
 from rasterizer.errors import RasterizerError
@@ -92,7 +92,7 @@ def test_a_process_that_dies_is_replaced(crew):
 def test_the_first_unit_is_alone_where_no_kernel_is_stored(tmp_path):
     """In a process whose store is empty; what is worked on is a method of text, which needs no kernel."""
     program = """
-from rasterizer.batch.crew import Unit
+from rasterizer.batch.executors import Unit
 from rasterizer.batch.processes import LocalProcesses
 from rasterizer.compiler.kernels import STORE
 crew = LocalProcesses(3)

@@ -19,7 +19,8 @@ from rasterizer.cli.cameras_lights import check_camera, make_camera, make_lights
 from rasterizer.cli.commands import COMMANDS
 from rasterizer.cli.render_command import make_options
 from rasterizer.options import Options
-from rasterizer.scene import light_presets, lights, material, mesh
+from rasterizer.scene import lights, material, mesh
+from rasterizer.scene import lights as light_presets
 from rasterizer.scene.fields import Cells, Color, Vector, describe_fields
 
 pytestmark = pytest.mark.usefixtures("folder")

@@ -8,8 +8,7 @@ from helpers.raster import assert_runs
 from helpers.stores import split_file
 
 from rasterizer.compiler import internals, kernels, store
-from rasterizer.compiler.machine_code import IN_EVERY_FILE, Code, LoadedCode, is_found
-from rasterizer.compiler.object_file import read_names
+from rasterizer.compiler.machine_code import IN_EVERY_FILE, Code, LoadedCode, is_found, read_names
 
 # What machine code of the package may call.
 PYTHON = {

@@ -6,7 +6,7 @@ import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
-from rasterizer.compiler.object_file import COFF, MACH_O, read_names
+from rasterizer.compiler.machine_code import COFF, MACH_O, read_names
 
 SOURCE = """
 declare i64 @nowhere_at_all()

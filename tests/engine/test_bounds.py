@@ -22,7 +22,7 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render_command import describe_bounds
 from rasterizer.engine.bounds import EXACT
-from rasterizer.engine.prepared_scene import PreparedScene
+from rasterizer.engine.prepared import PreparedScene
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
 from rasterizer.options import Options
 

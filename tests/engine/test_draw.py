@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.engine.draw import BAND_ENTRIES, Drawn, busiest_first, choose_band_rows, cull
 from rasterizer.options import MOST_PIXELS
-from rasterizer.pipeline.face_planes import NO_PLANES
+from rasterizer.pipeline.clip import NO_PLANES
 from rasterizer.pipeline.visibility import MAX_RECORDS
 
 

@@ -8,7 +8,7 @@ from helpers.campaign_scenes import make_case
 import rasterizer as rz
 from rasterizer.compiler import kernels
 from rasterizer.engine.kernels_of_plan import list_kernels
-from rasterizer.engine.prepared_scene import PreparedScene
+from rasterizer.engine.prepared import PreparedScene
 
 SEED = 12
 

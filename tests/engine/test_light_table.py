@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rasterizer as rz
-from rasterizer.engine.light_table import LIGHT_TABLE, entry_of, is_black, world_direction, world_position
+from rasterizer.engine.lights import LIGHT_TABLE, entry_of, is_black, world_direction, world_position
 from rasterizer.engine.rounding import DOUBLE, SINGLE
 from rasterizer.pipeline import light_kinds
 from rasterizer.scene.lights import LIGHT_KINDS

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
+from rasterizer.engine.attributes import make_coding, scale_depths
 from rasterizer.engine.bounds import Distances
-from rasterizer.engine.coding import make_coding, scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.view_plans import plan_of_view
 from rasterizer.geometry.points import gather_geometry

@@ -8,7 +8,7 @@ from helpers.mirrors import bound_lobe
 from helpers.pinhole import unit
 
 import rasterizer as rz
-from rasterizer.engine.reflection_table import (
+from rasterizer.engine.reflections import (
     LAMBERT,
     LEAST_BASE,
     LEAST_SUM,

@@ -13,7 +13,7 @@ from helpers.pinhole import unit
 
 import rasterizer as rz
 from rasterizer.engine.bounds import Distances, rounding_errors
-from rasterizer.engine.reflection_table import LEAST_SUM
+from rasterizer.engine.reflections import LEAST_SUM
 from rasterizer.engine.rounding import SINGLE, step_cosine
 
 EYE = np.array([0.0, 0.0, 5.0])

@@ -9,8 +9,8 @@ from helpers.arrays import differences
 from helpers.pinhole import QUAD, octasphere, unit
 
 import rasterizer as rz
-from rasterizer.engine.light_table import Beam, entry_of
-from rasterizer.engine.shadow_views import CUBE, choose_views, corners_of, map_side, reaches
+from rasterizer.engine.lights import Beam, entry_of
+from rasterizer.engine.shadow_maps import CUBE, choose_views, corners_of, map_side, reaches
 from rasterizer.scene.camera import View
 
 FLOOR = rz.Mesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], QUAD)

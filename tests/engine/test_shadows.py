@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.engine.light_table import entry_of
-from rasterizer.engine.shadow_views import choose_views, corners_of
+from rasterizer.engine.lights import entry_of
+from rasterizer.engine.shadow_maps import choose_views, corners_of
 from rasterizer.scene.lights import Shadow
 
 AMBIENT = 0.1

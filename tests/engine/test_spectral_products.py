@@ -8,10 +8,9 @@ from helpers.arrays import differences
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
-from rasterizer.engine.spectral_products import multiply_spectra
+from rasterizer.engine.plan import multiply_spectra
 from rasterizer.options import Options
-from rasterizer.scene.cie_tables import D65, MATCHING, WAVELENGTHS
-from rasterizer.scene.spectrum import Spectrum
+from rasterizer.scene.spectrum import D65, MATCHING, WAVELENGTHS, Spectrum
 
 SIZE = (20, 15)
 SHEET = np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], float)

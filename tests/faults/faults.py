@@ -17,14 +17,14 @@ FAULTS = (
     # Fill rule and edge stepping
     Fault(
         "fill rule: in a box, samples on a level bottom edge belong, and on a top edge they don't",
-        "pipeline/fill.py",
+        "pipeline/scan.py",
         "(dy == 0) & (dx > 0)",
         "(dy == 0) & (dx < 0)",
         "pipeline/test_scan.py pipeline pictures",
     ),
     Fault(
         "edge stepping: a rest that is just the divisor carries no sample",
-        "pipeline/fill.py",
+        "pipeline/scan.py",
         "carry = rest >= edge.divisor",
         "carry = rest > edge.divisor",
         "pipeline/test_scan.py pipeline pictures",
@@ -39,7 +39,7 @@ FAULTS = (
     ),
     Fault(
         "clipped faces: the weights change the other way down the screen",
-        "pipeline/face_planes.py",
+        "pipeline/clip.py",
         "-rows[:, :, 1] / (screen.scale_y * SUBPIXEL)",
         "rows[:, :, 1] / (screen.scale_y * SUBPIXEL)",
         "pipeline pictures",
@@ -90,7 +90,7 @@ FAULTS = (
     # Lights
     Fault(
         "attenuation: the cap at 1 is gone",
-        "engine/light_table.py",
+        "engine/lights.py",
         "np.inf if light.amplify else 1.0",
         "np.inf",
         "engine pictures pipeline",
@@ -111,7 +111,7 @@ FAULTS = (
     ),
     Fault(
         "a light that moves with the camera is turned the other way round",
-        "engine/light_table.py",
+        "engine/lights.py",
         "@ view.world_from_camera.T",
         "@ view.world_from_camera",
         "engine pictures",
@@ -154,14 +154,14 @@ FAULTS = (
     ),
     Fault(
         "normalized Blinn: n + 2 in the place of n + 4",
-        "engine/reflection_table.py",
+        "engine/reflections.py",
         "(n + 2) * (n + 4) /",
         "(n + 2) * (n + 2) /",
         "engine pictures",
     ),
     Fault(
         "Fresnel: Schlick's fifth power is a third one",
-        "pipeline/fresnel.py",
+        "pipeline/reflection.py",
         "square * square * sink",
         "square * sink",
         "pictures pipeline engine",
@@ -176,14 +176,14 @@ FAULTS = (
     ),
     Fault(
         "Cook-Torrance, GGX: the square of the roughness stands at both terms",
-        "pipeline/cook_torrance.py",
+        "pipeline/reflection.py",
         "along * along + across_square",
         "along * along + alpha_square * across_square",
         "pictures pipeline engine",
     ),
     Fault(
         "Cook-Torrance, brushed: the two roughnesses are exchanged in the half vector",
-        "pipeline/anisotropic.py",
+        "pipeline/reflection.py",
         "dot(half, tangent) / alpha_x, dot(half, bitangent) / alpha_y",
         "dot(half, tangent) / alpha_y, dot(half, bitangent) / alpha_x",
         "pictures pipeline engine",
@@ -205,7 +205,7 @@ FAULTS = (
     ),
     Fault(
         "centres of polygons: the sum of the corners is divided by one less",
-        "pipeline/means.py",
+        "geometry/polygons.py",
         "total / (corner_end - corner_start)",
         "total / (corner_end - corner_start - 1)",
         "geometry pipeline pictures",
@@ -293,7 +293,7 @@ FAULTS = (
     ),
     Fault(
         "box filter: colours of half covered samples aren't weighted",
-        "pipeline/box_filter.py",
+        "pipeline/resolve.py",
         "total += weight * (sample if",
         "total += (sample if",
         "pipeline pictures",
@@ -322,14 +322,14 @@ FAULTS = (
     # Buffers, edges, ground, picking, explanation
     Fault(
         "face buffer: 0 where nothing is",
-        "engine/output_buffers.py",
+        "engine/buffers.py",
         "write_face, np.int32, 1, -1)",
         "write_face, np.int32, 1, 0)",
         "pictures pipeline",
     ),
     Fault(
         "position_camera: turned from the camera into the world",
-        "engine/buffer_tables.py",
+        "engine/buffers.py",
         "offsets @ view.world_from_camera",
         "offsets @ view.world_from_camera.T",
         "pictures engine",
@@ -343,7 +343,7 @@ FAULTS = (
     ),
     Fault(
         "edges: an open border is no silhouette where it isn't one by its faces",
-        "engine/edge_overlay.py",
+        "engine/edges.py",
         "edges.is_open | is_outline",
         "is_outline",
         "pictures engine geometry",
@@ -364,7 +364,7 @@ FAULTS = (
     ),
     Fault(
         "explain: the shares of light aren't weakened by the depth cue",
-        "reference/explaining.py",
+        "reference/explain.py",
         "2.0**lighting.exposure * cue",
         "2.0**lighting.exposure",
         "reference analysis pictures",
@@ -372,7 +372,7 @@ FAULTS = (
     # Readers
     Fault(
         "OBJ: an index that counts back is one too low",
-        "io/obj_lines.py",
+        "io/obj.py",
         "np.maximum(so_far + number, -1)",
         "np.maximum(so_far + number - 1, -1)",
         "io",
@@ -406,10 +406,10 @@ FAULTS = (
         "faces[::2] = faces[::2, ::-1]",
         "io",
     ),
-    Fault("glTF: the roughness isn't squared", "io/gltf_surface.py", "float(roughness) ** 2", "float(roughness)", "io"),
+    Fault("glTF: the roughness isn't squared", "io/gltf.py", "float(roughness) ** 2", "float(roughness)", "io"),
     Fault(
         "glTF: KHR_texture_transform turns the other way",
-        "io/gltf_material.py",
+        "io/gltf.py",
         "[[c * a, s * b, x], [-s * a, c * b, y]]",
         "[[c * a, -s * b, x], [s * a, c * b, y]]",
         "io",
@@ -443,7 +443,7 @@ FAULTS = (
     ),
     Fault(
         "scene files: a mesh is turned before it is scaled",
-        "io/scene_file_meshes.py",
+        "io/scene_file.py",
         '_rotation(table["rotate"]) @ matrix[:3, :3]',
         'matrix[:3, :3] @ _rotation(table["rotate"])',
         "io",
@@ -471,7 +471,7 @@ FAULTS = (
     ),
     Fault(
         "validation: a shadow's filter may be even",
-        "scene/shadow.py",
+        "scene/lights.py",
         '("filter", "an odd", 1, MOST_TAPS, 2)',
         '("filter", "an odd", 1, MOST_TAPS, 1)',
         "scene io cli",
@@ -581,7 +581,7 @@ HELD_OUT = (
     # Fill rule and edge stepping
     Fault(
         "fill rule: in a span, samples on a left edge don't belong, those on a right edge do",
-        "pipeline/fill.py",
+        "pipeline/scan.py",
         "+ divisor - 1",
         "+ divisor",
         "pipeline/test_scan.py pipeline pictures",
@@ -625,7 +625,7 @@ HELD_OUT = (
     ),
     Fault(
         "planes of values: sixteen times the error counts as bent little",
-        "pipeline/value_planes.py",
+        "pipeline/planes.py",
         "<= 2.0 * least * accepted",
         "<= 32.0 * least * accepted",
         "pipeline pictures",
@@ -647,14 +647,14 @@ HELD_OUT = (
     # Lights
     Fault(
         "directional light: it travels towards where it should come from",
-        "engine/light_table.py",
+        "engine/lights.py",
         "world_direction(light, view) * -1.0",
         "world_direction(light, view) * 1.0",
         "engine pictures",
     ),
     Fault(
         "spot light: the outer angle is that of the whole cone",
-        "engine/light_table.py",
+        "engine/lights.py",
         "math.cos(math.radians(light.outer))",
         "math.cos(0.5 * math.radians(light.outer))",
         "engine pictures",
@@ -675,14 +675,14 @@ HELD_OUT = (
     ),
     Fault(
         "bounds: a light counts for nothing from half its range on",
-        "engine/light_table.py",
+        "engine/lights.py",
         "light.range * (1.0 + 16.0 * SINGLE)",
         "0.5 * light.range",
         "engine pictures",
     ),
     Fault(
         "spectra: ambient light is reflected by the diffuse coefficient",
-        "engine/spectral_products.py",
+        "engine/plan.py",
         "(ambient * around) @ weights",
         "(diffuse * around) @ weights",
         "engine pictures",
@@ -711,7 +711,7 @@ HELD_OUT = (
     ),
     Fault(
         "normalized Phong: n + 1 in the place of n + 2",
-        "engine/reflection_table.py",
+        "engine/reflections.py",
         "(material.shininess + 2) / 2",
         "(material.shininess + 1) / 2",
         "engine pictures",
@@ -732,21 +732,21 @@ HELD_OUT = (
     ),
     Fault(
         "Cook-Torrance, Beckmann: two coefficients of the masking are exchanged",
-        "pipeline/cook_torrance.py",
+        "pipeline/reflection.py",
         "real(2.276) + a * real(2.577)",
         "real(2.577) + a * real(2.276)",
         "pictures pipeline engine",
     ),
     Fault(
         "Cook-Torrance, brushed: the two roughnesses are exchanged in the masking",
-        "pipeline/anisotropic.py",
+        "pipeline/reflection.py",
         "x, y = alpha_x * along, alpha_y * across",
         "x, y = alpha_y * along, alpha_x * across",
         "pictures pipeline engine",
     ),
     Fault(
         "Cook-Torrance: F0 is 0.4 where none is given",
-        "engine/reflection_table.py",
+        "engine/reflections.py",
         "default_fresnel = 0.04",
         "default_fresnel = 0.4",
         "engine pictures",
@@ -768,7 +768,7 @@ HELD_OUT = (
     ),
     Fault(
         "flat shading: a polygon's centroid is the mean of its triangles', not weighted by area",
-        "geometry/mesh_points.py",
+        "geometry/points.py",
         "np.where(total[polygons] > 0.0, area, 1.0)",
         "np.ones(len(area))",
         "geometry pictures reference",
@@ -805,7 +805,7 @@ HELD_OUT = (
     ),
     Fault(
         "shade once: alpha of pixels that show several faces is too large",
-        "pipeline/box_filter.py",
+        "pipeline/resolve.py",
         "np.float32(n_covered) / np.float32(factor * factor)",
         "np.float32(n_covered) / np.float32(factor)",
         "pictures pipeline",
@@ -842,7 +842,7 @@ HELD_OUT = (
     ),
     Fault(
         "box filter: of a row of samples the first one counts for all",
-        "pipeline/box_filter.py",
+        "pipeline/resolve.py",
         "samples[sub * step + i * factor + k]",
         "samples[sub * step + i * factor]",
         "pipeline pictures",
@@ -856,7 +856,7 @@ HELD_OUT = (
     ),
     Fault(
         "color_range global: dark pictures are made brighter",
-        "engine/prepared_scene.py",
+        "engine/prepared.py",
         "1.0 / max(1.0, brightest)",
         "1.0 / max(0.5, brightest)",
         "pictures batch",
@@ -879,7 +879,7 @@ HELD_OUT = (
     ),
     Fault(
         "from_pose: y of an OpenCV pose isn't turned",
-        "scene/calibration.py",
+        "scene/camera.py",
         "(1.0, -1.0, -1.0)",
         "(1.0, 1.0, -1.0)",
         "scene",
@@ -887,14 +887,14 @@ HELD_OUT = (
     # Buffers, edges, ground, picking, explanation
     Fault(
         "normal_camera: turned from the camera into the world",
-        "engine/output_buffers.py",
+        "engine/buffers.py",
         "lambda _tables, view: view.world_from_camera.T",
         "lambda _tables, view: view.world_from_camera",
         "pictures engine",
     ),
     Fault(
         "object and material of clipped faces are those of other faces",
-        "pipeline/surface_buffers.py",
+        "pipeline/buffers.py",
         "labels[loaded]",
         "labels[face]",
         "pictures pipeline",
@@ -922,7 +922,7 @@ HELD_OUT = (
     ),
     Fault(
         "explain: a clear layer hides what lies behind it",
-        "reference/explaining.py",
+        "reference/explain.py",
         "*= 1.0 - layer.opacity",
         "*= layer.opacity",
         "reference analysis",
@@ -939,21 +939,21 @@ HELD_OUT = (
     ),
     Fault(
         "PLY, big endian: lengths of lists of several sizes are read the other way round",
-        "io/ply_rows.py",
+        "io/ply.py",
         'order = "big" if self.order == ">" else "little"',
         'order = "little"',
         "io",
     ),
     Fault(
         "glTF: a node's matrix is read by rows",
-        "io/gltf_nodes.py",
+        "io/gltf.py",
         'node["matrix"], np.float64), (4, 4)).T',
         'node["matrix"], np.float64), (4, 4))',
         "io",
     ),
     Fault(
         "glTF: green and blue of the metallic-roughness texture are exchanged",
-        "io/gltf_surface.py",
+        "io/gltf.py",
         "metallic * mean[2], roughness * mean[1]",
         "metallic * mean[1], roughness * mean[2]",
         "io",
@@ -1003,7 +1003,7 @@ HELD_OUT = (
     ),
     Fault(
         "JPEG: what is transparent becomes black",
-        "io/picture_formats.py",
+        "io/formats.py",
         'image.size, "white")',
         'image.size, "black")',
         "io pictures cli",
@@ -1011,14 +1011,14 @@ HELD_OUT = (
     # Scene files and scenes
     Fault(
         "scene files: lights that say nothing of shadows get none by --shadows",
-        "io/scene_file_parts.py",
+        "io/scene_file.py",
         'item.value.get("shadow") is False',
         'item.value.get("shadow") is None',
         "io cli",
     ),
     Fault(
         "scene files: meshes are turned the other way",
-        "io/scene_file_meshes.py",
+        "io/scene_file.py",
         "+ math.sin(angle) * cross",
         "- math.sin(angle) * cross",
         "io",
@@ -1032,7 +1032,7 @@ HELD_OUT = (
     ),
     Fault(
         "named materials: their shininess is a part of 100",
-        "scene/named_materials.py",
+        "scene/material.py",
         "128.0 * part",
         "100.0 * part",
         "scene",
@@ -1136,7 +1136,7 @@ HELD_OUT = (
     ),
     Fault(
         "viewer: a picked position is half a pixel too high",
-        "viewer/picking.py",
+        "viewer/controls.py",
         "projection.center_y - row - 0.5",
         "projection.center_y - row",
         "viewer",

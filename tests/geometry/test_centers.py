@@ -7,9 +7,8 @@ from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.arrays import differences
 
 import rasterizer as rz
-from rasterizer.geometry.centers import Centers, with_means
 from rasterizer.geometry.points import gather_geometry
-from rasterizer.pipeline.means import fill_means
+from rasterizer.geometry.polygons import Centers, fill_means, with_means
 
 SIZE = (32, 24)
 SHADINGS = ("gouraud", "phong")

@@ -10,8 +10,7 @@ from helpers.pinhole import octasphere, torus, unit
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.geometry.mesh_points import flat_part, polygon_centroids, smooth_part
-from rasterizer.geometry.points import gather_geometry
+from rasterizer.geometry.points import flat_part, gather_geometry, polygon_centroids, smooth_part
 from rasterizer.geometry.surfaces import compute_clearance, compute_point_clearance, flag_inverted
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from rasterizer.geometry.turns import N_PART, exact_turn, turn_of
+from rasterizer.geometry.ears import N_PART, exact_turn, turn_of
 
 
 @numba.njit

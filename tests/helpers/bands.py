@@ -4,7 +4,7 @@ import numpy as np
 
 from rasterizer.pipeline.encode import RANGE_CLAMP, Encoding, with_blank
 from rasterizer.pipeline.resolve import resolve
-from rasterizer.pipeline.sample_grid import make_grid
+from rasterizer.pipeline.shade_once import make_grid
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.pipeline.workspace import WorkspaceKind, make_picture, make_workspace
 from rasterizer.scene.color import srgb_from_linear

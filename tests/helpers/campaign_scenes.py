@@ -15,7 +15,7 @@ from helpers.campaign_looks import Dice, Lens, make_lights, make_materials
 from helpers.pinhole import octasphere, torus, unit
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.scene.lights import MOST_LIGHTS
-from rasterizer.scene.named_materials import NAMED_MATERIALS
+from rasterizer.scene.material import NAMED_MATERIALS
 
 DEFAULT_RUN = 200  # scenes
 

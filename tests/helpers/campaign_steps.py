@@ -13,7 +13,7 @@ from rasterizer import reference
 from rasterizer.reference import lamp as lamps
 from rasterizer.reference import shading
 from rasterizer.reference.light import to_viewer
-from rasterizer.reference.materials import channels_of
+from rasterizer.reference.reflection import channels_of
 from rasterizer.reference.vectors import blend, dot, length, unit
 
 # Words that the causes of `frame.stats.steps` are known by.

@@ -1,10 +1,10 @@
 """How bright and how steep the highlight of isotropic mirrors is: the paper behind the constants of
-engine/reflection_table.py.
+engine/reflections.py.
 
     S = D(δ)·f(N·L)·g(N·V)      GGX         D = α²/(α² cos²δ + sin²δ)²         f = x/(x + r(x))    g = 1/(x + r(x))
                                 Beckmann    D = e^(-tan²δ/m²)/(m² cos⁴δ)       f = G1(x)           g = G1(x)/(4 x)
 
-δ is the angle between N and H, r(x) = √(α² + (1 - α²) x²), G1 as in `beckmann_visible` (pipeline/cook_torrance.py).
+δ is the angle between N and H, r(x) = √(α² + (1 - α²) x²), G1 as in `beckmann_visible` (pipeline/reflection.py).
 W(θ) <= 1 is a factor beside. The largest D, the largest g and the steepest f never meet in one point: D is large next
 to δ = 0, f and g are steep where N·L and N·V are small. With cos θ = |L + V|/2 both cosines are at least cos(θ + δ),
 because L and V are turned from H by θ, and H from N by δ.

@@ -6,12 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 import rasterizer as rz
-from rasterizer.engine.coding import scale_depths
+from rasterizer.engine.attributes import scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline.bands import Band
-from rasterizer.pipeline.drawables import Drawables, Triangles
 from rasterizer.pipeline.gradients import (
     EXACT,
     IN_ENTRIES,
@@ -29,7 +28,7 @@ from rasterizer.pipeline.interpolate import ScannedBand
 from rasterizer.pipeline.records import UNIT, most_units
 from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
-from rasterizer.pipeline.transform import Vertices, make_screen
+from rasterizer.pipeline.transform import Drawables, Triangles, Vertices, make_screen
 from rasterizer.pipeline.workspace import WorkspaceKind, make_workspace
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View

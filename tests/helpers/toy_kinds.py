@@ -14,8 +14,8 @@ from numba import carray
 
 from rasterizer import registries
 from rasterizer.compiler.kernels import index
-from rasterizer.engine.light_table import Beam, LightEntry, is_carried, to_world, world_direction
-from rasterizer.engine.reflection_table import ReflectionEntry
+from rasterizer.engine.lights import Beam, LightEntry, is_carried, to_world, world_direction
+from rasterizer.engine.reflections import ReflectionEntry
 from rasterizer.geometry.vectors import dot
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import light_kinds
@@ -26,7 +26,7 @@ from rasterizer.reference.lamp import LampKind
 from rasterizer.reference.reflection import ReflectionKind
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.fields import Color, Vector
-from rasterizer.scene.shadow import Shadow, checked_shadow
+from rasterizer.scene.lights import Shadow, checked_shadow
 from rasterizer.scene.validate import choice, number, position3, unit3
 
 # ---------------------------------------------------------------- the light

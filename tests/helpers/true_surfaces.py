@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.light import Lighting
-from rasterizer.reference.materials import read_materials
+from rasterizer.reference.reflection import read_materials
 from rasterizer.reference.shading import Fragments, light_samples
 from rasterizer.reference.surface import Surface
 

@@ -9,7 +9,7 @@ from helpers.model_bytes import gltf_with
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
-from rasterizer.io.gltf_arrays import MOST_MADE
+from rasterizer.io.gltf import MOST_MADE
 from rasterizer.io.loader import load
 
 

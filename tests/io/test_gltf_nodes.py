@@ -8,11 +8,10 @@ from helpers.model_bytes import gltf_with
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
-from rasterizer.io.gltf_nodes import world_matrices
+from rasterizer.io.gltf import world_matrices
 from rasterizer.io.loader import load
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.light_presets import studio
-from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
+from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight, studio
 
 QUARTER = math.sqrt(0.5)  # of a turn, as part of a quaternion
 

@@ -14,7 +14,7 @@ from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.io.loader import load
-from rasterizer.scene.light_presets import headlight
+from rasterizer.scene.lights import headlight
 from rasterizer.scene.material import Material
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"

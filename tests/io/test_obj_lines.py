@@ -9,7 +9,7 @@ from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
-from rasterizer.io.obj_lines import LineError, ObjLines
+from rasterizer.io.obj import LineError, ObjLines
 
 N_FILE = 240  # of random files, half of them damaged
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.io.scene_file import read_scene
-from rasterizer.io.scene_file_meshes import ARRAYS
+from rasterizer.io.scene_file import ARRAYS, read_scene
 from rasterizer.io.scene_file_write import to_toml
 
 FORMATS = ("json", "toml") if HAS_TOML else ("json",)

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.errors import ModelError
-from rasterizer.geometry.mesh_points import smooth_part
+from rasterizer.geometry.points import smooth_part
 from rasterizer.io.loader import load
-from rasterizer.io.progress import noticing_progress
+from rasterizer.io.text_numbers import noticing_progress
 from rasterizer.io.weld import unique_rows, weld_triangles
 
 

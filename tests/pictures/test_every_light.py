@@ -9,7 +9,7 @@ from helpers.raster import sheet
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.engine.light_table import cone_cosines, entry_of
+from rasterizer.engine.lights import cone_cosines, entry_of
 from rasterizer.options import DEFAULT_TOLERANCE
 
 SIZE, STEP, DEPTH = (48, 36), 4, 40.0

@@ -14,12 +14,13 @@ from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
 from rasterizer.cli import main
-from rasterizer.engine import plan, reflection_table, uniforms
+from rasterizer.engine import plan, uniforms
+from rasterizer.engine import reflections as reflection_table
 from rasterizer.engine.rounding import SINGLE
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
 from rasterizer.reference import reflection
-from rasterizer.reference.materials import read_materials
+from rasterizer.reference.reflection import read_materials
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (36, 27)

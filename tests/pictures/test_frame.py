@@ -15,7 +15,7 @@ from PIL import Image
 from rasterizer.errors import OutputError, SceneError
 from rasterizer.frame import Frame, Stats
 from rasterizer.io.files import write_whole
-from rasterizer.io.picture_formats import picture_format
+from rasterizer.io.formats import picture_format
 
 STATS = Stats(12, 0, 6, 6, 3, 12, 1, 1e-4, {"scan": 1.5, "shade": 0.5})
 

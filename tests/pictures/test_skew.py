@@ -13,7 +13,7 @@ from helpers.small_scenes import cube, drawn, floor, scene_of
 
 import rasterizer as rz
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.viewer.picking import pick
+from rasterizer.viewer.controls import pick
 
 SIZE = (60, 44)
 LEANS = (0.3, -0.8, 5.0)  # skew over fx

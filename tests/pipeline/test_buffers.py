@@ -18,7 +18,7 @@ from helpers.stages import (
     slivers,
 )
 
-from rasterizer.engine.output_buffers import BUFFER_TABLE
+from rasterizer.engine.buffers import BUFFER_TABLE
 from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.buffers import (
     LONG_RUN,

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.pipeline import clip as stage
 from rasterizer.pipeline.clip import MOST_CORNERS, N_CORNER_COLUMN, clip, find_nearest
-from rasterizer.pipeline.drawables import Triangles
-from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, transform
+from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, Triangles, transform
 
 NEAR, FAR = 1.0, 10.0
 

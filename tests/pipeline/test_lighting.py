@@ -15,7 +15,7 @@ from rasterizer.pipeline.lighting import SurfacePoints, light_points
 from rasterizer.pipeline.transform import make_screen
 from rasterizer.reference import light as reference_light
 from rasterizer.reference.light import Lighting
-from rasterizer.reference.materials import read_materials
+from rasterizer.reference.reflection import read_materials
 
 SIZE = (64, 48)
 EYE = (1.5, 2.0, 4.0)

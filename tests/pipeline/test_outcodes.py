@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rasterizer.engine.shadow_views import CUBE, _look, border_planes
-from rasterizer.pipeline.outcodes import MOST_PLANES, list_seen_faces
+from rasterizer.engine.shadow_maps import CUBE, _look, border_planes
+from rasterizer.pipeline.clip import MOST_PLANES, list_seen_faces
 from rasterizer.scene.camera import Projection
 
 

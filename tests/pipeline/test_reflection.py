@@ -11,11 +11,7 @@ from helpers.pairs import pairs
 from rasterizer.compiler.kernels import kernel
 from rasterizer.errors import SceneError
 from rasterizer.pipeline.power import exponential_single, power
-from rasterizer.pipeline.reflection import (
-    MOST_SQUARED,
-    REFLECTION_FUNCTIONS,
-    reflection_function_of,
-)
+from rasterizer.pipeline.reflection import MOST_SQUARED, REFLECTION_FUNCTIONS, reflection_function_of
 
 ULP = 2.0**-24
 HIGHLIGHTS = list(product(("phong", "blinn"), DTYPES))

@@ -11,7 +11,7 @@ from helpers.pairs import pairs
 from rasterizer.pipeline.encode import RANGE_GLOBAL, RANGE_LOCAL, encode_picture
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.resolve import resolve
-from rasterizer.pipeline.sample_grid import make_grid
+from rasterizer.pipeline.shade_once import make_grid
 from rasterizer.pipeline.visibility import CLEAR, PADDING
 from rasterizer.pipeline.workspace import make_picture
 from rasterizer.scene.color import srgb_from_linear

@@ -29,7 +29,7 @@ from rasterizer.pipeline.shade import shade_interpolated
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK, RECORD_MASK, RECORD_SHIFT
 from rasterizer.reference import light as reference_light
 from rasterizer.reference.light import Lighting
-from rasterizer.reference.materials import read_materials
+from rasterizer.reference.reflection import read_materials
 from rasterizer.scene.camera import Projection, View
 
 SIZE, WIDE = (120, 90), (3 * BATCH_SIZE + 50, 12)

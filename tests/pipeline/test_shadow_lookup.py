@@ -11,8 +11,7 @@ from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.shadow_maps import Shadows
-from rasterizer.engine.shadow_views import Precision
+from rasterizer.engine.shadow_maps import Precision, Shadows
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup

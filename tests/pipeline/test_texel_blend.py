@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline import texel_blend
+from rasterizer.pipeline import texture_lookup as texel_blend
 from rasterizer.pipeline.fragments import BATCH_SIZE
 
 STEP, STRIDE, START = np.float32(3.0 / 65535.0), 300, 5

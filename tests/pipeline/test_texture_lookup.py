@@ -8,14 +8,13 @@ from helpers.arrays import differences
 from helpers.pairs import pairs
 
 from rasterizer.compiler.kernels import index, kernel
-from rasterizer.engine.surface_arrays import list_textures
-from rasterizer.pipeline import lookup_batch as b
+from rasterizer.engine.plan import list_textures
+from rasterizer.pipeline import texture_packing as b
 from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.texel_positions import NEAREST_ERROR
 from rasterizer.pipeline.texture_lookup import compute_texcoords, read_texels
+from rasterizer.pipeline.texture_packing import FILTER_NEAREST, NEAREST_ERROR
 from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
-from rasterizer.pipeline.textures import FILTER_NEAREST
 from rasterizer.reference.texture import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture

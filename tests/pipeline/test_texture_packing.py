@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 
-from rasterizer.engine.surface_arrays import list_textures
+from rasterizer.engine.plan import list_textures
 from rasterizer.pipeline import texture_packing as packing
-from rasterizer.pipeline.texel_positions import first_texel
+from rasterizer.pipeline.texture_packing import first_texel
 from rasterizer.reference.texture import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture

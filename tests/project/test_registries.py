@@ -29,8 +29,9 @@ import rasterizer as rz
 from rasterizer import reference, registries
 from rasterizer.cli import main
 from rasterizer.compiler.kernels import STORE
-from rasterizer.engine import light_table, reflection_table
-from rasterizer.engine.output_buffers import OutputBuffer
+from rasterizer.engine import lights as light_table
+from rasterizer.engine import reflections as reflection_table
+from rasterizer.engine.buffers import OutputBuffer
 from rasterizer.io.formats import Format
 from rasterizer.io.scene_file import read_scene
 from rasterizer.options import DEFAULT_TOLERANCE

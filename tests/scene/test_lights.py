@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.errors import SceneError
-from rasterizer.scene.light_presets import headlight, studio
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
+from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight, headlight, studio
 from rasterizer.scene.material import Material
 
 _numbers = st.floats(-1e300, 1e300, allow_nan=False)

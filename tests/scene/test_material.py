@@ -11,8 +11,7 @@ from helpers.refusals import assert_refused
 
 import rasterizer as rz
 from rasterizer.errors import SceneError
-from rasterizer.scene.material import Material
-from rasterizer.scene.named_materials import NAMED_MATERIALS
+from rasterizer.scene.material import NAMED_MATERIALS, Material
 
 
 def test_default_is_neutral_grey():

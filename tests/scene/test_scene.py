@@ -9,8 +9,7 @@ from helpers.refusals import assert_refused
 from rasterizer.engine.point_lighting import illuminate
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.light_presets import studio
-from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight
+from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight, studio
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene

@@ -10,11 +10,13 @@ from helpers.arrays import differences
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import SceneError
-from rasterizer.scene.cie_tables import D65, MATCHING, WAVELENGTHS
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.lights import DirectionalLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.spectrum import (
+    D65,
+    MATCHING,
+    WAVELENGTHS,
     Spectrum,
     rgb_basis,
     rgb_from_xyz,

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import rasterizer as rz
-from rasterizer.viewer.controls import State, apply, home_camera
-from rasterizer.viewer.events import Click, Drag, Key, Switch, Zoom
+from rasterizer.viewer.controls import Click, Drag, Key, State, Switch, Zoom, apply, home_camera
 from rasterizer.viewer.orbit import Orbit
 
 SIZE = (80, 60)

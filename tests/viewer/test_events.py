@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.viewer.events import MOST_EVENTS, Click, Drag, Key, Switch, Zoom, read_message
+from rasterizer.viewer.controls import MOST_EVENTS, Click, Drag, Key, Switch, Zoom, read_message
 
 MESSAGE = {"size": [80, 60], "background": "#ffffff", "is_rest": False, "events": []}
 EVENTS = {

@@ -1,6 +1,6 @@
 """The size of moving pictures: as large as there is time for, without alternating."""
 
-from rasterizer.viewer.resolution import BUDGET, DIVISORS, Resolution
+from rasterizer.viewer.session import BUDGET, DIVISORS, Resolution
 
 
 def run(time_of, n=60) -> list[int]:

@@ -17,7 +17,7 @@ from helpers.viewing import SIZE, drag, message
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.viewer.events import MOST_BYTES
+from rasterizer.viewer.controls import MOST_BYTES
 from rasterizer.viewer.server import Server
 from rasterizer.viewer.session import Session
 

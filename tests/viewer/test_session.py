@@ -15,7 +15,7 @@ from helpers.viewing import SIZE, click, drag, key, message, rest, switch, zoom
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.viewer.camera_flags import camera_flags
+from rasterizer.viewer.orbit import camera_flags
 from rasterizer.viewer.session import Session, encode_jpeg
 
 CUBE = str(ROOT / "models" / "cube.obj")

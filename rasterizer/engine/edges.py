@@ -21,7 +21,7 @@ from ..scene.color import LINEAR_OF_BYTE, linear_rgb, srgb_from_linear
 from .draw import NO_CLOCK
 
 if TYPE_CHECKING:
-    from .prepared_scene import PreparedScene
+    from .prepared import PreparedScene
 
 
 class EdgeOverlay:

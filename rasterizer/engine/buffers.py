@@ -1,24 +1,37 @@
-"""What output buffers look up for the visible triangle: labels of faces, and values of the corners of triangles.
+"""The exact buffers that a frame may have beside the picture: one kernel and one entry in BUFFER_TABLE a kind."""
 
-In:  a scene, and the triangles that it is drawn with (geometry/points.py).
-Out: tables for pipeline/surface_buffers.py. Each is made when a buffer first asks for it, and kept.
-
-Polygons that are drawn about their centres have triangles of an edge and the centre. Texture coordinates of the centre
-are the mean of the corners', as in the picture. Its barycentric coordinates are those of the point in the loaded
-triangle that has the edge: they may be below 0, because the centre may lie beside that triangle. A point of a plane
-polygon is the sum of the loaded triangle's corners with these weights all the same.
-"""
-
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from ..geometry.points import Geometry
-from ..pipeline.surface_buffers import CornerTable
+from ..pipeline.buffers import (
+    CornerTable,
+    write_depth,
+    write_face,
+    write_label,
+    write_mask,
+    write_mean,
+    write_normal,
+    write_turned_normal,
+)
 from ..scene.camera import View
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
+
+# ----------------------------------------------------------------
+# What output buffers look up for the visible triangle: labels of faces, and values of the corners of triangles.
+# In:  a scene, and the triangles that it is drawn with (geometry/points.py).
+# Out: tables for pipeline/buffers.py. Each is made when a buffer first asks for it, and kept.
+#
+# Polygons that are drawn about their centres have triangles of an edge and the centre. Texture coordinates of the
+# centre
+# are the mean of the corners', as in the picture. Its barycentric coordinates are those of the point in the loaded
+# triangle that has the edge: they may be below 0, because the centre may lie beside that triangle. A point of a plane
+# polygon is the sum of the loaded triangle's corners with these weights all the same.
 
 
 class BufferTables:
@@ -159,3 +172,50 @@ def _weights_in(corners: NDArray, points: NDArray) -> NDArray[np.float64]:
     scale[scale == 0.0] = 1.0
     found = (np.linalg.pinv(sides / scale) @ ((points - a)[:, :, None] / scale))[:, :, 0]
     return np.concatenate([1.0 - found.sum(axis=1, keepdims=True), found], axis=1)
+
+
+class OutputBuffer(NamedTuple):
+    """A kind of buffer: one sample a pixel, at its centre, never averaged.
+
+    The entries of a band may be those of a picture: what holds for every record is told by `face_of` (records.py).
+
+    Parameters
+    ----------
+    write : function of VisibleSurfaces, Band, array and table, which fills the pixels of a band where something is
+    dtype : of the array
+    n_component : numbers a pixel
+    empty : value where nothing is visible
+    needs_normals : whether attributes 0-2 of the drawables, in float64, are the normals
+    table : function of BufferTables and View that makes the fourth argument of `write`; None = it takes none
+    """
+
+    write: Callable[..., None]
+    dtype: DTypeLike
+    n_component: int
+    empty: float
+    needs_normals: bool = False
+    table: Callable[[BufferTables, View], Any] | None = None
+
+    def make(self, size: tuple[int, int]) -> NDArray:
+        """Return room for `size` = (width, height) pixels: (height, width), with several components (height, width,
+        n_component), of `dtype`; not filled, because the bands are filled one by one, while they are in the cache."""
+        return np.empty(size[::-1] if self.n_component == 1 else (*size[::-1], self.n_component), self.dtype)
+
+
+BUFFER_TABLE = {
+    "depth": OutputBuffer(write_depth, np.float32, 1, np.inf),
+    "face": OutputBuffer(write_face, np.int32, 1, -1),
+    "normal": OutputBuffer(write_normal, np.float32, 3, 0.0, needs_normals=True),
+    "mask": OutputBuffer(write_mask, np.bool_, 1, False),
+    "object": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.objects),
+    "material": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.materials),
+    "uv": OutputBuffer(write_mean, np.float32, 2, np.nan, table=lambda tables, _view: tables.uv),
+    "barycentric": OutputBuffer(write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.barycentric),
+    "position": OutputBuffer(write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.positions),
+    "position_camera": OutputBuffer(
+        write_mean, np.float32, 3, np.nan, table=lambda tables, view: tables.positions_seen_from(view)
+    ),
+    "normal_camera": OutputBuffer(
+        write_turned_normal, np.float32, 3, 0.0, True, lambda _tables, view: view.world_from_camera.T
+    ),
+}
