@@ -23,9 +23,8 @@ from rasterizer.engine.view_plans import ViewPlans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
-from rasterizer.pipeline.bands import Band
-from rasterizer.pipeline.cull import first_sample
-from rasterizer.pipeline.encode import srgb_thresholds
+from rasterizer.pipeline.cull import Band, first_sample
+from rasterizer.pipeline.resolve import srgb_thresholds
 from rasterizer.pipeline.scan import ScanCounts, Triangle, advance, scan, start_edge
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform

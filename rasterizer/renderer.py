@@ -211,7 +211,7 @@ class Renderer:
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
-        with self._prepared.threads.turn:
+        with self._prepared.threads.lock:
             self._is_closed = True
             self._prepared.threads.close()
 
@@ -247,7 +247,7 @@ class Renderer:
         if azimuth is not None or elevation is not None:
             camera = self._framed_from(azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
+        with self._prepared.threads.lock, compiling_ahead(lambda: self._list_kernels(camera)):
             return self._render(camera, words)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
@@ -267,7 +267,7 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         (x, y), camera = checked_pixel(x, y, self.options.size), self._checked_camera(camera)
-        with self._prepared.threads.turn:
+        with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)

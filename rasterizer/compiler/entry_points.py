@@ -18,7 +18,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from . import layouts
+from . import signatures as layouts
 from .signatures import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 
 NAME = "entry"

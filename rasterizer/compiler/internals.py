@@ -27,13 +27,14 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
     core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock
     core.errors.NumbaError                             what is left to numba
-    core.cgutils; typed pointers of llvmlite.ir        vector instructions (intrinsics.py)
+    core.cgutils; typed pointers of llvmlite.ir        vector instructions (pipeline/intrinsics.py)
 
 In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
 """
 
 import contextvars
 import gc
+import importlib
 import logging
 import os
 from collections.abc import Callable
@@ -42,10 +43,9 @@ from ctypes import CDLL, pythonapi
 import numba
 import numba.extending
 import numpy as np
+from llvmlite import ir
 from numba import types
 
-from . import intrinsics
-from . import intrinsics as texel_intrinsics
 from .fingerprint import SEEN, is_seen
 from .machine_code import Code
 from .signatures import class_of
@@ -63,7 +63,7 @@ _log = logging.getLogger("rasterizer")
 
 if IS_SEEN:
     from llvmlite.binding import Linkage
-    from numba.core import codegen, compiler_machinery
+    from numba.core import cgutils, codegen, compiler_machinery
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.errors import NumbaError
@@ -113,7 +113,7 @@ def compile_helper(function: Callable, is_inlined: bool = True):
 
 def compile_choice(function: Callable, choose: Callable):
     """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
-    function with the same parameters."""
+    function with the same parameters (kernels.choice)."""
 
     def chosen(*arguments):  # one for callers that count references, and one for others
         return function(*arguments)
@@ -125,13 +125,12 @@ def compile_choice(function: Callable, choose: Callable):
     return as_callee(chosen)
 
 
-def compile_intrinsic(function: Callable, name: str, is_documented: bool):
-    """Return a function whose instructions are written by the function `name` of intrinsics.py, or of
-    intrinsics.py."""
-    if IS_SEEN or is_documented:
-        module = intrinsics if hasattr(intrinsics, name) else texel_intrinsics
-        return as_callee(numba.extending.intrinsic(getattr(module, name)))
-    return numba.njit(**_DOCUMENTED)(function)
+def compile_intrinsic(function: Callable, name: str):
+    """Return a function whose instructions are written by another one (kernels.spelled_out)."""
+    if not IS_SEEN:
+        return numba.njit(**_DOCUMENTED)(function)
+    module = importlib.import_module(f"{function.__module__.rpartition('.')[0]}.intrinsics")
+    return numba.extending.intrinsic(getattr(module, name))
 
 
 def as_callee(function: Callable):
@@ -141,9 +140,14 @@ def as_callee(function: Callable):
     return numba.njit(**_DOCUMENTED)(lambda *arguments: function(*arguments))
 
 
-def compile_array_maker(function: Callable):
+def compile_array_maker():
     """Return what makes an array of a typed pointer and a shape."""
-    return compile_intrinsic(function, "build_array", False) if IS_SEEN else as_callee(numba.carray)
+    return numba.extending.intrinsic(build_array) if IS_SEEN else as_callee(numba.carray)
+
+
+def compile_caller():
+    """Return what calls a batch function by its address; it needs nothing that manuals don't describe."""
+    return as_callee(numba.extending.intrinsic(build_call))
 
 
 def compile_by_numba(function: Callable):
@@ -163,6 +167,43 @@ def type_of(thing):
     context = cpu_target.typing_context
     context.refresh()
     return context.resolve_value_type(thing)
+
+
+# ---------------------------------------------------------------- arrays and calls by address
+
+
+def build_array(typing_context, pointer, shape):
+    """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
+    kind = types.Array(pointer.dtype, len(shape), "C")
+
+    def generate(context, builder, signature, arguments):
+        array = context.make_array(kind)(context, builder)
+        lengths = cgutils.unpack_tuple(builder, arguments[1])
+        step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        steps, n_item = [], ir.Constant(ir.IntType(64), 1)
+        for length in reversed(lengths):
+            steps.append(builder.mul(n_item, step))
+            n_item = builder.mul(n_item, length)
+        array.data, array.itemsize, array.nitems = arguments[0], step, n_item
+        array.shape = cgutils.pack_array(builder, lengths)
+        array.strides = cgutils.pack_array(builder, steps[::-1])
+        array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
+        return array._getvalue()
+
+    return kind(pointer, shape), generate
+
+
+def build_call(typing_context, address, batch, n, coefficients):
+    """Build `kernels.call_batch_function`: a call through a pointer to a function."""
+    signature = types.void(types.intp, types.intp, types.intp, types.intp)
+
+    def generate(context, builder, _signature, arguments):
+        whole = ir.IntType(64)
+        function_type = ir.FunctionType(ir.VoidType(), [whole, whole, whole])
+        builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return signature, generate
 
 
 # ---------------------------------------------------------------- object code

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.bands import Band, BandLists, join_lists, sort_into_bands
 from ..pipeline.clip import NO_PLANES, clip
-from ..pipeline.cull import Grid, find_visible
+from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS

@@ -17,25 +17,22 @@ from ..geometry.points import number_materials
 from ..geometry.polygons import fill_means
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline import a_buffer, buffers, clip, cull, layers, resolve, shade_once, shadow_lookup, texture_packing
-from ..pipeline import buffers as surface_buffers
-from ..pipeline.bands import Band, Rows, scatter
-from ..pipeline.clip import compute_outcodes, list_seen
-from ..pipeline.depth_cueing import fade
+from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
+from ..pipeline.cull import Band, Rows, compute_outcodes, list_seen, scatter
 from ..pipeline.edges import draw_edges
-from ..pipeline.encode import encode_picture
-from ..pipeline.gradients import NEEDS_TEXTURE, Coding
+from ..pipeline.gradients import HAS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import ShadowMaps, SurfacePoints, light_points
 from ..pipeline.phong_shading import FaceTable, shade_lit
+from ..pipeline.resolve import encode_picture
 from ..pipeline.scan import ScanCounts, make_deferred, scan
-from ..pipeline.shade import shade_interpolated
+from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.shade_once import make_grid
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_screen, transform_range
 from ..pipeline.visibility import forget_extents
-from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture, make_workspace
+from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from . import lights as light_table
@@ -216,7 +213,7 @@ def add_picture(found: KernelList, scene: Scene, options: Options, plan: Plan, c
     """Add what draws the colours of a picture."""
     factor, is_lit = options.factor, plan.is_lit_per_sample
     once = factor if options.antialias == "shade-once" and factor > 1 and (is_lit or plan.textures) else 0
-    kind = WorkspaceKind(8 * factor, 8 * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
+    kind = WorkspaceShape(8 * factor, 8 * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
                          plan.textures is not None, plan.opacity is not None, once)  # fmt: skip
     screen = screen_of_no_scene(camera, factor)
     coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
@@ -254,7 +251,7 @@ def add_lights(found: KernelList, scene: Scene, plan: Plan, camera: Camera) -> N
 def add_shadow_map(found: KernelList, dtype: np.dtype) -> None:
     """Add what draws the map of a light."""
     screen = screen_of_no_scene(Camera.perspective((0, 0, 1)), 1)
-    workspace = make_workspace(WorkspaceKind(1, 1, 0, 0, SINGLE, False, False), 1)
+    workspace = make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, False, False), 1)
     add_stages(found, Parts(screen, make_map_coding(screen), workspace, no_drawables()))
     found.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
 
@@ -288,7 +285,7 @@ def add_interpolated(found: KernelList, scene: Scene, plan: Plan, parts: Parts) 
         for is_double in set(plan.of_materials.reads_double.tolist()):
             out, rows = np.empty((0, 1), DOUBLE if is_double else SINGLE), np.empty(0, np.int64)
             found.add(fill_means, out, 0, rows, rows, 0, 0)
-    has_texture = (parts.coding.needs & NEEDS_TEXTURE) != 0
+    has_texture = (parts.coding.features & HAS_TEXTURE) != 0
     if not has_texture.all():
         found.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
     if plan.textures is not None:
@@ -317,9 +314,9 @@ def shaded_bands(plan: Plan, parts: Parts) -> list[ScannedBand]:
 
 def add_packing(found: KernelList) -> None:
     """Add what packs textures for look-ups in float32."""
-    found.add(texture_packing.largest_color, np.empty((0, 4), np.float32))
+    found.add(textures.largest_color, np.empty((0, 4), np.float32))
     texels = np.empty((0, 0), np.int16)
-    found.add(texture_packing.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
+    found.add(textures.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
 
 
 def add_look_up(found: KernelList, plan: Plan, parts: Parts, band: ScannedBand) -> None:
@@ -350,11 +347,11 @@ def add_layers(found: KernelList, plan: Plan, parts: Parts) -> None:
               workspace.visibility, lists)  # fmt: skip
     found.add(a_buffer.divide_room, buffer.cursors, buffer.starts)
     found.add(a_buffer.sort_lists, lists)
-    layer = layers.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
-    translucent = layers.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
-    found.add(layers.show_layer, 0, layer, lists, buffer.transmittance, least)
-    found.add(layers.composite, layer, workspace.records, buffer, plan.opacity)
-    found.add(layers.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
+    layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
+    translucent = a_buffer.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
+    found.add(a_buffer.show_layer, 0, layer, lists, buffer.transmittance, least)
+    found.add(a_buffer.composite, layer, workspace.records, buffer, plan.opacity)
+    found.add(a_buffer.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
     found.add(forget_extents, extents)
     found.add(buffers.clear_band, workspace.visibility, 0)
 
@@ -373,7 +370,7 @@ def add_resolve(found: KernelList, options: Options, plan: Plan, scene: Scene, p
         found.add(resolve.resolve_averages, visibility, radiance, None, (0, 0), grid, encoding, batch, picture)
     if plan.opacity is not None:
         columns, opacity = np.empty(0, np.int64), np.empty(0)
-        translucent = layers.Translucent(opacity, columns, columns, columns)
+        translucent = a_buffer.Translucent(opacity, columns, columns, columns)
         found.add(
             resolve.resolve_translucent, visibility, radiance, translucent, (0, 0), grid, encoding, batch, picture
         )
@@ -390,7 +387,7 @@ def add_buffers(
     """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
     screen = screen_of_no_scene(camera, 1)
     n_attribute = 3 if any(BUFFER_TABLE[name].needs_normals for name in names) else 0
-    workspace = make_workspace(WorkspaceKind(1, 1, 0, n_attribute, SINGLE, False, False), 1)
+    workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, False, False), 1)
     coding = make_buffer_coding(screen, n_attribute)
     parts = Parts(screen, coding, workspace, no_drawables())
     if not is_shared:
@@ -411,12 +408,12 @@ def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) 
     """Add what writes one buffer."""
     buffer, band = BUFFER_TABLE[name], Band(np.empty(0, np.uint32), 0, 0)
     out = buffer.make((0, 0))
-    if buffer.write in (buffers.write_normal, surface_buffers.write_turned_normal):
+    if buffer.write in (buffers.write_normal, buffers.write_turned_normal):
         found.add(buffers.write_normal_rows, surfaces, band, np.empty((0, 0), np.float32))
-    elif buffer.write is surface_buffers.write_label:
+    elif buffer.write is buffers.write_label:
         found.add(buffer.write, surfaces, band, out, np.empty(0, np.int32))
-    elif buffer.write is surface_buffers.write_mean:
-        table = surface_buffers.CornerTable(np.empty((0, 2)), np.empty((3, 0), np.uint32))
+    elif buffer.write is buffers.write_mean:
+        table = buffers.CornerTable(np.empty((0, 2)), np.empty((3, 0), np.uint32))
         found.add(buffer.write, surfaces, band, out, table)
     elif buffer.table is None:
         found.add(buffer.write, surfaces, band, out)

@@ -16,10 +16,10 @@ from ..errors import SceneError
 from ..geometry.points import number_materials
 from ..options import Options
 from ..pipeline import gradients as g
-from ..pipeline import texture_packing as texturing
-from ..pipeline.depth_cueing import Cue
-from ..pipeline.layers import Opacity, least_transmittance
-from ..pipeline.texture_packing import PackedTextures, Textures, pack_textures
+from ..pipeline import textures as texturing
+from ..pipeline.a_buffer import Opacity, min_transmittance
+from ..pipeline.shade import Cue
+from ..pipeline.textures import PackedTextures, Textures, pack_textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import lights as light_table
 from . import reflections as reflection_table
@@ -230,16 +230,16 @@ class MaterialPlans(NamedTuple):
     @property
     def is_double(self) -> NDArray[np.bool_]:
         """Which need float64."""
-        return (self.needs & g.NEEDS_DOUBLE) != 0
+        return (self.needs & g.DOUBLE_PRECISION) != 0
 
     def dtype_of(self, material: int) -> np.dtype:
         """The type that a material is lit in."""
-        return np.dtype(np.float64 if self.needs[material] & g.NEEDS_DOUBLE else np.float32)
+        return np.dtype(np.float64 if self.needs[material] & g.DOUBLE_PRECISION else np.float32)
 
     @property
     def is_looked_up(self) -> NDArray[np.bool_]:
         """Which have textures whose coordinates may stand in planes."""
-        return ((self.needs & g.NEEDS_TEXTURE) != 0) & ~self.is_double
+        return ((self.needs & g.HAS_TEXTURE) != 0) & ~self.is_double
 
     @property
     def reads_double(self) -> NDArray[np.bool_]:
@@ -249,7 +249,7 @@ class MaterialPlans(NamedTuple):
     @property
     def is_colored(self) -> NDArray[np.bool_]:
         """Which need three channels."""
-        return (self.needs & g.NEEDS_COLORS) != 0
+        return (self.needs & g.HAS_COLORS) != 0
 
     def is_like(self, other: "MaterialPlans") -> bool:
         """Tell whether others need the same, whatever rounding adds."""
@@ -257,8 +257,8 @@ class MaterialPlans(NamedTuple):
 
     def doubled(self, which: NDArray[np.bool_], reason: str) -> "MaterialPlans":
         """Return the same with float64 for some materials."""
-        singles = np.uint8(255 - g.NEEDS_SINGLE)
-        needs = np.where(which, self.needs & singles | np.uint8(g.NEEDS_DOUBLE), self.needs)
+        singles = np.uint8(255 - g.SINGLE_PRECISION)
+        needs = np.where(which, self.needs & singles | np.uint8(g.DOUBLE_PRECISION), self.needs)
         reasons = [(*old, reason) if new else old for new, old in zip(which, self.reasons, strict=True)]
         return self._replace(
             needs=needs.astype(np.uint8), ways=np.where(which, np.uint8(g.EXACT), self.ways), reasons=tuple(reasons)
@@ -351,13 +351,13 @@ def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound:
 
 def list_needs(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
     """Return what a material needs, as bits."""
-    needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE
-    needs |= g.NEEDS_COLORS if is_colored else 0
-    needs |= g.NEEDS_ALBEDO if has_vertex_colors else 0
+    needs = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION
+    needs |= g.HAS_COLORS if is_colored else 0
+    needs |= g.HAS_ALBEDO if has_vertex_colors else 0
     if material.texture is not None:
         is_nearest = material.texture.filter == "nearest" and not is_double
-        needs |= g.NEEDS_TEXTURE | (g.NEEDS_CORNERS if is_nearest else 0)
-    needs |= 0 if material.is_opaque else g.NEEDS_BEHIND if material.opacity > 0.0 else g.IS_INVISIBLE
+        needs |= g.HAS_TEXTURE | (g.HAS_CORNERS if is_nearest else 0)
+    needs |= 0 if material.is_opaque else g.IS_TRANSPARENT if material.opacity > 0.0 else g.IS_INVISIBLE
     return needs
 
 
@@ -499,7 +499,7 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
     of_materials = plan_materials(sources, brightest, roundings, options, facts, tint)
     n_channel = 3 if of_materials.is_colored.any() else 1
     most_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
-    least = least_transmittance(bound)
+    least = min_transmittance(bound)
     textures = list_textures(materials) if sources.is_textured else None
     return Plan(
         n_channel=n_channel,

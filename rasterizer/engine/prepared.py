@@ -15,8 +15,8 @@ from ..errors import SceneError, shown
 from ..geometry.points import gather_geometry
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline.encode import Encoding, encode_picture
 from ..pipeline.gradients import Coding
+from ..pipeline.resolve import Encoding, encode_picture
 from ..pipeline.threads import Workers
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture

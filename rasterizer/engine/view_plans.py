@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from ..geometry.points import number_materials
 from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
 from ..options import Options
-from ..pipeline.depth_cueing import DEPTH_ERROR
-from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
+from ..pipeline.gradients import EXACT, HAS_ALBEDO, IN_ENTRIES
 from ..pipeline.lighting import Lighting
-from ..pipeline.planes import DEPTH_PLANE_ROUNDING
+from ..pipeline.setup import DEPTH_PLANE_ROUNDING
+from ..pipeline.shade import DEPTH_ERROR
 from ..scene.camera import View
 from . import bounds as b
 from .lights import entry_of, is_carried, shadow_of
@@ -180,7 +180,7 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(lit.of_materials, 1.0)  # of full scale
     double[lit.undirected + lit.diffuse.sum(axis=1) > b.MOST_LIGHT] = np.inf
     if plan.opacity is not None:
-        single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/layers.py
+        single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/a_buffer.py
         double += 2.0 * plan.opacity.least
     places = distances.clearances[plan.is_lit & np.isfinite(distances.clearances)]
     is_lost = not are_single([*distances.furthest.tolist(), *places.tolist()]) or not np.isfinite(
@@ -205,7 +205,7 @@ def error_bounds_of(plan: Plan, tolerance) -> NDArray[np.float64]:
     of_materials, roundings = plan.of_materials, plan.of_materials.roundings
     rest = np.maximum(tolerance - roundings, 0.0)
     if plan.is_lit_per_sample:
-        has_colors = (of_materials.needs & NEEDS_ALBEDO) != 0
+        has_colors = (of_materials.needs & HAS_ALBEDO) != 0
         approximated = np.where(has_colors, tolerance / 2, tolerance / 4)
     elif plan.is_flat:
         approximated = np.where(of_materials.ways == IN_ENTRIES, 0.5 / plan.level_scale, 0.0)

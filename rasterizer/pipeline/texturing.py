@@ -12,28 +12,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, kernel
-from ..compiler.widths import PLANE_GROUP
+from ..compiler.kernels import choice, class_of, field_of, helper, index, is_none, kernel
 from . import fragments as f
 from .fragments import BATCH_SIZE, get_vector
-from .gradients import NEEDS_BEHIND, NEEDS_TEXTURE, LevelCoding
+from .gradients import HAS_TEXTURE, IS_TRANSPARENT, LevelCoding
 from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
 from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
-from .screen_points import evaluate_planes_here, evaluate_slopes_here, evaluate_values, samples_from, skip_to, step_of
+from .samples import (
+    PLANE_GROUP,
+    evaluate_planes_here,
+    evaluate_slopes_here,
+    evaluate_values,
+    samples_from,
+    skip_to,
+    step_of,
+)
 from .shade import fill_weights
-from .texture_lookup import clear_texcoords, coarsest_level, compute_texcoords, mip_level, read_texels
-from .texture_packing import (
-    FILTER_TRILINEAR,
+from .texture_lookup import (
     IS_DOUBTFUL,
     MIP_LEVEL,
     S_DX,
     S_PLANE,
     S,
     T,
-    Textures,
+    clear_texcoords,
+    coarsest_level,
+    compute_texcoords,
     from_bits,
-    packed_texture,
+    mip_level,
+    read_texels,
 )
 from .texture_sampling import (
     BARYCENTRIC,
@@ -45,6 +53,7 @@ from .texture_sampling import (
     sample_run,
 )
 from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
+from .textures import FILTER_TRILINEAR, Textures, packed_texture
 from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
 
 
@@ -52,7 +61,7 @@ class Texturing(NamedTuple):
     """The textures of a scene, and memory for looking them up."""
 
     textures: Textures
-    lookup_batch: np.ndarray  # see texture_packing.py
+    lookup_batch: np.ndarray  # see textures.py
     double_batch: np.ndarray  # see texture_sampling.py
     texels: np.ndarray  # (4, n_row * pitch) float64: those of exact records; the alpha of all, for transparent surfaces
 
@@ -66,7 +75,7 @@ def fill_texels(entries, band, first, material, texturing, start, batch, quantit
     ----------
     entries : (n,) int64, n <= BATCH_SIZE; what doesn't show the material gets anything
     band : ScannedBand
-    first : where they lie (screen_points.py)
+    first : where they lie (samples.py)
     start : index of the first entry's sample in the band
     quantity : the first of the four, such as TEXEL
 
@@ -77,7 +86,7 @@ def fill_texels(entries, band, first, material, texturing, start, batch, quantit
     with_exact = look_up_planes(entries, band, first, material, texturing, start, batch, quantity)
     if not with_exact and has_exact(entries):
         put_in_exact(entries, texturing.texels, start, batch, quantity)
-    if band.coding.needs[material] & NEEDS_BEHIND:
+    if band.coding.features[material] & IS_TRANSPARENT:
         for k in range(index(len(entries))):
             texturing.texels[3, start + k] = batch[quantity + f.NEXT + f.NEXT + f.NEXT + k]
     return with_exact
@@ -108,28 +117,17 @@ def keep_exact(entries, texels, start, batch, quantity):
 
 def has_texcoord_planes(band, batch) -> bool:
     """Tell by their types whether texture coordinates stand in planes: not where a batch is of float64."""
-    return is_single(batch.dtype) and str(field_of(field_of(band, "coding"), "textures")) != "none"
+    return is_single(batch.dtype) and not is_none(field_of(field_of(band, "coding"), "textures"))
 
 
-def field_of(kind, name):
-    """Return the type of a field of a type of named tuples."""
-    return dict(zip(kind.fields, kind.types, strict=True))[name]
-
-
-def choose_texcoords(entries, band, first, material, group_column, texturing, batch):
-    """Return what is compiled in the place of `evaluate_texcoords`: nothing where there are no planes."""
-    return gather_texcoords if has_texcoord_planes(band, batch) else gather_nothing
-
-
-@choice(choose_texcoords)
+@choice
 def evaluate_texcoords(entries, band, first, material, group_column, texturing, batch):
     """Evaluate the planes of texture coordinates into the batch of `texturing`, with their slopes where it needs them.
 
     group_column : where they begin in records
     batch : see fragments.py; its type alone counts
     """
-    if batch.dtype == np.float32 and band.coding.textures is not None:
-        gather_texcoords(entries, band, first, material, group_column, texturing, batch)
+    return gather_texcoords if has_texcoord_planes(band, batch) else gather_nothing
 
 
 @helper
@@ -150,18 +148,11 @@ def gather_texcoords(entries, band, first, material, group_column, texturing, ba
         evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
 
 
-def choose_look_up(entries, band, first, material, texturing, start, batch, quantity):
-    """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes."""
-    return look_up if has_texcoord_planes(band, batch) else look_up_nothing
-
-
-@choice(choose_look_up)
+@choice
 def look_up_planes(entries, band, first, material, texturing, start, batch, quantity):
     """Fill the quantities of samples whose texture coordinates stand in planes, or are exact and looked up as these;
     tell whether the latter are."""
-    if batch.dtype == np.float32 and band.coding.textures is not None:
-        return look_up(entries, band, first, material, texturing, start, batch, quantity)
-    return False
+    return look_up if has_texcoord_planes(band, batch) else look_up_nothing
 
 
 @helper
@@ -198,7 +189,7 @@ def put_in_exact_texcoords(entries, records, first, material, texture, double_ba
     """Put in texture coordinates and mip levels of a material's exact records, as they are looked up in float32.
 
     A coordinate within the picture is a fraction of 2^32: what it loses, and what the mip level does, is what those of
-    planes lose beside their own errors (texture_packing.py).
+    planes lose beside their own errors (textures.py).
     """
     coarsest, size = coarsest_level(texture), (texture.width, texture.height)
     start, end = next_exact_run(entries, index(0))
@@ -279,7 +270,7 @@ def shade_textured(band, texturing, batch, out_radiance):
             n = min(end - first, BATCH_SIZE)
             if material < 0:
                 n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
-            elif not band.coding.needs[material] & NEEDS_TEXTURE:
+            elif not band.coding.features[material] & HAS_TEXTURE:
                 n, material = end - first, np.int64(-1)
             if material >= 0:
                 entries = visibility.entries[start : start + index(n)]
@@ -299,7 +290,7 @@ def run_of_texture(entries, band):
             here = np.int64(-1)
             if entries[k] & IS_ID:
                 here = material_of(entries[k], band.records)
-                here = here if band.coding.needs[here] & NEEDS_TEXTURE else np.int64(-1)
+                here = here if band.coding.features[here] & HAS_TEXTURE else np.int64(-1)
             if here != material:
                 if k > 0:
                     return np.int64(k), material
@@ -307,20 +298,13 @@ def run_of_texture(entries, band):
     return np.int64(len(entries)), material
 
 
-def choose_shading(entries, band, first, material, texturing, start, batch, out_radiance):
-    """Return what is compiled in the place of `shade_planes`: nothing where all records are exact."""
-    coding = dict(zip(band.fields, band.types, strict=True))["coding"]
-    return evaluate_textured if coding.instance_class is LevelCoding else leave_textured
-
-
-@choice(choose_shading)
+@choice
 def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
     """Fill the intensities of samples that show planes; of exact records anything is written.
 
-    `first` says where the samples lie (screen_points.py), `start` is the index of the first in the band.
+    `first` says where the samples lie (samples.py), `start` is the index of the first in the band.
     """
-    if isinstance(band.coding, LevelCoding):
-        evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance)
+    return evaluate_textured if class_of(field_of(band, "coding")) is LevelCoding else leave_textured
 
 
 @helper
@@ -357,7 +341,7 @@ def mix_values(entries, band, first, start, batch, out_radiance):
 
 @helper
 def shade_exact(entries, records, first, texturing, start, out_radiance):
-    """Fill the intensities of exact records; `first` says where the samples lie (screen_points.py), `start` is the
+    """Fill the intensities of exact records; `first` says where the samples lie (samples.py), `start` is the
     index of the first in the band.
 
     Channel by channel over weights that are known: so each loop becomes vector instructions.

@@ -39,7 +39,7 @@ DEPTH_BITS = 38
 DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see setup.py
 DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
 
-LEAST_PART = 2 * MIN_PART  # vertices that are worth a thread of its own: one takes half of what a light takes
+MIN_VERTICES = 2 * MIN_PART  # vertices that are worth a thread of its own: one takes half of what a light takes
 
 
 class Screen(NamedTuple):
@@ -111,7 +111,7 @@ def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
     """
     n = positions.shape[1]
     out = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.float64))
-    parts = workers.ranges(n, LEAST_PART)
+    parts = workers.ranges(n, MIN_VERTICES)
     counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
     return out, sum(counts)
 

@@ -242,7 +242,7 @@ FAULTS = (
     ),
     Fault(
         "transparency: what lies behind all layers isn't weakened by them",
-        "pipeline/layers.py",
+        "pipeline/a_buffer.py",
         "color[k] + transmittance[k] * behind",
         "color[k] + behind",
         "pipeline pictures",
@@ -264,7 +264,7 @@ FAULTS = (
     ),
     Fault(
         "textures: a picture that repeats is blended with its own border, one that is clamped with the other side's",
-        "pipeline/texture_packing.py",
+        "pipeline/textures.py",
         "left, right = (-2, 1) if repeats_s else (1, -2)",
         "left, right = (1, -2) if repeats_s else (-2, 1)",
         "pipeline pictures",
@@ -286,7 +286,7 @@ FAULTS = (
     # From samples to bytes
     Fault(
         "depth cue: its start is forgotten",
-        "pipeline/depth_cueing.py",
+        "pipeline/shade.py",
         "max(depth - cue.start, 0.0)",
         "max(depth, 0.0)",
         "pictures pipeline",
@@ -300,14 +300,14 @@ FAULTS = (
     ),
     Fault(
         "color_range local: pixels that are dark enough are made brighter",
-        "pipeline/encode.py",
+        "pipeline/resolve.py",
         "max(blue, np.float32(1))",
         "max(blue, np.float32(0.5))",
         "pipeline pictures",
     ),
     Fault(
         "sRGB: levels are rounded down",
-        "pipeline/encode.py",
+        "pipeline/resolve.py",
         "(np.arange(1, 256) - 0.5) / 255.0",
         "np.arange(1, 256) / 255.0",
         "pipeline pictures scene",
@@ -798,7 +798,7 @@ HELD_OUT = (
     # Transparency, shading once
     Fault(
         "transparency: only the last layer weakens what lies behind",
-        "pipeline/layers.py",
+        "pipeline/a_buffer.py",
         "transmittance[k] = arriving * (1.0 - alpha)",
         "transmittance[k] = 1.0 - alpha",
         "pipeline pictures",
@@ -835,7 +835,7 @@ HELD_OUT = (
     # From samples to bytes
     Fault(
         "depth cue: what is far away turns white",
-        "pipeline/depth_cueing.py",
+        "pipeline/shade.py",
         "(1.0 - share) * color[channel]",
         "(1.0 - share)",
         "pictures pipeline",
@@ -849,7 +849,7 @@ HELD_OUT = (
     ),
     Fault(
         "sRGB: exponent 2.2 for 2.4",
-        "pipeline/encode.py",
+        "pipeline/resolve.py",
         "/ 1.055) ** 2.4",
         "/ 1.055) ** 2.2",
         "pipeline pictures scene",

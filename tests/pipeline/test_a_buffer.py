@@ -3,7 +3,7 @@
 import numpy as np
 
 from rasterizer.pipeline.a_buffer import (
-    MOST_FRAGMENTS,
+    MAX_FRAGMENTS,
     FragmentLists,
     Room,
     divide_room,
@@ -41,7 +41,7 @@ def test_room_grows_and_is_used_again():
 def test_ranges_of_samples_are_whole_in_order_and_within_the_limit():
     rng = np.random.default_rng(2)
     for pitch, n_row in ((1, 1), (8, 5), (40, 16)):
-        for most in (0, 9, MOST_FRAGMENTS // 3, 2 * MOST_FRAGMENTS):
+        for most in (0, 9, MAX_FRAGMENTS // 3, 2 * MAX_FRAGMENTS):
             counts = rng.integers(0, most + 1, pitch * n_row)
             start = np.append(0, np.cumsum(counts))
             ranges = list(split_samples(start, np.arange(n_row + 1) * pitch))
@@ -49,8 +49,8 @@ def test_ranges_of_samples_are_whole_in_order_and_within_the_limit():
             assert ranges[-1][1] == len(counts), ranges
             for first, end in ranges:
                 n = start[end] - start[first]
-                assert end - first == 1 or n <= MOST_FRAGMENTS, f"{first}..{end}: {n} > {MOST_FRAGMENTS} fragments"
-                is_whole = end % pitch == 0 or start[(first // pitch + 1) * pitch] - start[first] > MOST_FRAGMENTS
+                assert end - first == 1 or n <= MAX_FRAGMENTS, f"{first}..{end}: {n} > {MAX_FRAGMENTS} fragments"
+                is_whole = end % pitch == 0 or start[(first // pitch + 1) * pitch] - start[first] > MAX_FRAGMENTS
                 assert is_whole, f"{first}..{end} ends within a row"
             assert most > 9 or len(ranges) == 1, ranges
 

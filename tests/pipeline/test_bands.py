@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rasterizer.pipeline.bands import join_lists, sort_into_bands
-from rasterizer.pipeline.cull import Visible
+from rasterizer.pipeline.cull import Visible, join_lists, sort_into_bands
 
 
 def random_parts(rng, n_part, n_face, n_band, most):

@@ -6,7 +6,7 @@ import numpy as np
 from helpers.arrays import differences
 from helpers.stages import SERIAL, random_triangles, slivers
 
-from rasterizer.pipeline.cull import MOST_WIDE, PASS, Grid, find_visible
+from rasterizer.pipeline.cull import PASS, SMALL_BOX, Grid, find_visible
 from rasterizer.pipeline.threads import MIN_PART, Workers
 from rasterizer.pipeline.transform import OUTSIDE, Vertices
 from rasterizer.reference import coverage
@@ -61,12 +61,12 @@ def expected(triangles, size, band_rows, cull_back):
 
 
 def is_small_and_empty(triangle, columns, rows):
-    """Whether the box of a triangle is at most MOST_WIDE wide and high, and no sample covered from the first one in
+    """Whether the box of a triangle is at most SMALL_BOX wide and high, and no sample covered from the first one in
     the picture on."""
     extents = [first_at(max(values)) - first_at(min(values)) for values in zip(*triangle, strict=True)]
-    if max(extents) > MOST_WIDE:
+    if max(extents) > SMALL_BOX:
         return False
-    return not coverage(np.array(triangle) - 256 * np.array([columns[0], rows[0]]), MOST_WIDE, MOST_WIDE).any()
+    return not coverage(np.array(triangle) - 256 * np.array([columns[0], rows[0]]), SMALL_BOX, SMALL_BOX).any()
 
 
 def test_finds_what_plain_python_finds():

@@ -4,7 +4,7 @@ import numpy as np
 from helpers.arrays import differences
 from helpers.bands import encoding, levels, run
 
-from rasterizer.pipeline.encode import (
+from rasterizer.pipeline.resolve import (
     BUCKET_SHIFT,
     LEAST,
     LEVEL_TABLE,

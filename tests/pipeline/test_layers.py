@@ -12,7 +12,7 @@ from helpers.pinhole import QUAD, SHADINGS, octasphere, sheet_camera
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.pipeline.layers import INVISIBLE, least_transmittance
+from rasterizer.pipeline.a_buffer import INVISIBLE, min_transmittance
 
 SIZE, SMALL = (64, 48), (32, 24)  # pixels of the same cards; of what the reference draws, too
 WHITE = (rz.AmbientLight(1.0),)
@@ -198,7 +198,7 @@ def test_a_thousand_layers_and_what_is_left_out_behind_them():
         cards = [cards[k] for k in rng.permutation(n)] + [Card(90.0, (brightest, 0.1, 0.1))]
         budget = 2 * brightest * INVISIBLE + 2.0**-23 * brightest
         assert_cards(show_cards(cards, size), cards, f"{n} layers", budget)
-    assert least_transmittance(np.inf) == 0.0 and least_transmittance(1e9) == INVISIBLE
+    assert min_transmittance(np.inf) == 0.0 and min_transmittance(1e9) == INVISIBLE
 
 
 def test_opacity_0_shows_nothing_and_1_hides_all():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rasterizer.engine.shadow_maps import CUBE, _look, border_planes
-from rasterizer.pipeline.clip import MOST_PLANES, list_seen_faces
+from rasterizer.pipeline.cull import MAX_PLANES, list_seen_faces
 from rasterizer.scene.camera import Projection
 
 
@@ -38,7 +38,7 @@ def test_a_triangle_is_left_out_only_if_it_shows_nothing(shift):
 def test_what_is_no_number_is_kept():
     positions = np.array([[np.nan, 1.0, 2.0, -5.0, -6.0, -7.0], np.zeros(6), np.zeros(6)])
     faces = np.array([[0, 3], [1, 4], [2, 5]], np.uint32)
-    planes = np.tile([1.0, 0.0, 0.0], (MOST_PLANES, 1))
+    planes = np.tile([1.0, 0.0, 0.0], (MAX_PLANES, 1))
     assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]
     positions[0, 1:3] = -1.0
     assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]

@@ -18,8 +18,8 @@ from helpers.stages import (
 from rasterizer.engine.attributes import NONE
 from rasterizer.engine.passes import ShadowMapPass
 from rasterizer.pipeline import records as r
-from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
-from rasterizer.pipeline.simd import PLANE_GROUP
+from rasterizer.pipeline.samples import PLANE_GROUP
+from rasterizer.pipeline.setup import DEPTH_PLANE_ROUNDING
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, IS_WEIGHTED, LEVEL_MASK, PAYLOAD_BITS, RECORD_MASK
 
 SIZE, WIDE = (120, 90), (8300, 24)

@@ -8,9 +8,8 @@ from helpers.arrays import differences
 from helpers.bands import encoding, fill, levels, run
 from helpers.pairs import pairs
 
-from rasterizer.pipeline.encode import RANGE_GLOBAL, RANGE_LOCAL, encode_picture
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.resolve import resolve
+from rasterizer.pipeline.resolve import RANGE_GLOBAL, RANGE_LOCAL, encode_picture, resolve
 from rasterizer.pipeline.shade_once import make_grid
 from rasterizer.pipeline.visibility import CLEAR, PADDING
 from rasterizer.pipeline.workspace import make_picture

@@ -7,14 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline.screen_points import (
+from rasterizer.pipeline.samples import (
+    PLANE_GROUP,
+    PlaneGroup,
     ScreenPoints,
     evaluate_planes_here,
     evaluate_slopes_here,
     evaluate_values,
     evaluate_with_slopes,
 )
-from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, merge_box
+from rasterizer.pipeline.scan import merge_box
+from rasterizer.pipeline.visibility import LANES
 
 PITCH, ROWS = 21, 6
 

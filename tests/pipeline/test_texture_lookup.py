@@ -9,12 +9,11 @@ from helpers.pairs import pairs
 
 from rasterizer.compiler.kernels import index, kernel
 from rasterizer.engine.plan import list_textures
-from rasterizer.pipeline import texture_packing as b
-from rasterizer.pipeline import texture_packing as packing
+from rasterizer.pipeline import texture_lookup as b
+from rasterizer.pipeline import textures as packing
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texture_lookup import compute_texcoords, read_texels
-from rasterizer.pipeline.texture_packing import FILTER_NEAREST, NEAREST_ERROR
-from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
+from rasterizer.pipeline.textures import FILTER_NEAREST, NEAREST_ERROR, texcoord_error, texcoord_references
 from rasterizer.reference.texture import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
 from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from rasterizer.pipeline.textures import texcoord_error, texcoord_references
 
 
 @pytest.mark.parametrize("wrap", [WRAP_REPEAT, WRAP_MIRROR, WRAP_CLAMP], ids=["repeat", "mirror", "clamp"])
