@@ -69,8 +69,8 @@ PATHS = (
     ),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
-    Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_evaluate_planes")', "@helper"),)),
-    Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_evaluate_slopes")', "@helper"),)),
+    Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_samples")', "@helper"),)),
+    Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_samples")', "@helper"),)),
     Variant(
         "cull: boxes without a sample",
         (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),

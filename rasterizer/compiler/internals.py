@@ -174,12 +174,12 @@ def type_of(thing):
 
 def build_array(typing_context, pointer, shape):
     """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
-    kind = types.Array(pointer.dtype, len(shape), "C")
+    numba_type = types.Array(pointer.dtype, len(shape), "C")
 
     def generate(context, builder, signature, arguments):
-        array = context.make_array(kind)(context, builder)
+        array = context.make_array(numba_type)(context, builder)
         lengths = cgutils.unpack_tuple(builder, arguments[1])
-        step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(context.get_data_type(numba_type.dtype)))
         steps, n_item = [], ir.Constant(ir.IntType(64), 1)
         for length in reversed(lengths):
             steps.append(builder.mul(n_item, step))
@@ -190,7 +190,7 @@ def build_array(typing_context, pointer, shape):
         array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
         return array._getvalue()
 
-    return kind(pointer, shape), generate
+    return numba_type(pointer, shape), generate
 
 
 def build_call(typing_context, address, batch, n, coefficients):
@@ -215,8 +215,8 @@ def compile_kernel(function: Callable, signature: tuple) -> Code:
     Raises NotStandalone where its code would need numba's runtime: it allocates, raises or prints; and where a class of
     the signature is not found by its name.
     """
-    kinds = tuple(type_of_part(part) for part in signature)
-    return _compile(function, kinds, KernelCompiler)
+    argument_types = tuple(type_of_part(part) for part in signature)
+    return _compile(function, argument_types, KernelCompiler)
 
 
 def compile_batch_function(function: Callable, dtype) -> Code:
@@ -231,13 +231,13 @@ def compile_signature(function: Callable, signature: tuple) -> Code:
     return compile_kernel(function, signature)
 
 
-def _compile(function, kinds, pipeline) -> Code:
+def _compile(function, argument_types, pipeline) -> Code:
     dispatcher = numba.njit(pipeline_class=pipeline, **_UNWRAPPED, **_OPTIONS)(function)
     was_collecting = gc.isenabled()
     token = _counts.set(False)
     gc.disable()  # the compiler makes a million objects that all live on: looking for garbage takes a tenth of the time
     try:
-        dispatcher.compile(kinds)
+        dispatcher.compile(argument_types)
         (result,) = dispatcher.overloads.values()
     except entry_points.Unsupported as reason:
         raise NotStandalone(str(reason)) from None
@@ -280,9 +280,9 @@ def type_of_part(part):
         found = class_of(name) if name else None
     except (ImportError, AttributeError) as fault:
         raise NotStandalone(f"no class {name} ({fault})") from fault
-    kinds = tuple(map(type_of_part, items))
-    kind = types.BaseTuple.from_types(kinds, found)
-    return Struct(kinds, found) if type(kind) is types.NamedTuple else kind
+    argument_types = tuple(map(type_of_part, items))
+    numba_type = types.BaseTuple.from_types(argument_types, found)
+    return Struct(argument_types, found) if type(numba_type) is types.NamedTuple else numba_type
 
 
 if IS_SEEN:

@@ -73,7 +73,7 @@ class Kernel:
     def __init__(self, function: Callable):
         functools.update_wrapper(self, function)
         self.py_func = function
-        self._entries = []  # (entry point, address of a table) of the kinds of arguments met so far
+        self._entries = []  # (entry point, address of a table) of the types of arguments met so far
         self._known = {}  # (signature, numbers of a table) -> (entry, the table)
         self._loaded = {}  # signature -> (entry point, its LoadedCode)
         self._by_numba = None  # what numba made of it, where it has no entry points
@@ -101,18 +101,18 @@ class Kernel:
         return Helper(self.py_func, lambda: _internals().compile_helper(self.py_func, is_inlined=False))
 
     def _call_first(self, arguments):
-        """Call the kernel with arguments of a kind that was not met before, or not as the last one."""
+        """Call the kernel with arguments of types that were not met before, or not as the last ones."""
         arguments = plain(arguments)
         signature, table = signature_of(arguments), Table(arguments)
-        kind = signature, table.numbers
+        key = signature, table.numbers
         with _lock:
-            if kind not in self._known and self._by_numba is None:
+            if key not in self._known and self._by_numba is None:
                 entry_point = self._find_entry_point(signature)
                 # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
-                if entry_point is not None and kind not in self._known:
-                    self._known[kind] = (entry_point, table.address), table
-                    self._entries.append(self._known[kind][0])
-            entry, _ = self._known.get(kind, (None, None))
+                if entry_point is not None and key not in self._known:
+                    self._known[key] = (entry_point, table.address), table
+                    self._entries.append(self._known[key][0])
+            entry, _ = self._known.get(key, (None, None))
         result = entry[0](arguments, entry[1]) if entry else NotImplemented
         if result is not NotImplemented:
             return result
@@ -252,10 +252,10 @@ class Helper:
     @property
     def _numba_type_(self):
         """What numba takes this for in a kernel."""
-        kind = self._is_one or _internals().is_counting()
-        if kind not in self._compiled:
-            self._compiled[kind] = self._compile()  # kept: its type doesn't hold it
-        return _internals().type_of(self._compiled[kind])
+        is_counting = self._is_one or _internals().is_counting()
+        if is_counting not in self._compiled:
+            self._compiled[is_counting] = self._compile()  # kept: its type doesn't hold it
+        return _internals().type_of(self._compiled[is_counting])
 
 
 def helper(function: Callable) -> Callable:
@@ -375,8 +375,8 @@ def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunct
     if key not in _batch_functions:
         with _lock:  # two threads must get the same one: what is not kept is taken out of memory
             if key not in _batch_functions:
-                kind = BatchFunction if IS_COMPILING else PlainBatchFunction
-                _batch_functions[key] = kind(function, np.dtype(dtype))
+                made_by = BatchFunction if IS_COMPILING else PlainBatchFunction
+                _batch_functions[key] = made_by(function, np.dtype(dtype))
     return _batch_functions[key]
 
 

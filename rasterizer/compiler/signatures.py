@@ -1,4 +1,4 @@
-"""Signatures: what kinds of arguments a kernel is called with, in plain tuples that are written, read and compared.
+"""Signatures: what types of arguments a kernel is called with, in plain tuples that are written, read and compared.
 
     argument                          its part of a signature
     --------------------------------- -----------------------------------------------------------------
@@ -33,13 +33,13 @@ def signature_of(arguments: tuple) -> tuple:
 
 
 def _part_of(value):
-    kind = type(value)
-    if kind in _PLAIN:
-        if kind is int and not MIN_INT <= value <= MAX_INT:
+    cls = type(value)
+    if cls in _PLAIN:
+        if cls is int and not MIN_INT <= value <= MAX_INT:
             raise OverflowError(f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64")
-        return _PLAIN[kind]
+        return _PLAIN[cls]
     if isinstance(value, tuple):
-        name = "" if kind is tuple else f"{kind.__module__}:{kind.__qualname__}"
+        name = "" if cls is tuple else f"{cls.__module__}:{cls.__qualname__}"
         return ("tuple", name, tuple(_part_of(item) for item in value))
     if isinstance(value, np.generic) and _is_number(value.dtype):
         return value.dtype.name
@@ -49,12 +49,12 @@ def _part_of(value):
             layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
             return ("array", dtype.name, value.ndim, layout)
         raise TypeError(f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}")
-    raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {kind.__name__}")
+    raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {cls.__name__}")
 
 
 def _is_number(dtype) -> bool:
     """Tell whether kernels take numbers of a dtype: bool, integers, float32 and float64."""
-    return dtype.kind in "biu" or dtype.char in "fd"
+    return dtype.cls in "biu" or dtype.char in "fd"
 
 
 def class_of(name: str) -> type:
@@ -79,7 +79,7 @@ NDARRAY, NOT_IMPLEMENTED, NONE, ERROR = range(len(COMMON))
 
 class Table:
     """The table that an entry point compares its arguments with, see entry_points.py: addresses of the objects COMMON,
-    then, for every part of the signature in order, what tells that an argument is of this kind.
+    then, for every part of the signature in order, what tells that an argument is of this type.
 
     Of an array that is the number of its dtype, of anything else the address of its class; after a tuple's class come
     its items. Classes have other addresses in every process: so the table is made from the first arguments met.

@@ -51,8 +51,8 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
 from .records import material_of
-from .scan import Deferred, Payload, box_of, fill_spans, surface_of
 from .samples import PLANE_GROUP
+from .scan import Deferred, Payload, box_of, fill_spans, surface_of
 from .visibility import (
     CLEAR,
     MAX_RECORDS,

@@ -32,17 +32,15 @@ from .setup import (
     DepthScale,
     compute_plane,
     depth_rounding,
-    inverse_depths,
-    inverse_ratios,
-    straight_depths,
+    linear_in_z,
     values_at,
 )
 from .textures import TEXCOORDS, TextureCoding, compute_texcoord_planes
 from .visibility import LEVEL_MASK
 
-EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take
-# What a material needs, bits: float32, or float64 and so exact records; three channels; a texture; that what is behind
-# is seen, or not_finite but that.
+EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest path that a material's triangles may take
+# Features of a material, bits: it is computed in float32, or in float64 and so from exact records; it has three
+# channels, a texture; what is behind it is seen, or nothing else.
 SINGLE_PRECISION, DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, IS_TRANSPARENT, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
 # Colours that are given with the model; an exact record beside the planes.
 HAS_ALBEDO, HAS_CORNERS = 64, 128
@@ -51,7 +49,7 @@ MAX_EXTENT = 128  # columns and rows together of the box of a triangle whose ent
 
 
 class Coding(NamedTuple):
-    """How this frame's attributes margin the samples. Its subclass, and what is None, decide what is compiled."""
+    """How this frame's attributes reach the samples. Its subclass, and what is None, decide what is compiled."""
 
     paths: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
     features: np.ndarray  # (n_material,) uint8: the bits above
@@ -154,10 +152,10 @@ def compute_level_plane(coding, block):
         margin = float(ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k]) + 1.0  # 2e
         shrink = 1.0 - margin / spread if spread > margin else 0.0
         drift = margin if spread > margin else 0.5 * spread
-        w0, w1, w2 = inverse_depths(k, coding.depths, block)
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         least = min(w0, w1, w2)
         rise = max(w0, w1, w2) - least
-        # Compared after multiplication by 4/w_max, so that not_finite is divided; half a level is the rounding of the
+        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
         # vertices.
         is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)
@@ -214,10 +212,10 @@ def compute_normal_planes(coding, block):
     A float32 plane that rises by s over the box of its triangle errs by at most u·(3 + 4 s) there: the roundings of
     value, slopes, products and sums. With three components that turns the normal by √3·u·(3 + 4 s)/|n/w|, the error
     over the length of what is interpolated: coding.limits says how many u a normal may turn by, over √3.
-    shortest_normal says how long n/w is at least. Where not_finite is left of it, the record is exact.
+    shortest_normal says how long n/w is at least. Where nothing is left of it, the record is exact.
     """
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = inverse_depths(k, coding.depths, block)
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         least = min(w0, w1, w2)
         largest = least + (max(w0, w1, w2) - least)
         sign = -1.0 if block.ints[s.IS_FLIPPED + k] else 1.0
@@ -268,8 +266,8 @@ def check_distances(coding, block):
     With perspective it is found from 1/w, else from the depth; the other one is a constant, and its scale 0.
     """
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = inverse_depths(k, coding.depths, block)
-        d0, d1, d2 = straight_depths(k, coding.depths, block)
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
+        d0, d1, d2 = linear_in_z(k, coding.depths.depth_offset, coding.depths.depth_scale, block)
         units = depth_rounding(k, block)
         is_good = units * abs(coding.depths.inv_w_scale) <= 8.0 * 2.0**-24 * min(w0, w1, w2)
         is_good &= units * abs(coding.depths.depth_scale) <= 8.0 * 2.0**-24 * min(abs(d0), abs(d1), abs(d2))
@@ -299,7 +297,7 @@ def compute_value_planes(first, max_affine, depths, block):
     for k in range(index(s.BLOCK)):
         n_own, accepted = ints[s.N_OWN + k] - first, reals[s.LIMIT + k]  # other materials of the block may have more
         most, spread, not_finite = measure_values(k, first, n_own, block)
-        r0, r1, r2 = inverse_ratios(k, depths, block)
+        r0, r1, r2 = linear_in_z(k, depths.ratio_offset, depths.ratio_scale, block)
         least, largest = min(r0, r1, r2), max(r0, r1, r2)
         is_affine = (ints[s.N_OWN + k] <= max_affine) & is_bent_little(spread, least, largest, accepted)
         factors = 1.0 if is_affine else r0, 1.0 if is_affine else r1, 1.0 if is_affine else r2

@@ -67,11 +67,11 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
 class _Ramp:
     """A vector value, value + dx, value + 2 dx, ... that moves by dy from row to row."""
 
-    def __init__(self, builder, kind, value, dx, dy):
-        lanes = ir.Constant(kind, list(range(LANES)))
-        first = builder.add(splat(builder, kind, value), builder.mul(splat(builder, kind, dx), lanes))
+    def __init__(self, builder, llvm_type, value, dx, dy):
+        lanes = ir.Constant(llvm_type, list(range(LANES)))
+        first = builder.add(splat(builder, llvm_type, value), builder.mul(splat(builder, llvm_type, dx), lanes))
         self._state = cgutils.alloca_once_value(builder, first)
-        self._step = splat(builder, kind, dy)
+        self._step = splat(builder, llvm_type, dy)
 
     def next(self, builder):
         """The vector of this row; moves on to the next."""
@@ -83,13 +83,13 @@ class _Ramp:
 # ---------------------------------------------------------------- planes
 
 
-def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `evaluate_planes`."""
+def build_planes_of_samples(typing_context, entries, group, first, out, start, stride):
+    """Build `samples.planes_of_samples`."""
     return _build_evaluation(entries, group, out, has_slopes=False)
 
 
-def build_evaluate_slopes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `evaluate_slopes`."""
+def build_slopes_of_samples(typing_context, entries, group, first, out, start, stride):
+    """Build `samples.slopes_of_samples`."""
     return _build_evaluation(entries, group, out, has_slopes=True)
 
 
@@ -99,22 +99,23 @@ def _build_evaluation(entries, group, out, has_slopes):
     `has_slopes` says whether the slopes of the first three planes are written, too: d/dx of each, then d/dy.
     """
     numbers, *layout = group
-    is_single = all(kind.dtype == types.float32 for kind in (numbers, out)) and out.layout == "C"
+    is_single = all(array.dtype == types.float32 for array in (numbers, out)) and out.layout == "C"
     if not is_single or layout != [types.int64, types.uint64, types.uint64]:
         return None
-    signature = types.void(entries, group, types.int64, types.int64, out, types.uint64, types.uint64)
+    sample = types.UniTuple(types.int64, 2)
+    signature = types.void(entries, group, sample, out, types.uint64, types.uint64)
 
     def generate(context, builder, signature, arguments):
-        out = data_of(context, builder, signature.args[4], arguments[4])
+        out = data_of(context, builder, signature.args[3], arguments[3])
         reader = _PlaneReader(context, builder, signature, arguments)
         with in_fours(builder, reader.n_entry) as (first, four):
             position = reader.begin_four()
             samples = [reader.read(position, j, k, has_slopes) for j, k in enumerate(four)]
-            target = builder.add(arguments[5], first)
+            target = builder.add(arguments[4], first)
             for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
                 for values in transpose(builder, vectors)[:n_row]:
                     builder.store(values, builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer()), align=4)
-                    target = builder.add(target, arguments[6])
+                    target = builder.add(target, arguments[5])
         return context.get_dummy_value()
 
     return signature, generate
@@ -129,7 +130,7 @@ class _PlaneReader:
         self._numbers = data_of(context, builder, signature.args[1][0], numbers)
         self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
         first = ir.Constant(_WHOLES, [0] * PLANE_GROUP)
-        for lane, coordinate in zip(_ANCHOR, arguments[2:4], strict=True):
+        for lane, coordinate in zip(_ANCHOR, cgutils.unpack_tuple(builder, arguments[2]), strict=True):
             first = builder.insert_element(first, builder.trunc(coordinate, ir.IntType(32)), ir.IntType(32)(lane))
         self._position = cgutils.alloca_once_value(builder, first)
 
@@ -232,20 +233,20 @@ class _TexelReader:
     def __init__(self, builder, texels, batch, rows):
         self.builder, self._texels, self._batch, self._rows = builder, texels, batch, rows
 
-    def load_row(self, row, k, kind):
+    def load_row(self, row, k, llvm_type):
         """The numbers of a row from sample k on."""
         address = self.builder.gep(self._batch, [self.builder.add(self._rows[row], k)])
-        return self.builder.load(self.builder.bitcast(address, kind.as_pointer()), align=4)
+        return self.builder.load(self.builder.bitcast(address, llvm_type.as_pointer()), align=4)
 
-    def load(self, row, k, kind):
+    def load(self, row, k, llvm_type):
         """The texels from sample k's texel in a row on."""
-        return self.builder.load(self.builder.bitcast(self._address(row, k), kind.as_pointer()), align=2)
+        return self.builder.load(self.builder.bitcast(self._address(row, k), llvm_type.as_pointer()), align=2)
 
     def prefetch(self, rows, k):
         """Have the texels of sample k in some rows brought near; of one behind the last any address will do."""
         byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
-        function = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        llvm_type = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
+        function = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], llvm_type)
         for row in rows:
             address = self.builder.bitcast(self._address(row, k), byte)
             self.builder.call(function, [address, whole(0), whole(3), whole(1)])  # for reading, to stay, data
@@ -327,15 +328,15 @@ def _weighted_sums(reader, four, pair):
 # ---------------------------------------------------------------- vectors
 
 
-def data_of(context, builder, kind, array):
+def data_of(context, builder, array_type, array):
     """The address of an array's first element."""
-    return context.make_array(kind)(context, builder, array).data
+    return context.make_array(array_type)(context, builder, array).data
 
 
-def load(builder, address, offset, kind):
-    """Load a value of a kind, `offset` numbers behind an address."""
+def load(builder, address, offset, llvm_type):
+    """Load a value of a type, `offset` numbers behind an address."""
     element = builder.gep(address, [ir.Constant(ir.IntType(64), offset)])
-    return builder.load(builder.bitcast(element, kind.as_pointer()), align=4)
+    return builder.load(builder.bitcast(element, llvm_type.as_pointer()), align=4)
 
 
 @contextmanager
@@ -349,12 +350,12 @@ def in_fours(builder, n):
         yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
 
 
-def splat(builder, kind, value):
+def splat(builder, llvm_type, value):
     """A vector with the same value in every lane."""
-    nothing = ir.Constant(kind, ir.Undefined)
-    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
+    undefined = ir.Constant(llvm_type, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(
-        first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), llvm_type.count), [0] * llvm_type.count)
     )
 
 

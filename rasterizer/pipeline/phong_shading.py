@@ -36,7 +36,7 @@ from .interpolate import (
 from .lighting import light_batch, normalize_normals, view_from_direction
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
-from .samples import evaluate_planes_here, evaluate_values, evaluate_with_slopes, is_list, samples_from
+from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes, is_list, samples_from
 from .shade import fill_weights
 from .texture_lookup import S_PLANE
 from .texturing import fill_texels, has_texcoord_planes
@@ -191,7 +191,7 @@ def evaluate_normals(entries, band, first, material, texturing, batch):
 @helper
 def evaluate_normals_alone(entries, band, first, material, texturing, batch):
     """See `evaluate_normals`."""
-    evaluate_planes_here(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
+    evaluate_planes(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
 
 
 @helper
@@ -201,7 +201,7 @@ def evaluate_with_texcoords(entries, band, first, material, texturing, batch):
     if band.coding.features[material] & HAS_TEXTURE:
         evaluate_with_slopes(entries, group, first, batch, f.NORMAL, f.NEXT, texturing.lookup_batch, S_PLANE)
     else:
-        evaluate_planes_here(entries, group, first, batch, f.NORMAL, f.NEXT)
+        evaluate_planes(entries, group, first, batch, f.NORMAL, f.NEXT)
 
 
 @helper

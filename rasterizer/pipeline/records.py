@@ -21,8 +21,7 @@ from ..compiler.kernels import helper, index
 from . import setup as s
 from .clip import FACE_DEPTH, NO_PLANES
 from .gradients import HAS_ALBEDO, HAS_TEXTURE, MAX_CHANNELS, LevelCoding, NormalCoding
-from .samples import PlaneGroup
-from .samples import PLANE_GROUP
+from .samples import PLANE_GROUP, PlaneGroup
 from .textures import TEXCOORD_PLANE
 from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
 

@@ -125,37 +125,8 @@ class PlaneGroup(NamedTuple):
 
 
 @choice
-def evaluate_planes_here(entries, group, first, out, start, stride):
-    """Evaluate a group of four planes, see `evaluate_planes`."""
-    return planes_of_points if is_list(first) else planes_of_samples
-
-
-@helper
-def planes_of_points(entries, group, first, out, start, stride):
-    """See `evaluate_planes_here`."""
-    for k in range(index(len(entries))):
-        record = record_number(entries[k], group)
-        across, down = offset_from(first, k, group, record)
-        values = values_of_planes(group.numbers, record + group.column, across, down)
-        write_row(out, start + k, stride, values)
-
-
-@helper
-def planes_of_samples(entries, group, first, out, start, stride):
-    """See `evaluate_planes_here`."""
-    evaluate_planes(entries, group, first[0], first[1], out, start, stride)
-
-
-@helper
-def write_row(rows, place, stride, values):
-    """Write four values of a sample, one a row."""
-    rows[place], rows[place + stride] = values[0], values[1]
-    rows[place + stride + stride], rows[place + stride + stride + stride] = values[2], values[3]
-
-
-@spelled_out("build_evaluate_planes")
-def evaluate_planes(entries, group, x, y, out, start, stride):
-    """Evaluate a group of four planes at every sample of a row: the inner loop of the shade stage.
+def evaluate_planes(entries, group, first, out, start, stride):
+    """Evaluate a group of four planes at the samples of a batch: the inner loop of the shade stage.
 
     The second and third number of a record are whole ones: the sample at which its planes have their values. Float32 is
     rounded after each operation, in this order. Samples up to the next multiple of PLANE_GROUP may be read and written,
@@ -165,16 +136,35 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
     ----------
     entries : (n,) int64; of those without the index of a record, the values of record 0
     group : PlaneGroup
-    x, y : int64, the first sample
+    first : where the samples lie
     out : (n,) float32; written from `start` on, a row a plane, `stride` apart, both uint64
     """
-    numbers, whole = group.numbers, group.numbers.view(np.int32)
+    return planes_of_points if is_list(first) else planes_of_samples
+
+
+@helper
+def planes_of_points(entries, group, first, out, start, stride):
+    """See `evaluate_planes`."""
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
-        across, down = np.float32(x + np.int64(k) - whole[record + index(1)]), np.float32(y - whole[record + index(2)])
-        values = values_of_planes(numbers, record + group.column, across, down)
-        for i in range(PLANE_GROUP):
-            out[start + index(i) * stride + k] = values[i]
+        across, down = offset_from(first, k, group, record)
+        write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
+
+
+@helper
+def write_row(rows, place, stride, values):
+    """Write four values of a sample, one a row."""
+    rows[place], rows[place + stride] = values[0], values[1]
+    rows[place + stride + stride], rows[place + stride + stride + stride] = values[2], values[3]
+
+
+@spelled_out("build_planes_of_samples")
+def planes_of_samples(entries, group, first, out, start, stride):
+    """See `evaluate_planes`."""
+    for k in range(index(len(entries))):
+        record = record_number(entries[k], group)
+        across, down = offset_of_sample(first, k, group, record)
+        write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
 
 
 @helper
@@ -232,7 +222,7 @@ def offset_of_sample(first, k, group, record):
 
 @helper
 def evaluate_values(entries, group, first, out, start, stride, weights):
-    """Evaluate a group of four planes as `evaluate_planes_here`, multiply, and keep values within their ranges.
+    """Evaluate a group of four planes as `evaluate_planes` does, multiply, and keep values within their ranges.
 
     Parameters
     ----------
@@ -273,39 +263,32 @@ def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behi
 
     See `evaluate_planes` and `evaluate_slopes`.
     """
-    evaluate_planes_here(entries, group, first, out, start, stride)
+    evaluate_planes(entries, group, first, out, start, stride)
     next_column = group.column + index(3 * PLANE_GROUP)
     group_behind = PlaneGroup(group.numbers, group.record_mask, group.shift, next_column)
-    evaluate_slopes_here(entries, group_behind, first, behind, behind_start, stride)
+    evaluate_slopes(entries, group_behind, first, behind, behind_start, stride)
 
 
 @choice
-def evaluate_slopes_here(entries, group, first, out, start, stride):
-    """Evaluate a group of four planes, and copy slopes, see `evaluate_slopes`."""
+def evaluate_slopes(entries, group, first, out, start, stride):
+    """Evaluate a group of four planes as `evaluate_planes` does, and copy the slopes of three for each sample.
+
+    Ten rows are written: the planes, then d/dx of the first three, then d/dy of these.
+    """
     return slopes_of_points if is_list(first) else slopes_of_samples
 
 
 @helper
 def slopes_of_points(entries, group, first, out, start, stride):
-    """See `evaluate_slopes_here`."""
+    """See `evaluate_slopes`."""
     planes_of_points(entries, group, first, out, start, stride)
     copy_slopes(entries, group, out, start, stride)
 
 
-@helper
+@spelled_out("build_slopes_of_samples")
 def slopes_of_samples(entries, group, first, out, start, stride):
-    """See `evaluate_slopes_here`."""
-    evaluate_slopes(entries, group, first[0], first[1], out, start, stride)
-
-
-@spelled_out("build_evaluate_slopes")
-def evaluate_slopes(entries, group, x, y, out, start, stride):
-    """Evaluate a group of four planes as `evaluate_planes`, and copy the slopes of three for each sample of a row.
-
-    The parameters are those of `evaluate_planes`. Ten rows are written: the planes, then d/dx of the first three, then
-    d/dy of these.
-    """
-    evaluate_planes(entries, group, x, y, out, start, stride)
+    """See `evaluate_slopes`."""
+    planes_of_samples(entries, group, first, out, start, stride)
     copy_slopes(entries, group, out, start, stride)
 
 

@@ -318,26 +318,9 @@ class DepthScale(NamedTuple):
 
 
 @helper
-def inverse_depths(k, depths, block):
-    """Compute 1/w at the three vertices of triangle k."""
-    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
-    offset, scale = depths.inv_w_offset, depths.inv_w_scale
-    return offset + scale * z0, offset + scale * z1, offset + scale * z2
-
-
-@helper
-def straight_depths(k, depths, block):
-    """Compute the depths without perspective at the three vertices of triangle k; with it all are 0."""
-    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
-    offset, scale = depths.depth_offset, depths.depth_scale
-    return offset + scale * z0, offset + scale * z1, offset + scale * z2
-
-
-@helper
-def inverse_ratios(k, depths, block):
-    """Compute r at the three vertices of triangle k."""
-    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
-    offset, scale = depths.ratio_offset, depths.ratio_scale
+def linear_in_z(k, offset, scale, block):
+    """Compute offset + scale·z at the three vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale."""
+    z0, z1, z2 = block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
     return offset + scale * z0, offset + scale * z1, offset + scale * z2
 
 

@@ -90,9 +90,8 @@ def decode_entries(entries, band, first, tint, batch, out_radiance, start):
             factor = tint[channel] if n_channel > 1 else np.float32(1)
             decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
         return
-    (x, y), group = first, plane_group(band.records, VALUES)
     if has_affine:
-        evaluate_planes(entries, group, x, y, batch, f.NORMAL, f.NEXT)
+        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL, f.NEXT)
     if has_weighted:
         decode_weighted(entries, band, first, n_channel, has_affine, batch)
     if band.counts.n_level == 0 and all_have_colors(band.coding.features):

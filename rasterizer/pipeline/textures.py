@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
-from .setup import MIN_INVERSE, SINGLE, compute_plane, inverse_ratios, values_at
+from .setup import MIN_INVERSE, SINGLE, compute_plane, linear_in_z, values_at
 
 FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
 WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
@@ -355,7 +355,7 @@ def compute_texcoord_planes(textures, depths, block):
         if texture < 0 or not ints[s.HAS_PLANES + k]:
             continue
         (s0, s1, s2), (t0, t1, t2), number = relative_texcoords(k, textures.packed, index(texture), block)
-        r0, r1, r2 = inverse_ratios(k, depths, block)
+        r0, r1, r2 = linear_in_z(k, depths.ratio_offset, depths.ratio_scale, block)
         least, largest = min(r0, r1, r2), max(r0, r1, r2)
         s_largest, t_largest = max(abs(s0), abs(s1), abs(s2)), max(abs(t0), abs(t1), abs(t2))
         s_rise = compute_plane(k, TEXCOORD_PLANE, s0 * r0, s1 * r1, s2 * r2, block)

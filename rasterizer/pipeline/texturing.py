@@ -21,8 +21,8 @@ from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .samples import (
     PLANE_GROUP,
-    evaluate_planes_here,
-    evaluate_slopes_here,
+    evaluate_planes,
+    evaluate_slopes,
     evaluate_values,
     samples_from,
     skip_to,
@@ -143,9 +143,9 @@ def gather_texcoords(entries, band, first, material, group_column, texturing, ba
     if texture < 0:  # computed in float64: all of its records are exact
         return
     if coding.packed.filters[index(texture)] == FILTER_TRILINEAR:
-        evaluate_slopes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+        evaluate_slopes(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
     else:
-        evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+        evaluate_planes(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
 
 
 @choice

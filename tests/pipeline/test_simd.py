@@ -11,8 +11,8 @@ from rasterizer.pipeline.samples import (
     PLANE_GROUP,
     PlaneGroup,
     ScreenPoints,
-    evaluate_planes_here,
-    evaluate_slopes_here,
+    evaluate_planes,
+    evaluate_slopes,
     evaluate_values,
     evaluate_with_slopes,
 )
@@ -107,11 +107,11 @@ def evaluate(form, entries, group, first, out, places, behind):
     """Evaluate planes in one of the ways in which the shade stage does, from a kernel."""
     start, stride, weights, behind_start = places
     if form == PLANES:
-        evaluate_planes_here(entries, group, first, out, start, stride)
+        evaluate_planes(entries, group, first, out, start, stride)
     elif form == VALUES:
         evaluate_values(entries, group, first, out, start, stride, weights)
     elif form == SLOPES:
-        evaluate_slopes_here(entries, group, first, out, start, stride)
+        evaluate_slopes(entries, group, first, out, start, stride)
     else:
         evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start)
 
