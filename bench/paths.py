@@ -72,6 +72,14 @@ PATHS = (
     Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_samples")', "@helper"),)),
     Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_samples")', "@helper"),)),
     Variant(
+        "texels: by hand",
+        (
+            ("pipeline/texture_lookup.py", '@spelled_out("build_fetch_texels")', "@helper"),
+            ("pipeline/texture_lookup.py", '@spelled_out("build_blend_texels")', "@helper"),
+            ("pipeline/texture_lookup.py", '@spelled_out("build_blend_mip_levels")', "@helper"),
+        ),
+    ),
+    Variant(
         "cull: boxes without a sample",
         (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
     ),

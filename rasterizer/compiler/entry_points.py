@@ -46,7 +46,7 @@ FAILED = b"a kernel failed: it met an error that it can't raise\0"
 
 
 class Unsupported(Exception):
-    """A kernel that has no entry point: its result is of a kind that none is made for."""
+    """A kernel that has no entry point: its result is of a type that none is made for."""
 
 
 def build_entry_point(context, module, fndesc) -> None:
@@ -58,7 +58,7 @@ def build_entry_point(context, module, fndesc) -> None:
     module : llvmlite.ir.Module; the kernel is declared in it
     fndesc : what numba knows of the compiled kernel
 
-    Raises Unsupported where the result is of a kind that no entry point is made for.
+    Raises Unsupported where the result is of a type that no entry point is made for.
     """
     callee = context.declare_function(module, fndesc)
     function = ir.Function(module, ir.FunctionType(_OBJECT, [_OBJECT, _LONG.as_pointer()]), NAME)
@@ -93,7 +93,7 @@ def build_batch_entry_point(context, module, fndesc) -> None:
 
 
 class _Reader:
-    """Writes the instructions that take arguments apart; `slot` is where in the table the next one's kind stands."""
+    """Writes the instructions that take arguments apart; `slot` is where in the table the next one's type stands."""
 
     def __init__(self, context, builder, function):
         self._context, self._builder, self._table = context, builder, function.args[1]

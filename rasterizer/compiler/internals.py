@@ -243,7 +243,7 @@ def _compile(function, argument_types, pipeline) -> Code:
         raise NotStandalone(str(reason)) from None
     except NumbaError as fault:  # where it is no fault of the runtime's absence, numba tells it to the caller
         raise NotStandalone("it allocates memory, or numba can't compile it") from fault
-    except Exception as fault:  # numba's own faults are of any kind; without this way, it compiles with its own
+    except Exception as fault:  # numba's own faults are of any class; then numba.njit compiles it
         raise NotStandalone(f"numba {numba.__version__}: {type(fault).__name__}: {fault}") from fault
     finally:
         _counts.reset(token)
@@ -401,7 +401,7 @@ if IS_SEEN:
         build = staticmethod(entry_points.build_batch_entry_point)
 
     class HelperCompiler(CompilerBase):
-        """Numba's way of compiling, but for where the instructions go."""
+        """Numba's pipeline, but for where the instructions go."""
 
         begin, finish = _BeginHelper, _FinishHelper
 

@@ -368,7 +368,7 @@ class PlainBatchFunction:
 def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunction:
     """Compile `function(batch, n, coefficients)`, where both are addresses of arrays of `dtype`.
 
-    A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
+    A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every type of light and
     every reflection model, and only those that a scene uses are ever compiled.
     """
     key = function, np.dtype(dtype).name

@@ -90,7 +90,7 @@ def _in_parts(struct):
 
 
 class ShortLower(lowering.Lower):
-    """Numba's way of writing instructions, but for items of contiguous arrays, and for variables that are set once."""
+    """What writes instructions: numba's, but for items of contiguous arrays and variables that are set once."""
 
     def __init__(self, context, library, fndesc, *others, **named):
         # Loops become vector instructions only where what they write isn't taken for a table that they read. LLVM

@@ -179,7 +179,11 @@ def split_samples(starts, first_samples):
 def number_samples(extents, out_columns, out_first_samples):
     """Number the samples in the extents of a band; return how many there are.
 
-    `out_columns` is (n_row,) int64, `out_first_samples` (n_row + 1,).
+    Parameters
+    ----------
+    extents : VisibilityBuffer, of which only the extents are read
+    out_columns : (n_row,) int64, see ABuffer
+    out_first_samples : (n_row + 1,) int64
     """
     n_sample = np.int64(0)
     for row in range(len(out_columns)):
@@ -200,8 +204,9 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
     transparent : Deferred, the triangles through which what is behind them is seen
     triangles, vertices : all of the picture
     rows : Rows of the picture, those of the band that are worked on
+    block : Block, scratch
     visibility : VisibilityBuffer, the opaque surfaces
-    lists : FragmentLists
+    lists : FragmentLists, of which the cursors are moved on, and entries are written where they aren't only counted
     """
     faces, payloads = transparent.faces, transparent.payloads
     for first in range(0, len(faces), s.BLOCK):
@@ -219,7 +224,13 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
 
 @kernel
 def divide_room(cursors, starts):
-    """Turn the lengths of the lists into where they begin; return how many fragments there are, and how many lists."""
+    """Turn the lengths of the lists into where they begin; return how many fragments there are, and how many lists.
+
+    Parameters
+    ----------
+    cursors : (n_sample,) int64, in: the length of each list, out: where it begins
+    starts : (n_sample + 1,) int64, written: where each list begins, and the last one ends
+    """
     total = n_list = np.int64(0)
     for k in range(index(len(cursors))):
         n = cursors[k]
@@ -232,7 +243,12 @@ def divide_room(cursors, starts):
 
 @kernel
 def sort_lists(lists):
-    """Sort the lists of samples, nearest first."""
+    """Sort the lists of samples, nearest first.
+
+    Parameters
+    ----------
+    lists : FragmentLists, of which the entries are changed
+    """
     fragments, starts = lists.entries, lists.starts
     for sample in range(index(lists.first), index(lists.end)):
         begin, end = index(starts[sample] - lists.base), index(starts[sample + index(1)] - lists.base)
@@ -506,6 +522,7 @@ def put_behind(first_row, end_row, visibility, lists, a_buffer, radiance, transl
     first_row, end_row : rows of the band
     visibility : VisibilityBuffer of the opaque surfaces; its extents are widened to the samples that have none
     lists : FragmentLists, of which only the range is read
+    a_buffer : ABuffer, all of its layers composited
     radiance : (n_channel, n_row * pitch) float32 or float64, that of the opaque surfaces; changed where layers are seen
     translucent : Translucent, whose extents are widened
     """

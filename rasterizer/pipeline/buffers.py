@@ -64,6 +64,12 @@ class VisibleSurfaces(NamedTuple):
 
 # ---------------------------------------------------------------- masks, faces and labels
 
+# Common parameters of kernels that write a buffer
+# ------------------------------------------------
+# surfaces : VisibleSurfaces
+# band : Rows or Band, the rows of the picture that are written
+# out : the whole buffer, height rows of width pixels; where nothing is visible it comes in with what is to stand there
+
 
 @kernel
 def write_mask(surfaces, band, out):
@@ -538,7 +544,7 @@ def ordered(values, order):
 
 @kernel
 def clear_band(visibility, n_row):
-    """Clear the first `n_row` rows of the visibility buffer; return how many samples are covered."""
+    """Clear the first `n_row` rows of a visibility buffer (VisibilityBuffer); return how many samples are covered."""
     n_covered = 0
     for row in range(n_row):
         strip = strip_of(row)

@@ -81,7 +81,7 @@ class Clipped(NamedTuple):
     triangles: Triangles  # a part has the corners of its face; its clipped_idx is a row of `planes`, that of others -1
     vertices: Vertices
     faces: np.ndarray  # (n,) uint32, the face that each triangle is a part of
-    planes: np.ndarray  # (n_clipped, face_planes.N_COLUMN) float64
+    planes: np.ndarray  # (n_clipped, N_COLUMN) float64
     n_clipped: int  # faces that were clipped or lie wholly outside
 
 
@@ -96,8 +96,8 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
     touched = np.flatnonzero((vertices.x[vertex_idx] == OUTSIDE).any(axis=0))
     crossing, scratch = np.empty(len(touched), np.uint32), make_clip_scratch()
     crossing = crossing[: find_crossing(positions, vertex_idx, touched.astype(np.uint32), screen, scratch, crossing)]
-    most = len(crossing) * (MAX_CORNERS - 2)
-    parts, owners = np.empty((most, 3, N_CORNER_COLUMN)), np.empty(most, np.uint32)
+    room = len(crossing) * (MAX_CORNERS - 2)
+    parts, owners = np.empty((room, 3, N_CORNER_COLUMN)), np.empty(room, np.uint32)
     n_part = clip_faces(positions, vertex_idx, crossing, screen, scratch, parts, owners)
     parts, owners = parts[:n_part], owners[:n_part]
 
@@ -137,7 +137,7 @@ def snap_corners(parts, owners, z_planes, z_ranges, screen):
     ----------
     parts : (n, 3, N_CORNER_COLUMN) float64
     owners : (3 n,) uint32, the face that each corner is one of, below n_clipped
-    z_planes : (n_clipped, 3) float64, see clip.py
+    z_planes : (n_clipped, 3) float64, see compute_face_planes
     z_ranges : (n_clipped, 2) float64, least and largest z that is seen of each face
     """
     corners = parts.reshape(-1, N_CORNER_COLUMN)
@@ -287,6 +287,7 @@ def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are looked at
+    screen : Screen
     scratch : ClipScratch
     out_faces : (n,) uint32
     """
@@ -317,6 +318,7 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are clipped
+    screen : Screen
     scratch : ClipScratch
     out_parts : (n (MAX_CORNERS - 2), 3, N_CORNER_COLUMN) float64
     out_owners : (n (MAX_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
@@ -440,6 +442,8 @@ def search_nearest(positions, vertex_idx, screen, window, scratch):
 
     Parameters
     ----------
+    positions : (3, n) float64, world space, scene units · vertex_idx : (3, n_face) uint32
+    screen : Screen
     window : Window, the picture
     scratch : ClipScratch
     """

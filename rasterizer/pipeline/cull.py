@@ -109,7 +109,11 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, cull_back, scratch, 
 
     Parameters
     ----------
+    start, end : the range of triangles, half-open
     vertex_idx : (3, n_face) uint32
+    vertices : Vertices, on the screen
+    grid : Grid
+    cull_back : bool, drop triangles that are seen clockwise
     scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
@@ -372,6 +376,8 @@ def compute_outcodes(positions, eye, planes, out_outcodes):
 
     Parameters
     ----------
+    positions : (3, n_vertex) float64, world space, scene units
+    eye : (3,) float64, world space · planes : (n_plane, 3) float64, see `list_seen_faces`
     out_outcodes : (n_vertex,) uint8
     """
     origin = eye[0], eye[1], eye[2]
@@ -390,6 +396,7 @@ def list_seen(vertex_idx, outcodes, out_faces):
 
     Parameters
     ----------
+    vertex_idx : (3, n_face) uint32
     outcodes : (n_vertex,) uint8
     out_faces : (n_face,) uint32
     """

@@ -53,7 +53,7 @@ def place_lines(segments, sides, width):
 
 
 @kernel
-def draw_edges(segments, lines, most, is_perspective, depth, out):
+def draw_edges(segments, lines, max_share, is_perspective, depth, out):
     """Find the share of each sample that lines along edges cover.
 
     Parameters
@@ -61,7 +61,8 @@ def draw_edges(segments, lines, most, is_perspective, depth, out):
     segments : (n, 6) float64, edges: x, y (samples) and nearness of both ends; nearness is 1/depth, without perspective
         the depth
     lines : (n, 3) float64, see `place_lines`
-    most : the largest share
+    max_share : the largest share, 0..1
+    is_perspective : whether nearness is 1/depth
     depth : (height, width) float32, inf where nothing is seen
     out : the same, comes in as 0
     """
@@ -85,7 +86,7 @@ def draw_edges(segments, lines, most, is_perspective, depth, out):
                 x = column + 0.5
                 t = min(max(((x - x0) * dx + (y - y0) * dy) * inverse, 0.0), 1.0)
                 near_x, near_y, nearness = x0 + t * dx, y0 + t * dy, near0 + t * d_near
-                share = min(half_width + 0.5 - np.sqrt((x - near_x) ** 2 + (y - near_y) ** 2), most)
+                share = min(half_width + 0.5 - np.sqrt((x - near_x) ** 2 + (y - near_y) ** 2), max_share)
                 if share > out[index(row), index(column)] and depth[index(row), index(column)] < np.inf:
                     z = 1.0 / nearness if is_perspective else nearness
                     point = near_x - aside_x, near_y - aside_y, z

@@ -142,11 +142,11 @@ def compute_level_plane(coding, block):
     no entry can carry into the bits above it.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
-    scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
+    scale, highest = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
     for k in range(index(s.BLOCK)):
         path, tolerance = ints[s.PATH + k], reals[s.LIMIT + k] * scale
         i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
-        level0, level1, level2 = clamp(i0 * scale, most), clamp(i1 * scale, most), clamp(i2 * scale, most)
+        level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
         low, high = min(level0, level1, level2), max(level0, level1, level2)
         spread, middle = high - low, 0.5 * (low + high)
         margin = float(ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k]) + 1.0  # 2e
@@ -169,10 +169,10 @@ def compute_level_plane(coding, block):
 
 
 @helper
-def clamp(level, most):
-    """Return the level within 0..most; 0 where it is no number."""
+def clamp(level, highest):
+    """Return the level within 0..highest; 0 where it is no number."""
     level = level if level > 0.0 else 0.0
-    return level if level < most else most
+    return level if level < highest else highest
 
 
 # ---------------------------------------------------------------- normals
@@ -224,13 +224,13 @@ def compute_normal_planes(coding, block):
         # Three equal normals stay exactly constant if no w is mixed in; then the length is 1.
         w0, w1, w2 = sign if is_flat else w0 * scale, sign if is_flat else w1 * scale, sign if is_flat else w2 * scale
         length *= 1.0 if is_flat else least / largest
-        most = 0.0
+        rise = 0.0
         for axis in range(index(3)):
             n0, n1, n2 = values_at(s.ATTRIBUTE + axis * s.NEXT_PLANE + k, block)
-            most = max(most, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
+            rise = max(rise, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
         # No normals at all are exact.
         limit = block.reals[s.LIMIT + k]
-        block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * most <= limit * length) | (most == 0.0)
+        block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * rise <= limit * length) | (rise == 0.0)
 
 
 @helper
@@ -296,7 +296,7 @@ def compute_value_planes(first, max_affine, depths, block):
     ints, reals = block.ints, block.reals
     for k in range(index(s.BLOCK)):
         n_own, accepted = ints[s.N_OWN + k] - first, reals[s.LIMIT + k]  # other materials of the block may have more
-        most, spread, not_finite = measure_values(k, first, n_own, block)
+        magnitude, spread, not_finite = measure_values(k, first, n_own, block)
         r0, r1, r2 = linear_in_z(k, depths.ratio_offset, depths.ratio_scale, block)
         least, largest = min(r0, r1, r2), max(r0, r1, r2)
         is_affine = (ints[s.N_OWN + k] <= max_affine) & is_bent_little(spread, least, largest, accepted)
@@ -308,8 +308,8 @@ def compute_value_planes(first, max_affine, depths, block):
             here = compute_plane(k, index(first) + number, a0, a1, a2, block)
             rise = larger(rise, here if number < n_own else 0.0)
         shift = depth_rounding(k, block) * abs(depths.ratio_scale)
-        shrinkage = affine_error(most, rise)
-        error = 2.0 * shrinkage if is_affine else weighted_error(most, rise, least, largest, shift)
+        shrinkage = affine_error(magnitude, rise)
+        error = 2.0 * shrinkage if is_affine else weighted_error(magnitude, rise, least, largest, shift)
         is_good = error <= (0.5 * accepted if is_affine else accepted)
         is_good &= is_affine | (least >= MIN_INVERSE)
         ints[s.HAS_PLANES + k] &= is_good | (n_own <= 0)  # where it has none of these, any are good
@@ -322,14 +322,14 @@ def compute_value_planes(first, max_affine, depths, block):
 def measure_values(k, first, n_own, block):
     """Return the largest absolute value and the largest range of triangle k's attributes, and 0, or NaN where one isn't
     finite: then no plane is good."""
-    most = spread = not_finite = 0.0
+    magnitude = spread = not_finite = 0.0
     for number in range(index(N_VALUE)):
         a0, a1, a2 = values_at(s.ATTRIBUTE + (index(first) + number) * s.NEXT_PLANE + k, block)
         is_own = number < n_own
-        most = larger(most, max(abs(a0), abs(a1), abs(a2)) if is_own else 0.0)
+        magnitude = larger(magnitude, max(abs(a0), abs(a1), abs(a2)) if is_own else 0.0)
         spread = larger(spread, max(a0, a1, a2) - min(a0, a1, a2) if is_own else 0.0)
         not_finite += (a0 - a0) + (a1 - a1) + (a2 - a2) if is_own else 0.0
-    return most, spread, not_finite
+    return magnitude, spread, not_finite
 
 
 @helper
@@ -349,17 +349,17 @@ def is_bent_little(spread, least, largest, accepted):
 
 
 @helper
-def affine_error(most, rise):
+def affine_error(magnitude, rise):
     """Bound what float32 takes from an affine plane.
 
     With u = 2^-24 it rounds the value at the anchor, at most m + s, and the slopes; then two products and two sums:
     u·(3 m + 4 s). One m and one s more leave room for products of roundings and for those of float64.
     """
-    return SINGLE * (4.0 * most + 5.0 * rise)
+    return SINGLE * (4.0 * magnitude + 5.0 * rise)
 
 
 @helper
-def weighted_error(most, rise, least, largest, shift):
+def weighted_error(magnitude, rise, least, largest, shift):
     """Bound the error of a sample's value.
 
     A weighted plane errs by u·(3 m r_max + 4 s); a sample's r, found from a depth that is off by d z-buffer units, by
@@ -369,7 +369,7 @@ def weighted_error(most, rise, least, largest, shift):
 
     `shift` is d·|ratio_scale|.
     """
-    return (SINGLE * (3.0 * most * largest + 4.0 * rise) + most * shift) / least + 3.0 * SINGLE * most
+    return (SINGLE * (3.0 * magnitude * largest + 4.0 * rise) + magnitude * shift) / least + 3.0 * SINGLE * magnitude
 
 
 @helper

@@ -66,6 +66,8 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
     Parameters
     ----------
     band : ScannedBand. Attributes 0-2 of its records are the normals, 3-5 the albedo (only of materials that have one)
+    screen : Screen
+    lighting : Lighting (lighting.py)
     faces : FaceTable
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled

@@ -54,9 +54,9 @@ class Records(NamedTuple):
 
 
 def make_records(n, n_attribute) -> Records:
-    """Return room for n records of either kind, of a unit each.
+    """Return room for n records of planes and for n exact ones, of a unit each.
 
-    Only what is written to becomes memory, so both kinds may have room for every triangle. Loops without branches read
+    Only what is written to becomes memory, so both may have room for every triangle. Loops without branches read
     the planes of exact records, too, as far as the longest record goes: the last has as much behind it.
     """
     integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute))

@@ -47,11 +47,11 @@ class Encoding(NamedTuple):
 # A batch of pixels is one flat array, as a batch of fragments is: red from 0 on, green from NEXT on, blue, alpha.
 ALPHA = index(3 * BATCH_SIZE)
 PIXELS_SHAPE = (4 * BATCH_SIZE,)
-PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter way
+PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter path
 
 
 class PixelBatch(NamedTuple):
-    """A batch of pixels on their way into the picture; see resolve.py for what stands where."""
+    """A batch of pixels on their way into the picture; see ALPHA for what stands where."""
 
     values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
     levels: np.ndarray  # PIXELS_SHAPE int32
@@ -92,8 +92,11 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
 def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, out):
     """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
 
-    `points` is PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), and
-    `radiance` theirs; or None, and `radiance` that of the samples.
+    Parameters
+    ----------
+    radiance : (n_channel, n_row * pitch) float32 or float64, linear, of the points, or else of the samples
+    points : PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), or None
+    visibility, rows, grid, encoding, batch, out : as in `resolve`
     """
     n_covered, factor, (y_start, y_end) = np.int64(0), factor_of(grid), rows
     for j in range(y_start, y_end):
@@ -112,7 +115,10 @@ def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, 
 
 @kernel
 def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out):
-    """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns."""
+    """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns.
+
+    The parameters are those of `resolve`.
+    """
     n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
     factor = factor_of(grid)
     for j in range(y_start, y_end):

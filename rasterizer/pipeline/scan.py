@@ -48,7 +48,7 @@ from .visibility import (
 class ScanCounts(NamedTuple):
     """What the scan stage found in a band."""
 
-    n_level: int  # triangles by the way that their attributes took
+    n_level: int  # triangles by the path that their attributes took
     n_plane: int
     n_exact: int
     features: int  # what the materials of those that are drawn need, see gradients.py

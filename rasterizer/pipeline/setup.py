@@ -47,9 +47,9 @@ IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
-# What is known of its material, see gradients.py: its cheapest way, how many attributes are read.
+# What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
 PATH, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
-IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see setup.py
+IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
 N_INT = 26
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
@@ -319,7 +319,7 @@ class DepthScale(NamedTuple):
 
 @helper
 def linear_in_z(k, offset, scale, block):
-    """Compute offset + scale·z at the three vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale."""
+    """Compute offset + scale·z at the vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale."""
     z0, z1, z2 = block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
     return offset + scale * z0, offset + scale * z1, offset + scale * z2
 
@@ -345,5 +345,5 @@ def compute_plane(k, plane, a0, a1, a2, block):
 
 @helper
 def depth_rounding(k, block):
-    """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see setup.py."""
+    """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see MAX_LEVERAGE."""
     return 0.5 * float(block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING

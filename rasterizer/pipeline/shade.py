@@ -268,6 +268,7 @@ def fade(band, depths, is_perspective, cue, out_radiance):
     ----------
     band : ScannedBand, whose coding is not read
     depths : DepthScale
+    is_perspective : bool
     cue : Cue
     out_radiance : (n_channel, n_row * pitch) float64, linear, changed
     """

@@ -32,35 +32,10 @@ from .samples import PLANE_GROUP, ScreenPoints
 from .transform import SUBPIXEL
 from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
 
-# ----------------------------------------------------------------
-# How many samples a pixel has, as a type: each number of them has kernels of its own.
-# Loops over the samples of a pixel are unrolled, and those over pixels become vector instructions, where the number is
-# known when they are compiled. A picture has one number of samples: so one such loop is compiled, not one for each.
-
-MAX_FACTOR = 4  # samples a pixel along an axis
-
-
-class SampleGrid(NamedTuple):
-    """The samples of a pixel, as many along either axis as `axis` has items."""
-
-    axis: tuple  # zeros
-
-
-def make_grid(factor) -> SampleGrid:
-    """Return the samples of a pixel, `factor` along each axis."""
-    return SampleGrid((0,) * factor)
-
-
-@helper
-def factor_of(grid):
-    """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
-    return len(grid.axis)
-
-
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
 NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)
 MAX_SAMPLES = index(16)  # of a pixel
-PIECE = 64  # pixels that are listed together: those that show a record each take a shorter way
+PIECE = 64  # pixels that are listed together: those that show a record each take a shorter path
 
 
 class PointList(NamedTuple):
@@ -256,3 +231,29 @@ def spread_points(visibility, n_row, factor, points, radiance, out_radiance):
             if point != NO_POINT:
                 for channel in range(index(radiance.shape[0])):
                     out_radiance[channel, sample] = radiance[channel, index(point)]
+
+
+# ---------------------------------------------------------------- how many samples a pixel has
+
+# As a type: each number of them has kernels of its own. Loops over the samples of a pixel are unrolled, and those over
+# pixels become vector instructions, where the number is known when they are compiled. A picture has one number of
+# samples: so one such loop is compiled, not one for each.
+
+MAX_FACTOR = 4  # samples a pixel along an axis
+
+
+class SampleGrid(NamedTuple):
+    """The samples of a pixel, as many along either axis as `axis` has items."""
+
+    axis: tuple  # zeros
+
+
+def make_grid(factor) -> SampleGrid:
+    """Return the samples of a pixel, `factor` along each axis."""
+    return SampleGrid((0,) * factor)
+
+
+@helper
+def factor_of(grid):
+    """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
+    return len(grid.axis)

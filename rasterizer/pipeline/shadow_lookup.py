@@ -342,21 +342,22 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
 
     Parameters
     ----------
-    visibility : of the band
+    visibility : VisibilityBuffer, of the band
+    y_start, n_row : the rows of the map
     offset, slope : the texels are offset + slope·z, 1/w or minus the depth; computed in float64
     out_texels : (size, size) float32 or float64, row y_start.. of it; -inf where nothing is
     """
     entries, real = visibility.entries, out_texels.dtype.type
-    nothing = real(-np.inf)
+    furthest = real(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
         row = out_texels[index(y_start + j)]
         left, right = index(max(left, 0)), index(min(max(right, left, 0), len(row)))
         for i in range(min(left, index(len(row)))):
-            row[i] = nothing
+            row[i] = furthest
         for i in range(right, index(len(row))):
-            row[i] = nothing
+            row[i] = furthest
         here = entries[index(j * visibility.pitch) :]
         for i in range(left, right):
-            row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else nothing
+            row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else furthest
     clear(visibility, n_row)

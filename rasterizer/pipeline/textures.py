@@ -147,6 +147,7 @@ def pack_texels(picture, repeats_s, repeats_t, steps_per_unit, out):
     Parameters
     ----------
     picture : (h, 4 * w) float32
+    repeats_s, repeats_t : bool, whether the wrap repeats the picture along s and t
     steps_per_unit : of colours; of alpha it is 65535
     out : (h + 2, 4 * (w + 2)) int16; its border is left alone
     """

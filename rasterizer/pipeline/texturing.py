@@ -1,11 +1,16 @@
-"""Between scan and shade of textured surfaces: what their textures show at a run of samples, whichever way texture
-coordinates have come.
+"""Stage 6, shade, of textured surfaces: what their textures show, and intensities of vertices times texels.
 
-In:  the entries of samples that show one material, in records of planes or exact ones.
-Out: four quantities of a batch of fragments: red, green, blue and alpha.
+In:  the band's visibility entries and records: the paths by which texture coordinates come are planes, and exact.
+Out: of a run of samples that show one material, four quantities of a batch of fragments: red, green, blue and alpha
+     (`fill_texels`), by which Phong's method multiplies its albedo. By flat shading and Gouraud's method `radiance` of
+     the samples that show a textured surface; shade.py has filled that of the others.
 
 Planes are looked up in float32 (texture_lookup.py). So are exact records, such as those of large triangles, where exact
 texture coordinates make that good enough (`TextureCoding.is_exact_looked_up`); else in float64 (texture_sampling.py).
+
+Attributes 0-2 of a textured surface are what a black one gives off, 3-5 what the whole one gives off:
+
+    I = I_rest + texel · (I_whole - I_rest)
 """
 
 from typing import NamedTuple
@@ -61,9 +66,128 @@ class Texturing(NamedTuple):
     """The textures of a scene, and memory for looking them up."""
 
     textures: Textures
-    lookup_batch: np.ndarray  # see textures.py
+    lookup_batch: np.ndarray  # see texture_lookup.py
     double_batch: np.ndarray  # see texture_sampling.py
     texels: np.ndarray  # (4, n_row * pitch) float64: those of exact records; the alpha of all, for transparent surfaces
+
+
+REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
+
+
+@kernel
+def shade_textured(band, texturing, batch, out_radiance):
+    """Interpolate the light that a texture weakens and the rest apart, for the samples that show a texture.
+
+    Parameters
+    ----------
+    band : ScannedBand
+    texturing : Texturing, after `sample_textures`
+    batch : see fragments.py, float32
+    out_radiance : (3, n_row * pitch) float32 or float64, linear
+    """
+    visibility = band.visibility
+    for j in range(band.n_row):
+        y, (first, right) = band.y_start + j, row_extent(visibility, j)
+        while first < right:
+            start = index(j * visibility.pitch + first)
+            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
+            n = min(end - first, BATCH_SIZE)
+            if material < 0:
+                n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
+            elif not band.coding.features[material] & HAS_TEXTURE:
+                n, material = end - first, np.int64(-1)
+            if material >= 0:
+                entries = visibility.entries[start : start + index(n)]
+                where = samples_from(band.points, (first, y), start, index(n))
+                shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
+                if has_exact(entries):
+                    shade_exact(entries, band.records, where, texturing, start, out_radiance)
+            first += n
+
+
+@helper
+def run_of_texture(entries, band):
+    """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
+    material = np.int64(-1)
+    for k in range(index(len(entries))):
+        if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
+            here = np.int64(-1)
+            if entries[k] & IS_ID:
+                here = material_of(entries[k], band.records)
+                here = here if band.coding.features[here] & HAS_TEXTURE else np.int64(-1)
+            if here != material:
+                if k > 0:
+                    return np.int64(k), material
+                material = here
+    return np.int64(len(entries)), material
+
+
+@choice
+def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
+    """Fill the intensities of samples that show planes; of exact records anything is written.
+
+    `first` says where the samples lie (samples.py), `start` is the index of the first in the band.
+    """
+    return evaluate_textured if class_of(field_of(band, "coding")) is LevelCoding else leave_textured
+
+
+@helper
+def leave_textured(entries, band, first, material, texturing, start, batch, out_radiance):
+    """Do nothing."""
+
+
+@helper
+def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
+    """See `shade_planes`. Of exact records, texels are looked up or kept for `shade_exact`."""
+    shows_planes = has_planes(entries)
+    if shows_planes:
+        evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
+    if fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL):
+        keep_exact(entries, texturing.texels, start, batch, f.TEXEL)
+    if shows_planes:
+        mix_values(entries, band, first, start, batch, out_radiance)
+
+
+@helper
+def mix_values(entries, band, first, start, batch, out_radiance):
+    """Evaluate the planes of intensities, and mix them by the texels that the batch holds."""
+    records, n = band.records, index(len(entries))
+    fill_weights(entries, band.coding.depths, batch)
+    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
+    group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
+    evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
+    for channel in range(index(3)):
+        step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
+        for k in range(n):
+            rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
+            out[k] = rest + batch[f.TEXEL + step + k] * (whole - rest)
+
+
+@helper
+def shade_exact(entries, records, first, texturing, start, out_radiance):
+    """Fill the intensities of exact records; `first` says where the samples lie (samples.py), `start` is the
+    index of the first in the band.
+
+    Channel by channel over weights that are known: so each loop becomes vector instructions.
+    """
+    batch, (k, end) = texturing.double_batch, next_exact_run(entries, index(0))
+    while k < end:
+        record, n = record_of(entries[k]), end - k
+        fill_barycentric(records, record, skip_to(first, k), n, batch)
+        for channel in range(index(3)):
+            column = index(ATTRIBUTE) + index(3) * channel
+            of_rest = corner_values(records.reals, record, column)
+            of_whole = corner_values(records.reals, record, column + index(9))
+            texels = texturing.texels[channel, start + k : start + end]
+            out = out_radiance[channel, start + k : start + end]
+            for i in range(n):
+                p = get_vector(batch, BARYCENTRIC, i)
+                rest, whole = mean(of_rest, p), mean(of_whole, p)
+                out[i] = rest + (whole - rest) * texels[i]
+        k, end = next_exact_run(entries, end)
+
+
+# ---------------------------------------------------------------- what a texture shows
 
 
 @helper
@@ -236,128 +360,3 @@ def look_up_doubtful(entries, band, first, texture, texturing, start, batch, qua
             sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
             for channel in range(index(4)):
                 batch[quantity + channel * f.NEXT + k] = np.float32(texels[channel, 0])
-
-
-# ----------------------------------------------------------------
-# Stage 6, shade, of textured surfaces by flat shading and Gouraud's method: intensities of vertices times texels.
-# In:  the band's visibility entries and records. Attributes 0-2 of a textured surface are what a black one gives off,
-# 3-5
-#      what the whole one gives off.
-# Out: `radiance` of the samples that show a textured surface. shade.py has filled that of the others.
-#
-#     I = I_rest + texel · (I_whole - I_rest)
-
-REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
-
-
-@kernel
-def shade_textured(band, texturing, batch, out_radiance):
-    """Interpolate the light that a texture weakens and the rest apart, for the samples that show a texture.
-
-    Parameters
-    ----------
-    band : ScannedBand
-    texturing : Texturing, after `sample_textures`
-    batch : see fragments.py, float32
-    out_radiance : (3, n_row * pitch) float32 or float64, linear
-    """
-    visibility = band.visibility
-    for j in range(band.n_row):
-        y, (first, right) = band.y_start + j, row_extent(visibility, j)
-        while first < right:
-            start = index(j * visibility.pitch + first)
-            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
-            n = min(end - first, BATCH_SIZE)
-            if material < 0:
-                n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
-            elif not band.coding.features[material] & HAS_TEXTURE:
-                n, material = end - first, np.int64(-1)
-            if material >= 0:
-                entries = visibility.entries[start : start + index(n)]
-                where = samples_from(band.points, (first, y), start, index(n))
-                shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
-                if has_exact(entries):
-                    shade_exact(entries, band.records, where, texturing, start, out_radiance)
-            first += n
-
-
-@helper
-def run_of_texture(entries, band):
-    """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
-    material = np.int64(-1)
-    for k in range(index(len(entries))):
-        if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
-            here = np.int64(-1)
-            if entries[k] & IS_ID:
-                here = material_of(entries[k], band.records)
-                here = here if band.coding.features[here] & HAS_TEXTURE else np.int64(-1)
-            if here != material:
-                if k > 0:
-                    return np.int64(k), material
-                material = here
-    return np.int64(len(entries)), material
-
-
-@choice
-def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
-    """Fill the intensities of samples that show planes; of exact records anything is written.
-
-    `first` says where the samples lie (samples.py), `start` is the index of the first in the band.
-    """
-    return evaluate_textured if class_of(field_of(band, "coding")) is LevelCoding else leave_textured
-
-
-@helper
-def leave_textured(entries, band, first, material, texturing, start, batch, out_radiance):
-    """Do nothing."""
-
-
-@helper
-def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
-    """See `shade_planes`. Of exact records, texels are looked up or kept for `shade_exact`."""
-    shows_planes = has_planes(entries)
-    if shows_planes:
-        evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
-    if fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL):
-        keep_exact(entries, texturing.texels, start, batch, f.TEXEL)
-    if shows_planes:
-        mix_values(entries, band, first, start, batch, out_radiance)
-
-
-@helper
-def mix_values(entries, band, first, start, batch, out_radiance):
-    """Evaluate the planes of intensities, and mix them by the texels that the batch holds."""
-    records, n = band.records, index(len(entries))
-    fill_weights(entries, band.coding.depths, batch)
-    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
-    group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
-    evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
-    for channel in range(index(3)):
-        step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
-        for k in range(n):
-            rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
-            out[k] = rest + batch[f.TEXEL + step + k] * (whole - rest)
-
-
-@helper
-def shade_exact(entries, records, first, texturing, start, out_radiance):
-    """Fill the intensities of exact records; `first` says where the samples lie (samples.py), `start` is the
-    index of the first in the band.
-
-    Channel by channel over weights that are known: so each loop becomes vector instructions.
-    """
-    batch, (k, end) = texturing.double_batch, next_exact_run(entries, index(0))
-    while k < end:
-        record, n = record_of(entries[k]), end - k
-        fill_barycentric(records, record, skip_to(first, k), n, batch)
-        for channel in range(index(3)):
-            column = index(ATTRIBUTE) + index(3) * channel
-            of_rest = corner_values(records.reals, record, column)
-            of_whole = corner_values(records.reals, record, column + index(9))
-            texels = texturing.texels[channel, start + k : start + end]
-            out = out_radiance[channel, start + k : start + end]
-            for i in range(n):
-                p = get_vector(batch, BARYCENTRIC, i)
-                rest, whole = mean(of_rest, p), mean(of_whole, p)
-                out[i] = rest + (whole - rest) * texels[i]
-        k, end = next_exact_run(entries, end)

@@ -190,5 +190,5 @@ def forget(visibility):
 
 @kernel
 def forget_extents(visibility):
-    """Forget all extents and materials of a buffer without entries."""
+    """Forget all extents and materials of a VisibilityBuffer without entries."""
     forget(visibility)
