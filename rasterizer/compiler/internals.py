@@ -12,7 +12,7 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       _codegen._tm, _codegen._module_pass_manager
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
-    core.compiler_machinery.PassManager._runPass,      a fifth less to compile (short_passes.py): passes that
+    core.compiler_machinery.PassManager._runPass,      30 % less to compile (short_passes.py): passes that
       core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
       core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
       typed_passes.NativeLowering, np.arrayobj,

@@ -54,7 +54,7 @@ def _part_of(value):
 
 def _is_number(dtype) -> bool:
     """Tell whether kernels take numbers of a dtype: bool, integers, float32 and float64."""
-    return dtype.cls in "biu" or dtype.char in "fd"
+    return dtype.kind in "biu" or dtype.char in "fd"
 
 
 def class_of(name: str) -> type:

@@ -9,17 +9,13 @@ Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `
 
 from contextlib import contextmanager
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 
-from ..compiler.fingerprint import is_seen
 from .samples import PLANE_GROUP
 from .visibility import LANES, LEVEL_BITS
-
-if is_seen(numba.__version__):
-    from numba.core import cgutils
 
 TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
 FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)

@@ -51,7 +51,7 @@ class ScanCounts(NamedTuple):
     n_level: int  # triangles by the path that their attributes took
     n_plane: int
     n_exact: int
-    features: int  # what the materials of those that are drawn need, see gradients.py
+    features: int  # those of the materials of all that are drawn, see gradients.py
     material: int  # of all of them; -1 where there are several
 
 
@@ -61,7 +61,7 @@ class Deferred(NamedTuple):
     faces: np.ndarray  # (n,) uint32, room for all triangles of the band
     payloads: np.ndarray  # (n,) int64: what stands below the depth in their entries
     extents: VisibilityBuffer  # without entries: where they may be seen, and what materials
-    found: np.ndarray  # (4,) int64: how many there are, and of ScanCounts n_plane, n_exact and needs
+    found: np.ndarray  # (4,) int64: how many there are, and of ScanCounts n_plane, n_exact and features
 
     @property
     def is_empty(self) -> bool:
