@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import kernel
+from ..scene.arrays import distinct
 from ..scene.triangulation import CHUNK, classify_polygons, rotate_to_first
-from ..scene.validate import distinct
 
 
 class Rings(NamedTuple):

@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError, SceneError, shown
-from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, MAX_FACES, Mesh
 from ..scene.validate import is_whole
 from .normals import split_creases, within_range
 from .points import unique_rows
 from .polygons import Centers, Rings, find_rings, with_means
 
-_FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 _HIDDEN_FOLD = math.sin(math.radians(DEFAULT_CREASE_ANGLE / 2))  # of a slope that both ends of an edge don't know
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
@@ -49,9 +48,9 @@ def subdivide(mesh: Mesh, times: int) -> Mesh:
     """Return a mesh whose triangles are cut in four `times` times; see `Mesh.subdivide`."""
     times = _checked_times(times)
     n_face = mesh.n_face * 4**times
-    if n_face > _FACE_LIMIT:
+    if n_face > MAX_FACES:
         raise ModelError(
-            f"a mesh may have up to {_FACE_LIMIT} faces; subdivided {times} times, its {mesh.n_face} would be {n_face}"
+            f"a mesh may have up to {MAX_FACES} faces; subdivided {times} times, its {mesh.n_face} would be {n_face}"
         )
     for _ in range(times):
         mesh = _cut_once(mesh)

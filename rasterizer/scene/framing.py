@@ -315,3 +315,19 @@ def cos_sin(degrees: float) -> tuple[float, float]:
     if rest == 0.0:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]
     return math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+
+
+def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+    """Return the matrix (3, 3) that turns vectors about a unit axis, counter-clockwise as seen from its tip.
+
+    Parameters
+    ----------
+    axis : (3,) unit vector
+    angle : degrees; at multiples of 90 the matrix is exact
+
+    Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440: R = cos θ·1 + sin θ·[a]× + (1 - cos θ)·a aᵀ.
+    """
+    cos, sin = cos_sin(angle)
+    x, y, z = np.asarray(axis, np.float64)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return cos * np.eye(3) + sin * across + (1.0 - cos) * np.outer((x, y, z), (x, y, z))

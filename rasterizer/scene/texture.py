@@ -24,9 +24,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError, checked_fields, shown
+from .arrays import KeepsArrays, fixed, plain_array
 from .color import linear_from_srgb_bytes
-from .mesh_arrays import KeepsArrays, fixed
-from .validate import choice, plain_array
+from .validate import choice
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -472,8 +472,8 @@ FAULTS = (
     Fault(
         "validation: a shadow's filter may be even",
         "scene/lights.py",
-        '("filter", "an odd", 1, MOST_TAPS, 2)',
-        '("filter", "an odd", 1, MOST_TAPS, 1)',
+        '("filter", "an odd", 1, _MAX_TAPS, 2)',
+        '("filter", "an odd", 1, _MAX_TAPS, 1)',
         "scene io cli",
     ),
     # Command line
