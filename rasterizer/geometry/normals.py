@@ -1,4 +1,4 @@
-"""Normals of polygons, and of vertices: averaged over the faces round them, up to the creases, where vertices are split.
+"""Normals of polygons, and of vertices: averaged over the faces round them up to the creases, where vertices split.
 
 In: vertices (n_vertex, 3) and triangles (n_face, 3), counter-clockwise seen from outside, as a `Mesh` holds them. Out:
 unit normals; from `split_creases` new triangles over vertices that carry one normal each.
@@ -122,7 +122,7 @@ def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) 
     Source: Newell's method in Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1).
     """
     vertices, faces, polygons = *_freeze_mesh(vertices, faces), _freeze(polygons, np.uint32)
-    normals = np.zeros((int(polygons.max(initial=-1)) + 1, 3))
+    normals = np.zeros((int(polygons.max()) + 1 if len(polygons) else 0, 3))
     sum_by_polygon(vertices, faces, polygons, normals, np.zeros(len(normals)))
     return normals
 

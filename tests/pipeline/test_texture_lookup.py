@@ -15,7 +15,7 @@ from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texture_lookup import compute_texcoords, read_texels
 from rasterizer.pipeline.texture_packing import FILTER_NEAREST, NEAREST_ERROR
 from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
-from rasterizer.reference.texture import sample_texture
+from rasterizer.reference.shading import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 

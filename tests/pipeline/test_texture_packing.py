@@ -7,7 +7,7 @@ from helpers.arrays import differences
 from rasterizer.engine.plan import list_textures
 from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline.texture_packing import first_texel
-from rasterizer.reference.texture import sample_texture
+from rasterizer.reference.shading import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 
