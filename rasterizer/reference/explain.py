@@ -144,7 +144,7 @@ class Explanation:
     linear : linear RGB of the pixel: the mean over its samples, over the background; without one not premultiplied
     alpha : of the pixel
     rgb : its 8-bit sRGB values
-    way : how the fast way draws the nearest surface; None where nobody asked
+    way : how the renderer draws the nearest surface; None where nobody asked
     """
 
     x: int

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import Antialias, ColorRange, Cull, EdgeKind, Samples, Shading
+from ..choices import Antialias, ColorRange, Cull, EdgeType, Samples, Shading
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
@@ -111,7 +111,7 @@ def render(
     exposure: float = 0.0,
     spectral: int | None = None,
     rounded: bool = True,
-    edges: EdgeKind | Sequence[EdgeKind] | None = None,
+    edges: EdgeType | Sequence[EdgeType] | None = None,
     edge_color: ColorLike = "black",
     edge_width: float = 1.0,
 ) -> Picture:
@@ -270,7 +270,7 @@ def encode(color: NDArray) -> NDArray[np.uint8]:
 
 
 def in_range(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.float64]:
-    """Bring linear colours into 0..1 in the way asked for.
+    """Bring linear colours into 0..1 as the colour range says.
 
     largest : the largest value of the whole picture, for "global"; None = that of `color`
     """

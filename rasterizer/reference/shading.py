@@ -363,5 +363,5 @@ def _wrap(index: NDArray, n: int, word: str) -> NDArray[np.int64]:
 
 
 def _mix(a: NDArray, b: NDArray, part: NDArray) -> NDArray[np.float64]:
-    """Go the share `part` of the way from a to b; where both are equal nothing is rounded."""
+    """Interpolate between a and b, `part` from a; where both are equal nothing is rounded."""
     return a + part * (b - a)
