@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rasterizer.analysis.ground_truth import Light
+from rasterizer.options import Options
 from rasterizer.reference.lamp import Lamp, make_lamps
 from rasterizer.reference.light import Lighting
 from rasterizer.reference.picture import Look, look_at, resolve, spread_samples
 from rasterizer.reference.reflection import channels_of
 from rasterizer.reference.shading import Fragments, light_fragments, opacity_of, sample_textures, world_positions
 from rasterizer.reference.shadow import Casters
-from rasterizer.reference.visibility import NOTHING, Raster, Window, find_visible, gather_fragments
+from rasterizer.reference.visibility import NO_KEY, Raster, Window, find_visible, gather_fragments
 from rasterizer.scene.scene import Scene
 
 TILE = 8  # pixels along each side
@@ -53,8 +54,9 @@ def draw_by_rays(
     -------
     RayTruth; None where the time doesn't suffice for LEAST_TILES
     """
-    start, limits, factor = perf_counter(), (None, None), round(samples**0.5)
-    look = look_at(scene, size, "phong", cull=cull, limits=limits, exposure=exposure, spectral=spectral)
+    start = perf_counter()
+    options = Options(shading="phong", samples=samples, cull=cull, exposure=exposure, spectral=spectral)
+    look, factor = look_at(scene, size, options), options.factor
     raster, lighting = spread_samples(look, factor)
     lamps = [
         _SeenFrom(lamp, lighting.casters)
@@ -97,7 +99,7 @@ def _gather_layers(raster: Raster, look: Look, lighting: Lighting) -> list[Fragm
         is_open = (visible.piece >= 0) & (through > 0.0)
         if not is_open.any():
             break
-        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
+        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
     return layers
 
 

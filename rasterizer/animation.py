@@ -16,9 +16,8 @@ from .io.files import write_whole
 from .io.loader import load
 from .options import Options
 from .renderer import Renderer
-from .scene.camera import Camera
+from .scene.camera import Camera, pivot_of, turned_cameras
 from .scene.scene import Scene
-from .scene.turning import pivot_of, turned_cameras
 from .scene.validate import is_whole, number
 
 _MOST_FRAMES = 10_000

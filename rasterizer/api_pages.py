@@ -47,7 +47,7 @@ ENTRIES = {
     "ReflectionModel": "scene.material",
     "OutputBuffer": "engine.output_buffers",
     "Format": "io.formats",
-    "describe_fields": "scene.fields",
+    "describe_fields": "scene.lights",
 }
 REGISTRIES = ("add_buffer", "add_format", "add_light", "add_reflection")
 REFERENCE = ("Picture", "coverage", "render")

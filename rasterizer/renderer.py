@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, Shading
+from .choices import Antialias, Axis, ColorRange, Cull, EdgeType, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared import Clock, PreparedScene, check_memory, checked_out
@@ -46,7 +46,7 @@ def render(
     exposure: float = Options.exposure,
     spectral: int | None = Options.spectral,
     threads: int | None = Options.threads,
-    edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
+    edges: EdgeType | Sequence[EdgeType] | None = Options.edges,
     edge_color: ColorLike = Options.edge_color,
     edge_width: float = Options.edge_width,
     ground: bool = Options.ground,
@@ -148,7 +148,7 @@ class Renderer:
         exposure: float = Options.exposure,
         spectral: int | None = Options.spectral,
         threads: int | None = Options.threads,
-        edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
+        edges: EdgeType | Sequence[EdgeType] | None = Options.edges,
         edge_color: ColorLike = Options.edge_color,
         edge_width: float = Options.edge_width,
         ground: bool = Options.ground,

@@ -264,7 +264,7 @@ def _shadow_steps(plan, distances) -> list[Step]:
 
 # ---------------------------------------------------------------- outputs
 
-STEEPEST, MOST_LEVELS = 12.92 * 255.0, 255  # levels of 8 bits for an intensity of 1, of the sRGB curve at black
+STEEPEST, MAX_LEVELS = 12.92 * 255.0, 255  # levels of 8 bits for an intensity of 1, of the sRGB curve at black
 # Of the largest number that corners have: 2^-24 where float64 becomes float32, and as much for what the ratio of depths
 # leaves of float64. A mean of normals may be short, so that more is left: twice as much.
 INTERPOLATED_BOUND, NORMAL_BOUND = 2.0**-23, 2.0**-22
@@ -366,7 +366,7 @@ def bound_levels(error: float | None, color_range: str) -> int | None:
         return None
     if color_range != "clamp":
         error = 2.0 * error / (1.0 - error) if error < 1.0 else math.inf
-    return min(math.ceil(STEEPEST * error), MOST_LEVELS) if math.isfinite(error) else MOST_LEVELS
+    return min(math.ceil(STEEPEST * error), MAX_LEVELS) if math.isfinite(error) else MAX_LEVELS
 
 
 def bound_buffers(names, screen: Screen, furthest: float, nearest: float, shortest: float) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
-from ..geometry import creases, ears, surfaces
+from ..geometry import ears, normals, surfaces
 from ..geometry.points import number_materials
 from ..geometry.polygons import fill_means
 from ..geometry.surfaces import find_shortest_normal
@@ -44,7 +44,7 @@ from .shadow_maps import corners_of, leaves_casters_out
 from .uniforms import list_materials, used_functions
 
 SIZE = (8, 8)  # of a picture without room, pixels
-NO_FANS = creases.Fans(np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), 0)
+NO_FANS = normals.Fans(np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), 0)
 COUNTS = ScanCounts(0, 0, 0, 0, 0)
 NO_MAPS = ShadowMaps(0, np.empty(0, np.int64))
 SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
@@ -92,11 +92,9 @@ def list_kernels(scene: Scene, options: Options, camera: Camera | None = None, p
 
 
 def list_mesh_kernels() -> list[Job]:
-    """List the kernels that work on meshes outside of pictures: vertex normals, polygons with ears."""
-    found, vertices = KernelList(), np.empty((0, 3))
-    found.add(creases.average_fans, vertices, NO_FANS, 0, creases.make_fan_scratch(0), vertices)
-    columns = np.empty(0, np.int64)
-    polygons = ears.Polygons(vertices, columns, columns, columns, columns)
+    """List the kernels that work on meshes outside of pictures: those that cut ears."""
+    found, columns = KernelList(), np.empty(0, np.int64)
+    polygons = ears.Polygons(np.empty((0, 3)), columns, columns, columns, columns)
     found.add(ears.cut_outlines, polygons, ears.make_ear_scratch(0), np.empty((0, 3), np.int64), np.empty(0, np.bool_))
     return list(found)
 
@@ -126,14 +124,14 @@ def add_geometry(found: KernelList, scene: Scene, options: Options, plan: Plan, 
     vertices, faces, of_faces = np.empty((0, 3)), np.empty((0, 3), np.uint32), np.empty(0, np.uint32)
     columns, corners = np.empty((3, 0)), np.empty((3, 0), np.uint32)
     if options.is_flat:
-        found.add(creases.sum_by_polygon, vertices, faces, of_faces, vertices, np.empty(0))
+        found.add(normals.sum_by_polygon, vertices, faces, of_faces, vertices, np.empty(0))
     else:
         found.add(surfaces.flag_inverted, columns, columns, corners, np.empty(0, np.uint8))
         if any(mesh.normals is None or mesh.crease_angle is not None for mesh in scene.meshes):
-            rule = creases.CreaseRule(np.empty(0, np.int32), 0.0, 0)
-            split = creases.SplitVertices(of_faces, vertices)
-            found.add(creases.list_corners, of_faces, of_faces, of_faces)
-            found.add(creases.split_fans, vertices, NO_FANS, rule, creases.make_fan_scratch(0), 0, 0, of_faces, split)
+            rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
+            split = normals.SplitVertices(of_faces, vertices)
+            found.add(normals.list_corners, of_faces, of_faces, of_faces)
+            found.add(normals.split_fans, vertices, NO_FANS, rule, normals.make_fan_scratch(0), 0, 0, of_faces, split)
     if plan.has_shadows:
         found.add(surfaces.compute_shapes, columns, corners, np.empty((0, 5)))
     asked: list = []  # of lights whose clearance is measured

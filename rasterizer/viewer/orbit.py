@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
-from ..scene.camera import Camera, View
-from ..scene.mesh import rotation
+from ..scene.camera import Camera, View, pivot_of
+from ..scene.framing import rotation
 from ..scene.scene import Scene
-from ..scene.turning import pivot_of
 
 # ----------------------------------------------------------------
 # A camera as flags of `raster render`, so that what was found by hand can be drawn again.

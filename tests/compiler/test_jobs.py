@@ -13,7 +13,7 @@ from helpers.stores import environment_with, run, start
 
 from rasterizer.compiler import jobs, kernels
 from rasterizer.compiler.store import Store
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 from rasterizer.pipeline.cull import scatter
 from rasterizer.pipeline.reflection import lambert
 
@@ -117,7 +117,7 @@ import logging
 logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 
 sys.executable = sys.argv[1] or sys.executable
 corners = np.array([2, 0, 2, 1], np.uint32)

@@ -191,14 +191,14 @@ FAULTS = (
     # Normals, polygons, subdivision
     Fault(
         "vertex normals: weights by area are roots of it",
-        "geometry/creases.py",
+        "geometry/normals.py",
         "weight = size",
         "weight = math.sqrt(size)",
         "geometry reference pictures",
     ),
     Fault(
         "creases: faces of smoothing group 0 are smoothed over",
-        "geometry/creases.py",
+        "geometry/normals.py",
         "group != 0 and group == smoothing",
         "group == smoothing",
         "geometry reference io",
@@ -472,8 +472,8 @@ FAULTS = (
     Fault(
         "validation: a shadow's filter may be even",
         "scene/lights.py",
-        '("filter", "an odd", 1, MOST_TAPS, 2)',
-        '("filter", "an odd", 1, MOST_TAPS, 1)',
+        '("filter", "an odd", 1, _MAX_TAPS, 2)',
+        '("filter", "an odd", 1, _MAX_TAPS, 1)',
         "scene io cli",
     ),
     # Command line
@@ -761,7 +761,7 @@ HELD_OUT = (
     # Normals and polygons
     Fault(
         "vertex normals: weights by angle are sines of it",
-        "geometry/creases.py",
+        "geometry/normals.py",
         "weight = math.atan2(size, cosine)",
         "weight = math.sin(math.atan2(size, cosine))",
         "geometry reference pictures",

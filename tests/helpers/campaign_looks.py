@@ -6,7 +6,7 @@ import numpy as np
 
 import rasterizer as rz
 from helpers.pinhole import unit
-from rasterizer.scene.material import DISTRIBUTIONS, REFLECTIONS
+from rasterizer.choices import DISTRIBUTIONS, REFLECTIONS
 from rasterizer.scene.texture import FILTERS, WRAPS
 
 SIZE = (16, 12)  # of most pictures, pixels

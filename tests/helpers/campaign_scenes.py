@@ -14,7 +14,7 @@ import rasterizer as rz
 from helpers.campaign_looks import Dice, Lens, make_lights, make_materials
 from helpers.pinhole import octasphere, torus, unit
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.scene.lights import MOST_LIGHTS
+from rasterizer.scene.lights import MAX_LIGHTS
 from rasterizer.scene.material import NAMED_MATERIALS
 
 DEFAULT_RUN = 200  # scenes
@@ -93,7 +93,7 @@ def as_many_as_legal(lights) -> list:
     """The lights, without the last ones while they are too many for a scene: the cells of area lights count one by
     one."""
     lights = list(lights)
-    while sum(getattr(light, "n_cell", 1) for light in lights) > MOST_LIGHTS:
+    while sum(getattr(light, "n_cell", 1) for light in lights) > MAX_LIGHTS:
         lights.pop()
     return lights
 
