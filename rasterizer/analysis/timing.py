@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import __version__
 from ..cores import n_core
-from ..version import __version__
 
 LEAST_ROUNDS = 3
 Name = TypeVar("Name", bound=Hashable)

@@ -3,7 +3,6 @@
 import configparser
 import os
 import re
-import runpy
 import shutil
 import subprocess
 import sys
@@ -33,10 +32,8 @@ def test_the_distribution_has_a_name_of_its_own_and_no_invented_address():
 
 
 def test_the_long_description_has_no_link_that_only_a_checkout_has():
-    text = runpy.run_path(str(ROOT / "setup.py"))["long_description"]()
-    assert "](" not in text and "A cone with visible facets" in text and "![" not in text
-    assert "README.md" in (ROOT / "setup.py").read_text(encoding="utf-8")
-    assert setup_cfg()["metadata"]["long_description_content_type"] == "text/markdown"
+    found = setup_cfg()["metadata"]
+    assert "rasterizer" in found["long_description"] and "](" not in found["long_description"]
 
 
 def run(command, cwd, **variables):
