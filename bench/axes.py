@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure
 from bench.ray_truth import RayTruth, draw_by_rays, only
-from rasterizer.analysis.ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
+from rasterizer.analysis.speed_error import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
 from rasterizer.engine.shadow_maps import MOST_NUMBERS

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.analysis.ground_truth import Light
+from rasterizer.analysis.speed_error import Light
 from rasterizer.reference.lamp import Lamp, make_lamps
 from rasterizer.reference.light import Lighting
 from rasterizer.reference.picture import Look, look_at, resolve, spread_samples

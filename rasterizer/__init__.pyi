@@ -21,7 +21,6 @@ from .errors import SceneError as SceneError
 from .frame import Frame as Frame
 from .io.demo import demo_model as demo_model
 from .io.loader import load as load
-from .notebook import view as view
 from .options import Options as Options
 from .picking import Pick as Pick
 from .reference.explain import Explanation as Explanation
@@ -44,5 +43,6 @@ from .scene.scene import DepthCue as DepthCue
 from .scene.scene import Scene as Scene
 from .scene.spectrum import Spectrum as Spectrum
 from .scene.texture import Texture as Texture
+from .viewer.widget import view as view
 
 __version__: str

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..errors import counted
-from .packages import require
+from .comparison import require
 from .speed_error import Row, told
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ _LEAST_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
 # Where a label may stand beside its point, points (1/72 inch) to the right and up, the best place first; pixels that a
 # point takes to each side.
 _OFFSETS = ((6, 5), (-6, -13), (6, -13), (-6, 5), (6, 17), (-6, -25), (6, -25), (-6, 17), (6, 29), (-6, -37))
-_REACH = 5
+_HALF = 5
 
 
 def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
@@ -73,7 +73,7 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     ----------
     rows : sequence of Row, as `speed_error.study` sorts them
     title : text above the plot
-    suffix : one of plotting.FORMATS
+    suffix : one of FORMATS
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _label_front(axes: "Axes", rows: Sequence[Row], legend: "Bbox") -> None:
     from matplotlib.transforms import Bbox
 
     plot, taken = axes.get_window_extent(), [legend]
-    taken += [Bbox.from_bounds(x - _REACH, y - _REACH, 2 * _REACH, 2 * _REACH)
+    taken += [Bbox.from_bounds(x - _HALF, y - _HALF, 2 * _HALF, 2 * _HALF)
               for x, y in axes.transData.transform([_place_of(row) for row in rows])]  # fmt: skip
     for row in sorted((row for row in rows if not row.is_beaten), key=lambda row: row.ms):
         name = f"{row.method.name}, {row.method.samples}×, {told(row.method.tolerance)}"

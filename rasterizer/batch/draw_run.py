@@ -18,7 +18,6 @@ from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .executors import identify
 
 
 class Picture(NamedTuple):
@@ -79,6 +78,15 @@ def draw_run(run: Run, shared: Any, kept: dict[str, Any]) -> list[Drawn] | None:
 def is_seen(run: Run) -> bool:
     """Tell whether this process sees the file of a run's model as the caller does, where that was asked for."""
     return run.path is None or run.identity is None or identify(run.path) == run.identity
+
+
+def identify(path: str) -> tuple[int, int] | None:
+    """Return the length of a file and its time of change, ns; None where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_size, status.st_mtime_ns
 
 
 def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Drawn:

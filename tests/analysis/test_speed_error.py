@@ -8,14 +8,18 @@ import pytest
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.analysis.ground_truth import Errors, draw_ground_truth, draw_light, measure_errors, rms_error
 from rasterizer.analysis.speed_error import (
     MOST_FACES,
+    Errors,
     Method,
     Row,
     advise,
+    draw_ground_truth,
+    draw_light,
     list_methods,
+    measure_errors,
     printed,
+    rms_error,
     sort_by_front,
     study,
     subdivided,

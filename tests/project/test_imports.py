@@ -16,7 +16,7 @@ HEAVY = {"numpy", "numba", "llvmlite", "PIL", "trimesh"}
 
 # What a picture of a model of triangles makes no use of: of the package's own modules, and of others.
 UNUSED = (
-    "analysis", "animation", "batch", "ground_shadow", "notebook", "reference",
+    "analysis", "animation", "batch", "ground_shadow", "reference",
     "registries", "viewer",
     "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.flags_page", "cli.info",
     "cli.processes", "cli.sheet", "cli.turntable", "cli.view", "cli.warmup",
