@@ -23,17 +23,24 @@ sys.path.insert(0, str(ROOT))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure
 from bench.ray_truth import RayTruth, draw_by_rays, only
+from rasterizer import (
+    AmbientLight,
+    AreaLight,
+    DirectionalLight,
+    Material,
+    Mesh,
+    Renderer,
+    Scene,
+    Shadow,
+    SpotLight,
+    Texture,
+)
 from rasterizer.analysis.speed_error import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
 from rasterizer.engine.shadow_maps import MOST_NUMBERS
-from rasterizer.renderer import Renderer
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, Shadow, SpotLight, with_shadow_fields
 from rasterizer.scene.lights import Light as Lamp
-from rasterizer.scene.material import Material
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.scene import Scene
-from rasterizer.scene.texture import Texture
+from rasterizer.scene.lights import with_shadow_fields
 
 _SIZES = (256, 512, 1024, 2048, 4096)
 _FILTERS = (1, 3, 5)

@@ -28,8 +28,8 @@ from bench import measure, peers_compare, scenes
 from bench.peers_ours import SPECKS
 from bench.peers_process import PEERS, THREAD_VARIABLES, Failure, Process, find_missing
 from bench.peers_work import Setup, Work, make_work
+from rasterizer import Options
 from rasterizer.analysis.timing import LEAST_ROUNDS
-from rasterizer.options import Options
 
 MODEL, TEXTURED = "torus-70k", "knot"  # meshes that --model and --textured-model take the place of
 

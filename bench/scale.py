@@ -26,9 +26,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
+from rasterizer import Options
 from rasterizer.analysis.speed_error_plot import check_plotting, figure_bytes
 from rasterizer.analysis.timing import take_turns
-from rasterizer.options import Options
 
 WORST_SLOPE = 1.2  # of linear work, as it is measured where others use the memory, too
 LEAST_MS, LEAST_MIB = 2.0, 64.0  # what is less says nothing of growth

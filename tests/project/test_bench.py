@@ -21,7 +21,6 @@ from bench import (
     refinement,
     scale,
     startup,
-    surfaces,
     throughput,
     tolerance,
     tolerance_modes,
@@ -150,8 +149,8 @@ def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front():
 
 
 def test_normals_of_surfaces_look_outwards():
-    for name in surfaces.SURFACES:
-        mesh = surfaces.make_mesh(name, 24)
+    for name in refinement.SURFACES:
+        mesh = refinement.make_mesh(name, 24)
         corners = mesh.vertices[mesh.faces]
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         cosine = np.einsum("ij,ij->i", area, mesh.normals[mesh.faces[:, 0]]) / np.linalg.norm(area, axis=1)
