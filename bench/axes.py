@@ -48,7 +48,7 @@ _CELLS = (1, 2, 4, 8)
 _WAVES = (5, 9, 21, 41, 81)
 _FINEST_MAPS = (8192, 4096, 2048, 1024, 512)
 _FINEST_AREA, _FINEST_SHADOWED_AREA, _FINEST_SPECTRUM = 64, 12, 401
-_MOST_ROUNDS = 15
+_MAX_ROUNDS = 15
 
 
 class Variant(NamedTuple):
@@ -176,7 +176,7 @@ def _measure_axis(
             settings = options | variant.options | {"outputs": ("rgb",)}
             calls[variant.value] = stack.enter_context(Renderer(variant.scene, size, **settings)).render
             calls[variant.value]()  # compiles and allocates
-        turns = {value: times for value, (times, _) in take_turns(calls, seconds, _MOST_ROUNDS).items()}
+        turns = {value: times for value, (times, _) in take_turns(calls, seconds, _MAX_ROUNDS).items()}
     for variant in axis.variants:
         error = None
         if truth is not None:

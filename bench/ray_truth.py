@@ -23,7 +23,7 @@ from rasterizer.reference.visibility import NOTHING, Raster, Window, find_visibl
 from rasterizer.scene.scene import Scene
 
 TILE = 8  # pixels along each side
-LEAST_TILES = 8  # that show something: fewer tell nothing of a picture
+MIN_TILES = 8  # that show something: fewer tell nothing of a picture
 _ROUNDING = 2.0**-30  # of the extent seen from a lamp, far above that of float64
 
 
@@ -51,7 +51,7 @@ def draw_by_rays(
 
     Returns
     -------
-    RayTruth; None where the time doesn't suffice for LEAST_TILES
+    RayTruth; None where the time doesn't suffice for MIN_TILES
     """
     start, limits, factor = perf_counter(), (None, None), round(samples**0.5)
     look = look_at(scene, size, "phong", cull=cull, limits=limits, exposure=exposure, spectral=spectral)
@@ -74,7 +74,7 @@ def draw_by_rays(
             _light_tile(layers, look, lighting, lamps, color, alpha)
             n_shown += 1
         is_known[row : row + height, column : column + width] = True
-    if n_shown < LEAST_TILES and not is_known.all():
+    if n_shown < MIN_TILES and not is_known.all():
         return None
     straight, alpha = resolve(color, alpha, factor, None)
     return RayTruth(Light(straight * alpha[..., None], alpha), is_known, float(is_known.mean()))

@@ -30,7 +30,7 @@ QUADS = (4, 8, 16, 32, 64, 128, 256)
 LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.5, -0.6, -1.0), 0.8, attached="camera"))
 MATERIAL = rz.Material(specular=0.3, shininess=20.0)
 ROUNDED = 3e-6  # errors below are those of float32, of vertices on a grid of 1/256 px, and of the finest mesh
-LEAST_SILHOUETTE = 100  # pixels: of fewer the samples decide
+MIN_SILHOUETTE = 100  # pixels: of fewer the samples decide
 THEORY = {"flat": 1, "gouraud": 2, "phong": 2, "silhouette": 2}
 # Quads along each side of a mesh that stands for the surface itself: errors of Phong's picture fall with the square of
 # the edges, and are 256 times as small as at 64.
@@ -131,7 +131,7 @@ def add_slopes(rows) -> None:
         ratio = np.log(row["quads"] / before["quads"])
         if row["rms"] > ROUNDED:
             row["slope"] = float(np.log(before["rms"] / row["rms"]) / ratio)
-        if row["silhouette"] >= LEAST_SILHOUETTE:
+        if row["silhouette"] >= MIN_SILHOUETTE:
             row["silhouette_slope"] = float(np.log(before["silhouette"] / row["silhouette"]) / ratio)
 
 

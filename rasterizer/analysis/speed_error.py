@@ -34,8 +34,8 @@ from ..scene.scene import Scene
 from .comparison import delta_e_2000, flip_map, levels_from_linear, root_mean_square
 from .timing import take_turns
 
-MOST_FACES = 2**22  # of a subdivided scene: some 2 GB
-MOST_ROUNDS = 25
+MAX_FACES = 2**22  # of a subdivided scene: some 2 GB
+MAX_ROUNDS = 25
 _MEASURED = 0.6  # share of the time limit in which calls take turns; the rest is for drawing what is compared
 _FINER = 2  # of the ground truth: pixels along each axis of a pixel, of 16 samples each, a grid of 8 x 8
 _ALIKE = 1.1  # errors within 10 % of each other are alike: no eye tells them apart
@@ -58,7 +58,7 @@ class Method(NamedTuple):
     tolerance: float
 
     def __str__(self) -> str:
-        return f"{self.name}, {counted(self.samples, 'sample')}, tolerance {told(self.tolerance)}"
+        return f"{self.name}, {counted(self.samples, 'sample')}, tolerance {tolerance_text(self.tolerance)}"
 
     @property
     def name(self) -> str:
@@ -210,7 +210,7 @@ def _groups(scene: Scene, methods: Sequence[Method]) -> Iterator[tuple[list[Meth
     finer, done = scene, 0
     for times, shading in keys:
         group = [method for method in methods if (method.subdivisions, method.shading) == (times, shading)]
-        if scene.n_face * 4**times > MOST_FACES:
+        if scene.n_face * 4**times > MAX_FACES:
             yield group, None
             continue
         if times != done:
@@ -361,7 +361,7 @@ def _time_group(
             settings = work.options | method.options | {"outputs": ("rgb",)}
             calls[key] = stack.enter_context(Renderer(scene, work.size, **settings)).render
             calls[key]()  # compiles and allocates
-        turns = take_turns(calls, seconds, MOST_ROUNDS)
+        turns = take_turns(calls, seconds, MAX_ROUNDS)
     reference = turns[None][0]
     ratios = {method: float(np.median(turns[method][0] / reference)) for method in group}
     return float(np.median(reference)), ratios
@@ -458,7 +458,7 @@ def _other_samples(rows: Sequence[Row], chosen: Row, samples: int) -> str:
     return f" {counted(samples, 'sample').capitalize()}: {words} ({other.method.name})."
 
 
-def told(tolerance: float) -> str:
+def tolerance_text(tolerance: float) -> str:
     """A tolerance as people write it: 1/4096 where it is one over a whole number."""
     fraction = Fraction(tolerance).limit_denominator(10**6)
     is_inverse = fraction.numerator == 1 and fraction.denominator > 1 and float(fraction) == tolerance

@@ -257,7 +257,7 @@ class _Worker:
         self.jobs: SimpleQueue = SimpleQueue()
         self.known: list[str] = []  # keys of the shared objects that the process has, the last one last
         self.is_started = False
-        self._outcomes, self._is_ending = outcomes, False
+        self._outcomes = outcomes
         try:
             # A session of its own: an interrupt of the terminal reaches the caller alone, which ends the others.
             self._process: Any = subprocess.Popen(

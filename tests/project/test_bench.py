@@ -26,7 +26,7 @@ from bench import (
     tolerance_modes,
 )
 from rasterizer import reference
-from rasterizer.analysis.timing import LEAST_ROUNDS, take_turns
+from rasterizer.analysis.timing import MIN_ROUNDS, take_turns
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
@@ -122,7 +122,7 @@ def test_calls_take_turns():
     order = []
     calls = {name: lambda name=name: order.append(name) for name in "ab"}
     times = take_turns(calls, 0.0, 25)
-    assert order == list("ab") * LEAST_ROUNDS and len(times["a"][0]) == LEAST_ROUNDS
+    assert order == list("ab") * MIN_ROUNDS and len(times["a"][0]) == MIN_ROUNDS
 
 
 def test_a_slope_is_the_power_with_which_a_cost_grows():
