@@ -36,6 +36,17 @@ def test_the_long_description_has_no_link_that_only_a_checkout_has():
     assert "rasterizer" in found["long_description"] and "](" not in found["long_description"]
 
 
+def test_what_is_required_is_used():
+    """Of every required package some module is imported by this one."""
+    required = re.findall(r"^([\w-]+)", setup_cfg()["options"]["install_requires"], re.MULTILINE)
+    modules = {name: {"Pillow": "PIL"}.get(name, name) for name in required}
+    text = "\n".join(path.read_text(encoding="utf-8") for path in Path(rz.__file__).parent.rglob("*.py"))
+    unused = [
+        name for name, module in modules.items() if not re.search(rf"^ *(import|from) {module}\b", text, re.MULTILINE)
+    ]
+    assert len(required) >= 5 and not unused, unused
+
+
 def run(command, cwd, **variables):
     environment = {**os.environ, **variables}
     environment.pop("PYTHONPATH", None)
