@@ -209,7 +209,7 @@ def _face_keys(surface: _Surface, view: View, is_perspective: bool, lights: Sequ
 
 
 def _to_light(light: Any, points: NDArray, view: View) -> NDArray | None:
-    """Return the way from points (..., 3) to a light, of any length; None for light that comes from no single place."""
+    """Return vectors from points (..., 3) to a light, of any length; None where it comes from no single place."""
     beam = entry_of(light).beam(light, view)
     if beam is None:
         return None

@@ -50,7 +50,7 @@ def subdivision_words(times: int) -> str:
 
 
 class Method(NamedTuple):
-    """A way to draw a scene."""
+    """A method of drawing a scene."""
 
     shading: str
     subdivisions: int  # times that every triangle is cut in four

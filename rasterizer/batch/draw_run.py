@@ -99,8 +99,8 @@ def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Draw
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
         content, stats, error = None, None, make_error(run.name, fault)
-    told = () if model is None else (model.warnings, model.files_read)
-    return Drawn(picture.number, content, error, perf_counter() - start, stats, *(told or ((), ())))
+    of_model = ((), ()) if model is None else (model.warnings, model.files_read)
+    return Drawn(picture.number, content, error, perf_counter() - start, stats, *of_model)
 
 
 def make_error(name: str, fault: Exception) -> RasterizerError:

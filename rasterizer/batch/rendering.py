@@ -300,9 +300,9 @@ class Batch:
             write_whole(output, drawn.content)
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
-        told = (*note.warnings, *drawn.warnings)
+        warnings = (*note.warnings, *drawn.warnings)
         source = source_of(item.task)
-        return RenderRecord(item.number, output, "drawn", drawn.seconds, None, drawn.stats, source, told)
+        return RenderRecord(item.number, output, "drawn", drawn.seconds, None, drawn.stats, source, warnings)
 
 
 def make_folder_of(output: str) -> None:

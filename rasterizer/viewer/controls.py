@@ -89,18 +89,18 @@ class Message(NamedTuple):
     events: tuple[Event, ...]
 
 
-def read_message(given: object) -> Message:
+def read_message(value: object) -> Message:
     """Return a message that came as JSON, checked.
 
     Parameters
     ----------
-    given : whatever JSON may be; a message is an object
+    value : whatever JSON may be; a message is an object
 
     Raises
     ------
     SceneError : what is no message; the text says what is wrong
     """
-    fields = _object(given, {"size", "background", "is_rest", "events"}, "a message")
+    fields = _object(value, {"size", "background", "is_rest", "events"}, "a message")
     events = fields["events"]
     if not isinstance(events, list) or len(events) > MAX_EVENTS:
         raise SceneError(f"events must be a list of at most {MAX_EVENTS}; given {shown(events)}")
@@ -112,13 +112,13 @@ def read_message(given: object) -> Message:
     )
 
 
-def _read_event(given: object) -> Event:
+def _read_event(value: object) -> Event:
     """Return one event; its type says which fields it has."""
-    name = given.get("type") if isinstance(given, dict) else None
+    name = value.get("type") if isinstance(value, dict) else None
     if not isinstance(name, str) or name not in _READERS:
         raise SceneError(f"an event's type must be one of {', '.join(_READERS)}; given {shown(name)}")
     fields, read = _READERS[name]
-    return read(_object(given, {"type", *fields}, f"an event {name!r}"))
+    return read(_object(value, {"type", *fields}, f"an event {name!r}"))
 
 
 def _read_drag(fields: dict[str, Any]) -> Drag:
@@ -148,41 +148,41 @@ _READERS: dict[str, tuple[tuple[str, ...], Any]] = {
 }
 
 
-def _object(given: object, names: set[str], what: str) -> dict[str, Any]:
+def _object(value: object, names: set[str], what: str) -> dict[str, Any]:
     """Return an object that has these fields and no others."""
-    if not isinstance(given, dict) or given.keys() != names:
-        found = sorted(map(str, given)) if isinstance(given, dict) else given
+    if not isinstance(value, dict) or value.keys() != names:
+        found = sorted(map(str, value)) if isinstance(value, dict) else value
         raise SceneError(f"{what} is an object of {', '.join(sorted(names))}; given {shown(found)}")
-    return given
+    return value
 
 
-def _size(given: object) -> tuple[int, int]:
+def _size(value: object) -> tuple[int, int]:
     """Return a size that a picture on a screen may have."""
-    if isinstance(given, list) and len(given) == 2 and all(type(side) is int for side in given):
-        width, height = given
+    if isinstance(value, list) and len(value) == 2 and all(type(side) is int for side in value):
+        width, height = value
         if 1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS:
             return width, height
     legal = f"[width, height], each 1 to {MAX_SIDE} px, and {MAX_PIXELS} px in all"
-    raise SceneError(f"size must be {legal}; given {shown(given)}")
+    raise SceneError(f"size must be {legal}; given {shown(value)}")
 
 
-def _number(given: object, name: str) -> float:
+def _number(value: object, name: str) -> float:
     """Return a number that a hand can have caused."""
-    if isinstance(given, bool) or not isinstance(given, (int, float)) or not abs(given) <= _FURTHEST:  # NaN isn't
-        raise SceneError(f"{name} must be a number within -{_FURTHEST:g}..{_FURTHEST:g}; given {shown(given)}")
-    return float(given)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= _FURTHEST:  # NaN isn't
+        raise SceneError(f"{name} must be a number within -{_FURTHEST:g}..{_FURTHEST:g}; given {shown(value)}")
+    return float(value)
 
 
-def _flag(given: object, name: str) -> bool:
-    if not isinstance(given, bool):
-        raise SceneError(f"{name} must be true or false; given {shown(given)}")
-    return given
+def _flag(value: object, name: str) -> bool:
+    if not isinstance(value, bool):
+        raise SceneError(f"{name} must be true or false; given {shown(value)}")
+    return value
 
 
-def _text(given: object, name: str) -> str:
-    if not isinstance(given, str) or len(given) > 40:
-        raise SceneError(f"{name} must be text of at most 40 characters; given {shown(given)}")
-    return given
+def _text(value: object, name: str) -> str:
+    if not isinstance(value, str) or len(value) > 40:
+        raise SceneError(f"{name} must be text of at most 40 characters; given {shown(value)}")
+    return value
 
 
 # ---------------------------------------------------------------- what is picked: which face, of which mesh, and where
@@ -302,10 +302,10 @@ class Aim(NamedTuple):
     is_pivot: bool
 
 
-def home_camera(scene: Scene, size: Size, given: Camera | None = None) -> Camera:
+def home_camera(scene: Scene, size: Size, camera: Camera | None = None) -> Camera:
     """Return the camera that a scene is looked at with at first: one that is given, the scene's own, or one that shows
     all of it."""
-    return given or scene.camera_for(size)
+    return camera or scene.camera_for(size)
 
 
 def apply(event: Event, state: State, scene: Scene, home: Camera, size: Size) -> tuple[State, Aim | None]:

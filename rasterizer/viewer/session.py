@@ -115,12 +115,12 @@ class Session:
             while self._renderers:
                 self._renderers.popitem()[1].close()
 
-    def answer(self, given: object) -> Reply:
+    def answer(self, content: object) -> Reply:
         """Do what a message says, and draw the picture.
 
         Parameters
         ----------
-        given : the message, as JSON may be; see controls.py
+        content : the message, as JSON may be; see controls.py
 
         Returns
         -------
@@ -130,7 +130,7 @@ class Session:
         ------
         SceneError : what is no message; a picture that can't be drawn
         """
-        message = read_message(given)
+        message = read_message(content)
         with self._turn:
             self._size, self._background = message.size, message.background
             is_at_rest, said = message.is_rest, []
