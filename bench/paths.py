@@ -186,7 +186,7 @@ for line in sys.stdin:
 """
 SCENES = ("scan", "dense", "textured", "room", "look", "quads", "buffers")
 SIZE = (1920, 1080)
-MOST_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
+MAX_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
 
 
 def make_renderers(names, scan, threads):
@@ -275,7 +275,7 @@ def compare(path: Variant, args) -> list[dict]:
         without.wait()
         rows = []
         for k, name in enumerate(names):
-            n = max(3, min(args.frames, int(MOST_TIME / (with_it.draw(k)[0] + without.draw(k)[0]))))
+            n = max(3, min(args.frames, int(MAX_TIME / (with_it.draw(k)[0] + without.draw(k)[0]))))
             found = [(with_it.draw(k), without.draw(k)) for _ in range(n)]
             times = np.array([[milliseconds for milliseconds, _ in pair] for pair in found])
             ratio = float(np.median(times[:, 1] / times[:, 0]))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.analysis.ground_truth import Light
+from rasterizer.analysis.speed_error import Light
 from rasterizer.options import Options
 from rasterizer.reference.lamp import Lamp, make_lamps
 from rasterizer.reference.light import Lighting
@@ -24,7 +24,7 @@ from rasterizer.reference.visibility import NO_KEY, Raster, Window, find_visible
 from rasterizer.scene.scene import Scene
 
 TILE = 8  # pixels along each side
-LEAST_TILES = 8  # that show something: fewer tell nothing of a picture
+MIN_TILES = 8  # that show something: fewer tell nothing of a picture
 _ROUNDING = 2.0**-30  # of the extent seen from a lamp, far above that of float64
 
 
@@ -52,7 +52,7 @@ def draw_by_rays(
 
     Returns
     -------
-    RayTruth; None where the time doesn't suffice for LEAST_TILES
+    RayTruth; None where the time doesn't suffice for MIN_TILES
     """
     start = perf_counter()
     options = Options(shading="phong", samples=samples, cull=cull, exposure=exposure, spectral=spectral)
@@ -76,7 +76,7 @@ def draw_by_rays(
             _light_tile(layers, look, lighting, lamps, color, alpha)
             n_shown += 1
         is_known[row : row + height, column : column + width] = True
-    if n_shown < LEAST_TILES and not is_known.all():
+    if n_shown < MIN_TILES and not is_known.all():
         return None
     straight, alpha = resolve(color, alpha, factor, None)
     return RayTruth(Light(straight * alpha[..., None], alpha), is_known, float(is_known.mean()))

@@ -18,7 +18,6 @@ from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .executors import identify
 
 
 class Picture(NamedTuple):
@@ -81,6 +80,15 @@ def is_seen(run: Run) -> bool:
     return run.path is None or run.identity is None or identify(run.path) == run.identity
 
 
+def identify(path: str) -> tuple[int, int] | None:
+    """Return the length of a file and its time of change, ns; None where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
 def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Drawn:
     """Draw one picture; whatever goes wrong becomes its error."""
     start, model = perf_counter(), None
@@ -91,8 +99,8 @@ def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Draw
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
         content, stats, error = None, None, make_error(run.name, fault)
-    told = () if model is None else (model.warnings, model.files_read)
-    return Drawn(picture.number, content, error, perf_counter() - start, stats, *(told or ((), ())))
+    of_model = ((), ()) if model is None else (model.warnings, model.files_read)
+    return Drawn(picture.number, content, error, perf_counter() - start, stats, *of_model)
 
 
 def make_error(name: str, fault: Exception) -> RasterizerError:

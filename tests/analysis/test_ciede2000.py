@@ -1,10 +1,12 @@
-"""CIEDE2000: the pairs that its authors publish, and what a difference of colours must be."""
+"""CIEDE2000, by scikit-image: the pairs that its authors publish, and what a difference of colours must be."""
+
+import sys
 
 import numpy as np
 import pytest
 
 import rasterizer as rz
-from rasterizer.analysis.comparison import color_difference, delta_e_2000, lab_from_linear
+from rasterizer.analysis.comparison import lab_from_linear
 from rasterizer.scene.color import linear_from_srgb_bytes
 
 # Sharma, Wu & Dalal 2005, table 1: L*, a*, b* of two colours, and their difference to four decimals.
@@ -47,11 +49,12 @@ PUBLISHED = """
 
 
 def test_published_pairs():
+    """Those who choose another library see here whether it is one."""
+    color = pytest.importorskip("skimage.color", reason="scikit-image (the extra `bench`) isn't installed")
     rows = np.array(PUBLISHED.split(), float).reshape(-1, 7)
-    found = delta_e_2000(rows[:, :3], rows[:, 3:6])
-    worst = np.abs(found - rows[:, 6]).max()
+    first, second, published = rows[:, :3], rows[:, 3:6], rows[:, 6]
+    worst = np.abs(color.deltaE_ciede2000(first, second) - published).max()
     assert len(rows) == 34 and worst <= 0.5e-4, f"{worst:.2g} > half of the last decimal"
-    assert np.abs(delta_e_2000(rows[:, 3:6], rows[:, :3]) - rows[:, 6]).max() <= 0.5e-4, "it has two sides"
 
 
 def test_lab_of_known_colours():
@@ -64,18 +67,25 @@ def test_lab_of_known_colours():
 
 
 def test_difference_of_pictures():
+    pytest.importorskip("skimage", reason="scikit-image (the extra `bench`) isn't installed")
     rng = np.random.default_rng(5)
     bytes_ = rng.integers(0, 256, (300, 250, 3), np.uint8)  # more pixels than are looked at together
     other = bytes_.copy()
     other[7, 9] ^= 1
-    difference = color_difference(bytes_, other)
+    difference = rz.color_difference(bytes_, other)
     assert difference.shape == (300, 250) and np.flatnonzero(difference).tolist() == [7 * 250 + 9]
     linear, changed = (linear_from_srgb_bytes(each[:9]) for each in (bytes_, other))
-    assert np.abs(color_difference(linear, changed) - difference[:9]).max() <= 1e-9
+    assert np.abs(rz.color_difference(linear, changed) - difference[:9]).max() <= 1e-9
+
+
+def test_what_cannot_be_compared(monkeypatch):
     for a, b, words in (
         (np.zeros((2, 3, 3)), np.zeros((3, 2, 3)), "one size"),
         (np.zeros((2, 3)), np.zeros((2, 3)), "three channels"),
         ("a", "b", "a picture must be"),
     ):
         with pytest.raises(rz.SceneError, match=words):
-            color_difference(a, b)
+            rz.color_difference(a, b)
+    monkeypatch.setitem(sys.modules, "skimage.color", None)
+    with pytest.raises(rz.SceneError, match="^a colour difference needs scikit-image: pip install scikit-image$"):
+        rz.color_difference(np.zeros((2, 3, 3)), np.zeros((2, 3, 3)))

@@ -21,14 +21,13 @@ from rasterizer.compiler.fingerprint import PROCESSOR_LEVELS
 # ---------------------------------------------------------------- versions
 
 
-def test_the_versions_that_may_be_installed_are_those_that_were_seen():
-    """Numba 0.61 brings llvmlite 0.44, and 0.68 brings 0.50."""
+def test_the_versions_that_are_installed_and_the_first_that_may_be_were_seen():
+    """Numba 0.61 brings llvmlite 0.44. Later versions than the last that was seen may be installed: kernels are left to
+    numba there, and test_internals.py draws with one."""
     setup = configparser.ConfigParser()
     setup.read(ROOT / "setup.cfg")
     required = setup["options"]["install_requires"].split("\n")
-    (first, last) = fingerprint.SEEN
-    assert f"numba>={first[0]}.{first[1]},<{last[0]}.{last[1] + 1}" in required
-    assert "llvmlite>=0.44,<0.51" in required
+    assert "numba>={}.{}".format(*fingerprint.SEEN[0]) in required and "llvmlite>=0.44" in required
     major, minor, *_ = map(int, re.findall(r"\d+", llvmlite.__version__))
     assert fingerprint.is_seen(numba.__version__) and major == 0 and 44 <= minor <= 50
 
