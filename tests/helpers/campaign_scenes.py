@@ -12,13 +12,11 @@ import numpy as np
 
 import rasterizer as rz
 from helpers.pinhole import octasphere, torus, unit
+from rasterizer.choices import DISTRIBUTIONS, REFLECTIONS
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.scene.material import DISTRIBUTIONS
-from rasterizer.scene.texture import FILTERS
 from rasterizer.scene.lights import MAX_LIGHTS
 from rasterizer.scene.material import NAMED_MATERIALS
-from rasterizer.scene.material import REFLECTIONS
-from rasterizer.scene.texture import WRAPS
+from rasterizer.scene.texture import FILTERS, WRAPS
 
 DEFAULT_RUN = 200  # scenes
 SIZE = (16, 12)  # of most pictures, pixels

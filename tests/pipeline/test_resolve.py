@@ -11,8 +11,8 @@ from helpers.pairs import pairs
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.resolve import (
     BUCKET_SHIFT,
-    LEAST,
     LEVEL_TABLE,
+    MIN_VALUE,
     RANGE_CLAMP,
     RANGE_GLOBAL,
     RANGE_LOCAL,
@@ -183,7 +183,7 @@ def neighbours(values, reach=4):
 
 def bucket_starts():
     """The least float32 of every bucket of the level table."""
-    first = LEAST.view(np.int32) >> BUCKET_SHIFT
+    first = MIN_VALUE.view(np.int32) >> BUCKET_SHIFT
     return (np.arange(first, first + len(LEVEL_TABLE), dtype=np.int32) << BUCKET_SHIFT).view(np.float32)
 
 
@@ -216,7 +216,7 @@ def test_no_bucket_holds_two_thresholds():
     starts = bucket_starts()
     inside = np.searchsorted(srgb_thresholds(), np.append(starts[1:], np.float32(1)), "left")
     inside -= np.searchsorted(srgb_thresholds(), starts, "right")
-    assert inside.max() == 1 and starts[0] == LEAST < srgb_thresholds()[0]
+    assert inside.max() == 1 and starts[0] == MIN_VALUE < srgb_thresholds()[0]
 
 
 def test_what_is_out_of_range_or_no_number():

@@ -14,11 +14,8 @@ from rasterizer.pipeline import texture_lookup as texel_blend
 from rasterizer.pipeline import textures as packing
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texture_lookup import compute_texcoords, read_texels
-from rasterizer.pipeline.textures import FILTER_NEAREST
-from rasterizer.pipeline.textures import NEAREST_ERROR
+from rasterizer.pipeline.textures import FILTER_NEAREST, NEAREST_ERROR, texcoord_error, texcoord_references
 from rasterizer.reference.shading import sample_texture
-from rasterizer.pipeline.textures import texcoord_error
-from rasterizer.pipeline.textures import texcoord_references
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 

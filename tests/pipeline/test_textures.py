@@ -5,14 +5,10 @@ import pytest
 from helpers.arrays import differences
 
 from rasterizer.engine.plan import list_textures
-from rasterizer.pipeline.texture_sampling import WRAP_CLAMP
-from rasterizer.pipeline.texture_sampling import WRAP_MIRROR
-from rasterizer.pipeline.texture_sampling import WRAP_REPEAT
-from rasterizer.pipeline.textures import first_texel
 from rasterizer.pipeline import textures as packing
+from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from rasterizer.pipeline.textures import first_texel, texcoord_error, texcoord_references
 from rasterizer.reference.shading import sample_texture
-from rasterizer.pipeline.textures import texcoord_error
-from rasterizer.pipeline.textures import texcoord_references
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 
