@@ -24,7 +24,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index
-from . import setup as s
 from .cull import first_sample
 from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
@@ -299,11 +298,11 @@ def compute_depth_planes(block):
 # index 0, 1, 2 is a vertex, x and y are slopes.
 
 # How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and less
-# than 39 of float64, see setup.MAX_LEVERAGE.
+# than 39 of float64, see MAX_LEVERAGE.
 DEPTH_PLANE_ROUNDING = 40.0
 # Where r is less, its inverse is no number that float32 is at home with.
 MIN_INVERSE = 2.0**-40
-SINGLE = 2.0**-24
+SINGLE = 2.0**-24  # the unit roundoff of float32
 
 
 class DepthScale(NamedTuple):
@@ -327,7 +326,7 @@ def linear_in_z(k, offset, scale, block):
 @helper
 def values_at(row, block):
     """Return an attribute of a triangle at the three vertices."""
-    return block.reals[row], block.reals[row + s.NEXT], block.reals[row + s.NEXT + s.NEXT]
+    return block.reals[row], block.reals[row + NEXT], block.reals[row + NEXT + NEXT]
 
 
 @helper
@@ -335,15 +334,15 @@ def compute_plane(k, plane, a0, a1, a2, block):
     """Compute a plane through the values at the vertices of triangle k; return how much it rises over the whole box."""
     ints, reals = block.ints, block.reals
     rise1, rise2 = a1 - a0, a2 - a0
-    dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
-    dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
-    out = s.PLANE_ATTRIBUTE + plane * s.NEXT_PLANE + k
-    reals[out] = a0 + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
-    reals[out + s.NEXT], reals[out + s.NEXT + s.NEXT] = dx, dy
-    return abs(dx) * float(ints[s.EXTENT_X + k] + 1) + abs(dy) * float(ints[s.EXTENT_Y + k] + 1)
+    dx = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
+    dy = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
+    out = PLANE_ATTRIBUTE + plane * NEXT_PLANE + k
+    reals[out] = a0 + dx * reals[OFFSET_X + k] + dy * reals[OFFSET_Y + k]
+    reals[out + NEXT], reals[out + NEXT + NEXT] = dx, dy
+    return abs(dx) * float(ints[EXTENT_X + k] + 1) + abs(dy) * float(ints[EXTENT_Y + k] + 1)
 
 
 @helper
 def depth_rounding(k, block):
     """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see MAX_LEVERAGE."""
-    return 0.5 * float(block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING
+    return 0.5 * float(block.ints[EXTENT_X + k] + block.ints[EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING

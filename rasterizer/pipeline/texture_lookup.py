@@ -45,7 +45,7 @@ def _quantity(number):
     return index(BATCH_SIZE * number)
 
 
-# What is given of each sample: four planes of its record and, for mip levels, the slopes of three of them
+# What comes in for each sample: four planes of its record and, for mip levels, the slopes of three of them
 # (textures.py).
 S_PLANE, T_PLANE, INV_W, REFERENCES = (_quantity(k) for k in range(4))
 S_DX, T_DX, INV_W_DX, S_DY, T_DY, INV_W_DY = (_quantity(k) for k in range(4, 10))

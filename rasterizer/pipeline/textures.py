@@ -49,7 +49,7 @@ class PackedTextures(NamedTuple):
 
 
 class PackedTexture(NamedTuple):
-    """One texture as it is looked up here; see PackedTextures (textures.py)."""
+    """One texture of PackedTextures."""
 
     texels: np.ndarray  # (4 * n,) int16, all mip levels
     width: int  # int32, texels of the first mip level

@@ -100,7 +100,8 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
     known = copy.hash_sources()
     assert known == fingerprint.hash_sources()
     decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|choice|spelled_out)\b", re.MULTILINE)
-    own = {package / "compiler" / name for name in ("kernels.py", "internals.py", "signatures.py", "entry_points.py")}
+    names = "kernels.py", "internals.py", "signatures.py", "entry_points.py", "short_passes.py"
+    own = {package / "pipeline" / "intrinsics.py", *(package / "compiler" / name for name in names)}
     n_source = 0
     for path in sorted(package.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
@@ -110,7 +111,7 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
             found, known = known, copy.hash_sources()
             assert (found != known) == has_kernels, path.relative_to(package)
             n_source += has_kernels
-    assert n_source > 40, f"only {n_source} files with kernels were found <= 40"
+    assert n_source > 30, f"only {n_source} files with kernels were found <= 30"
 
 
 # ---------------------------------------------------------------- processors

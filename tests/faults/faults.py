@@ -611,21 +611,21 @@ HELD_OUT = (
     Fault(
         "culling: a long and thin box is looked at as if it were a small one",
         "pipeline/cull.py",
-        "(end_x - first_x > MOST_WIDE) | (end_y",
-        "(end_x - first_x > MOST_WIDE) & (end_y",
+        "(end_x - first_x > SMALL_BOX) | (end_y",
+        "(end_x - first_x > SMALL_BOX) & (end_y",
         "pipeline pictures",
     ),
     # Planes, bounds, records
     Fault(
         "planes of attributes: the offset along x is taken along y, too",
-        "pipeline/planes.py",
-        "dy * reals[s.OFFSET_Y + k]",
-        "dy * reals[s.OFFSET_X + k]",
+        "pipeline/setup.py",
+        "dy * reals[OFFSET_Y + k]",
+        "dy * reals[OFFSET_X + k]",
         "pipeline pictures",
     ),
     Fault(
         "planes of values: sixteen times the error counts as bent little",
-        "pipeline/planes.py",
+        "pipeline/gradients.py",
         "<= 2.0 * least * accepted",
         "<= 32.0 * least * accepted",
         "pipeline pictures",
