@@ -7,17 +7,22 @@ RasterizerError
 └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
+from __future__ import annotations
+
 import reprlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from types import FrameType
-from typing import ParamSpec, TypeVar
 
-P = ParamSpec("P")
-R = TypeVar("R")
-T = TypeVar("T", bound=type)
+TYPE_CHECKING = False  # what type checkers take for that of `typing`, which every start would wait for
+if TYPE_CHECKING:
+    from typing import ParamSpec, TypeVar
+
+    P = ParamSpec("P")
+    R = TypeVar("R")
+    T = TypeVar("T", bound=type)
 
 
 class RasterizerError(Exception):
