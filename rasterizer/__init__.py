@@ -5,6 +5,20 @@
     frame = rz.render(scene, size=(640, 480), shading="gouraud")
     frame.save("teapot.png")
 
+What lives where, from the top downwards; a folder's `__init__` says what its files hold:
+
+    cli, viewer, batch    the command `raster`; the page and the widget; many pictures in many processes
+    analysis              pictures compared, sheets, Mach bands, speed against error
+    renderer, frame       `render` and `Renderer`; the picture and its buffers; animation and picking stand beside them
+    reference             the judge: a slow renderer in float64, which shares no kernel with the fast one
+    engine                draws a scene: plans it, prepares it, and calls the pipeline
+    pipeline              the kernels, in the order in which a polygon meets them
+    geometry              meshes become points and triangles: normals, creases, polygons
+    io                    files in and out, a format a file
+    scene                 meshes, lights, materials, cameras: frozen, checked dataclasses
+    compiler              kernels are compiled once, and kept
+    options, choices, errors, cores, registries
+
 The public names stand in `__init__.pyi`, each with its module, where editors and type checkers find them as well. A
 module is imported when one of its names is first used, so that the command line can print its help without numpy.
 """

@@ -8,6 +8,7 @@ of these is drawn once more, alone in its process; the one that ends that proces
 import os
 from collections import OrderedDict, deque
 from collections.abc import Generator, Iterable, Iterator, Mapping
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from ..options import Options
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
-from .draw_run import Drawn, Picture, Run, draw_run, identify, load_model_of, make_error, suffix_of
+from .draw_run import Drawn, Run, draw_run, identify, load_model_of, make_error
 from .pools import Died, Done, Failed, Job, Pool, SharedObject, make_pool, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
@@ -232,18 +233,8 @@ class Batch:
         """Return the job that draws some items of one model."""
         task, path = items[0].task, items[0].path
         identity = None if path is None or self._pool.is_here else identify(path)
-        pictures = tuple(
-            Picture(
-                item.number,
-                suffix_of(item.task.output),
-                item.task.view,
-                item.task.camera,
-                item.options,
-                item.task.array,
-            )
-            for item in items
-        )
-        run = Run(task.name, path, identity, dict(task.load), pictures)
+        tasks = tuple((replace(item.task, source=None), item.options) for item in items)
+        run = Run(task.name, path, identity, dict(task.load), tasks)
         job = Job(draw_run, run, items[0].shared)
         job.note = Note(items, run, is_alone)
         return job

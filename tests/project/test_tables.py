@@ -5,7 +5,7 @@ from importlib import import_module
 
 import pytest
 
-from bench import measure, measure_all, tables
+from bench import measure, measure_all, table_rows, tables
 
 
 def test_the_pages_say_what_was_measured():
@@ -59,13 +59,13 @@ def test_figures_have_two_digits():
     for value, text in (
         (0.0, "0"), (None, ""), (2.3e-4, "2.3·10⁻⁴"), (3e-8, "3.0·10⁻⁸"), (0.0996, "0.10"), (9.96, "10"), (99.6, "100"),
     ):  # fmt: skip
-        assert tables.figure(value) == text
+        assert table_rows.figure(value) == text
 
 
 def test_figures_are_the_nearest_with_their_digits():
     for k in range(-30, 31):
         for digits in (1.0, 1.25, 3.14159, 9.949, 9.96, 9.996):
-            text = tables.figure(digits * 10.0**k, 3)
+            text = table_rows.figure(digits * 10.0**k, 3)
             number, _, power = text.partition("·10")
             power = int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if power else 0
             assert float(number) * 10.0**power == pytest.approx(digits * 10.0**k, rel=0.005), text
@@ -74,9 +74,11 @@ def test_figures_are_the_nearest_with_their_digits():
 def test_tables_of_rows():
     row = {"triangles": 8, "rms": 0.1, "slope": 1.5, "silhouette_slope": 2.0}
     rows = [
-        row | {"surface": surface, "shading": shading} for surface in ("sphere", "torus") for shading in tables.SHADINGS
+        row | {"surface": surface, "shading": shading}
+        for surface in ("sphere", "torus")
+        for shading in table_rows.SHADINGS
     ]
-    assert tables.slopes(rows)[2] == "| flat | 1 | 1.50 | 1.50 |"
+    assert table_rows.slopes(rows)[2] == "| flat | 1 | 1.50 | 1.50 |"
     peer = {
         "case": "c",
         "triangles": 69451,
@@ -86,9 +88,9 @@ def test_tables_of_rows():
         "ratio": 2.5,
         "ratio_of_cpu": 2.0,
     }
-    assert tables.peers([peer, {"speck": "x"}])[2:] == ["| `c` | 69 451 | p | 1.00 | 2.50 | 2.5 | 2.0 |"]
+    assert table_rows.peers([peer, {"speck": "x"}])[2:] == ["| `c` | 69 451 | p | 1.00 | 2.50 | 2.5 | 2.0 |"]
     speck = {"speck": "toon", "shading": "phong", "ratio_of_cpu": 1.02}
-    assert tables.specks([peer, speck])[2:] == ["| toon |  | 1.02 |"]
+    assert table_rows.specks([peer, speck])[2:] == ["| toon |  | 1.02 |"]
 
 
 def test_a_finer_mesh_is_compared_with_a_coarser_one():
@@ -96,15 +98,15 @@ def test_a_finer_mesh_is_compared_with_a_coarser_one():
             for surface in ("sphere", "torus")
             for shading, n, ms, rms in (("phong", 8, 2.0, 0.1), ("gouraud", 32, 3.0, 0.05), ("gouraud", 8, 1.0, 0.2),
                                         ("phong", 32, 9.0, 0.01))]  # fmt: skip
-    assert tables.finer(rows)[2:] == ["| 32 / 8 | 1.5 · 0.50 | 1.5 · 0.50 |"]
+    assert table_rows.finer(rows)[2:] == ["| 32 / 8 | 1.5 · 0.50 | 1.5 · 0.50 |"]
 
 
 def test_growth_has_both_ends_and_the_slope():
     point = {"axis": "lights", "build_ms": 1.0, "prepare_ms": 2.0, "cpu_ms": 3.0, "mib": 4.0}
     slopes = dict.fromkeys(("build_ms", "prepare_ms", "mib")) | {"cpu_ms": 0.9}
     rows = [point | {"n": 1}, point | {"n": 10, "cpu_ms": 30.0}, {"axis": "lights", "slopes": slopes}]
-    assert tables.growth(rows)[2:] == ["| lights | 1, 10 | 1.0, 1.0 | 2.0, 2.0 | 3.0, 30 · 0.90 | 4.0, 4.0 |"]
-    assert tables.one_more(rows)[2:] == ["| lights | 0 | 0 | 3000 | 0 |"]
+    assert table_rows.growth(rows)[2:] == ["| lights | 1, 10 | 1.0, 1.0 | 2.0, 2.0 | 3.0, 30 · 0.90 | 4.0, 4.0 |"]
+    assert table_rows.one_more(rows)[2:] == ["| lights | 0 | 0 | 3000 | 0 |"]
 
 
 def test_a_quick_run_measures_less():
