@@ -1,8 +1,13 @@
-"""The command line: `raster render MODEL...`, `compare`, `bench` and `warmup`.
+"""The command line, `raster COMMAND MODEL...`. A command is the file of its name: its flags, and `run`.
 
-    arguments ─ models, outputs ─ cameras, lights ─ load ─ Renderer ─ file
-    argparse    globs, names      before anything    one model after the other
-                                  is loaded
+    parser     the commands, how a command line is read, the help
+    flags      the flags that several commands have, by topic
+    values     what is written behind flags: numbers, colours, materials, lights
+    models     which models are read, and what the arguments make of them
+    cameras    where a picture is taken from
+    outputs    which pictures there are: their names, their formats, their files
+    drawing    one model after another; processes: several at a time
+    messages   what is said, and what failed
 
 Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model
 can't be read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one
@@ -86,8 +91,8 @@ def _interrupted() -> int:
 def _guarded(argv, interrupts, is_imported) -> int:
     """Run the command, and say what went wrong; `is_imported` is called when its modules are there."""
     from ..errors import RasterizerError
-    from .arguments import parse
     from .messages import Messages, write_stdout
+    from .parser import parse
 
     messages = Messages()
     try:
@@ -125,12 +130,16 @@ def exit_code(error) -> int:
 
 
 def _run(arguments, messages, is_imported) -> int:
-    """Run the command; each one imports what it needs."""
-    from .commands import COMMANDS
+    """Run the command; each one imports what it uses, what it draws with before it is run."""
+    from importlib import import_module
 
-    run = COMMANDS[arguments.command].load()
+    from .parser import command_module
+
+    command = command_module(arguments.command)
+    for name in getattr(command, "IMPORTS", ()):
+        import_module(f"{__package__}.{name}")
     is_imported()
-    failures, n_model = run(arguments, messages)
+    failures, n_model = command.run(arguments, messages)
     if failures and len(failures) < n_model:
         return SOME_FAILED
     return exit_code(failures[0]) if failures else DONE

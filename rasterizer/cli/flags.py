@@ -1,59 +1,75 @@
-"""Flags that several commands share: models, outputs, camera, exactness, loading, messages."""
+"""The flags that several commands have, each once, by topic: models, output, array, camera, shading, material, light,
+shadow, picture, speed.
 
-from dataclasses import fields
+Every field of `Options` is a flag. Its name, its words and its default are those of the field; where it isn't given it
+is None in the arguments until `parse` fills it in.
+"""
+
+import argparse
+from typing import Literal, get_args, get_origin
 
 from .. import choices
 from ..io import formats
-from ..options import Options
+from ..options import LEAST_WAVES, MOST_WAVES, Options
 from . import values
-from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .messages import NORMAL, QUIET, VERBOSE
 
+EVERY = "all"  # of arrays: color and every buffer
+AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
+UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
+_MATERIAL = """\
+KEY is ambient diffuse specular emissive fresnel (colours), shininess opacity levels (numbers), roughness (a number, or
+two, A/B, along the tangent and across), tangent (u or X/Y/Z), texture (a picture), reflection distribution (words),
+normalized (yes or no). Without ambient= the ambient follows diffuse. A name first, as in gold,shininess=80, takes the
+rest from the classic table.
+"""
 
-def fill_in_defaults(arguments) -> None:
-    """Remember in `given` which options were given, because a scene file's come before the defaults; fill in those.
+_LIGHT = """\
+A light is one of these, in scene units; COLOR is #f80, orange, 0.5 (linear grey) or 1/0.9/0.8 (linear):
 
-    "outputs" stays None where it depends on what is written.
-    """
-    names = [field.name for field in fields(Options) if hasattr(arguments, field.name)]
-    arguments.given = frozenset(name for name in names if getattr(arguments, name) is not None)
-    defaults = {field.name: field.default for field in fields(Options)}
-    defaults |= {"outputs": None, "size": getattr(arguments, "default_size", None)}
-    for name in names:
-        if name not in arguments.given:
-            setattr(arguments, name, defaults[name])
+  ambient:COLOR
+  directional:X,Y,Z[,color=COLOR][,attached=camera][,shadow=yes]
+  point:X,Y,Z[,color=COLOR][,attenuation=KC/KL/KQ][,range=R][,amplify=yes]
+        [,attached=camera][,shadow=yes]
+  spot:X,Y,Z,direction=X/Y/Z[,inner=A][,outer=A][,exponent=E][,falloff=P]
+        [, and as for point]
+  area:X,Y,Z,edge_u=X/Y/Z,edge_v=X/Y/Z[,resolution=M/N][, and as for point]
+
+A direction is the one in which light travels; angles are in degrees; an area has a corner and two edges. attenuation is
+1/(KC + KL d + KQ d^2), never above 1 without amplify; 1, 1/d, 1/(d+3) and 1/d^2 may be written as such. shadow is yes,
+no, SIZE or SIZE/FILTER: texels along its map, and along the square that softens its edge.
+"""
+
+
+# Each flag takes a line for what it is, and one for what the help says.
+# fmt: off
 
 
 def add_models(parser) -> None:
-    """Add the models that are read."""
+    """Add the models that are read, and how."""
+    group = parser.add_topic("models", "A scene file (.json or .toml) holds models, materials, lights, camera, "
+                             "background, depth cue and options; flags come first.")
     models, scenes = (", ".join(formats.names(is_scene=is_scene)) for is_scene in (False, True))
-    parser.add_argument(
-        "models",
-        nargs="+",
-        metavar="MODEL",
-        help=f"{models} files, scene files ({scenes}), or patterns such as 'parts/*.stl'; - is stdin",
-    )
-    parser.add_argument(
-        "--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin"
-    )
-    parser.add_argument(
-        "--recursive", action="store_true", help="of a folder, take all models in it and below; outputs stay in folders"
-    )
+    add = group.add_argument
+    add("models", nargs="+", metavar="MODEL",
+        help=f"{models} files, scene files ({scenes}), or patterns such as 'parts/*.stl'; - is stdin")
+    add("--input-format", choices=formats.names(), metavar="NAME",
+        help="format of the models, whatever their suffix; needed for stdin")
+    add("--recursive", action="store_true",
+        help="of a folder, take all models in it and below; outputs stay in folders")
+    add_loading(group)
 
 
-def add_size(parser, size) -> None:
-    """Add the size of a picture, and its default (width, height)."""
-    parser.add_argument(
-        "-s",
-        "--size",
-        type=values.picture_size,
-        metavar="WxH",
-        help=f"pixels, also as W,H, or one number for a square (default {size[0]}x{size[1]})",
-    )
+def add_loading(group) -> None:
+    """Add what is accepted of models."""
+    add = group.add_argument
+    add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
+    add("--allow-outside", action="store_true",
+        help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them")
 
 
-def add_files(parser, default_name, size, suffix=".png", fields="{stem} {ext} {view}") -> None:
-    """Add the models, what is written of each and its size.
+def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {view}") -> None:
+    """Add what is written and what is said.
 
     Parameters
     ----------
@@ -62,159 +78,179 @@ def add_files(parser, default_name, size, suffix=".png", fields="{stem} {ext} {v
     suffix : of pictures, the default
     fields : what a template may hold
     """
-    add_models(parser)
-    add_output(parser, default_name, size, suffix, fields)
+    parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, outputs=None)
+    group = parser.add_topic("output")
+    default = f"{default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
+    default += ", -VIEW before .png for several views" if "{view}" in fields else ""
+    group.add_argument(
+        "-o", "--output", metavar="OUT",
+        help=f"the picture's name (default {default}), a folder, a template with {fields}, or - for stdout; the suffix "
+        "chooses the format")
+    add_size(group, size)
+    group.add_argument("--skip-existing", action="store_true", help="leave out outputs that are there already")
+    add_json(group, "print a line of JSON for each picture on stdout (on stderr with -o -)")
+    add_messages(group)
 
 
-def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {view}") -> None:
-    """Add what is written and its size; parameters are those of `add_files`."""
-    parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, default_size=size)
-    add = parser.add_argument
-    add(
-        "-o",
-        "--output",
-        metavar="OUT",
-        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
-        + (", -VIEW before .png for several views" if "{view}" in fields else "")
-        + f"), a folder, a template with {fields}, or - for stdout; the suffix chooses the format",
-    )
-    add_size(parser, size)
-    add("--skip-existing", action="store_true", help="leave out outputs that are there already")
-    add(
-        "--json",
-        action="store_true",
-        help="print a line of JSON for each picture on stdout (on stderr with -o -)",
-    )
+def add_size(group, size) -> None:
+    """Add the size of a picture, and its default (width, height)."""
+    group.set_defaults(default_size=size)
+    group.add_argument("-s", "--size", type=values.picture_size, metavar="WxH",
+                       help=f"pixels, also as W,H, or one number for a square (default {size[0]}x{size[1]})")
 
 
-def add_preview(parser) -> None:
-    """Add the picture in the terminal."""
-    parser.add_argument(
-        "--preview",
-        action="store_true",
-        help="show the picture in the terminal, in half blocks; without -o no file is written; honours NO_COLOR",
-    )
+def add_json(group, text) -> None:
+    """Add lines of JSON."""
+    group.add_argument("--json", action="store_true", help=text)
 
 
-def add_camera(parser) -> None:
-    """Add where a picture is taken from."""
-    group = parser.add_argument_group(
-        "camera",
-        "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where none of "
-        "these but --zoom is given.",
-    )
-    add = group.add_argument
-    add(
-        "--view",
-        dest="views",
-        action="extend",
-        type=values.list_of(str, tuple(VIEWS)),
-        default=[],
-        metavar="LIST",
-        help=f"where from: {', '.join(VIEWS)}; several, with commas, make a picture each",
-    )
-    add_side(group, "about the up axis", "frame = fill the picture although the model brings a camera")
+def add_messages(group) -> None:
+    """Add how much is said."""
+    add = group.add_mutually_exclusive_group().add_argument
+    add("-v", "--verbose", dest="level", action="store_const", const=VERBOSE, default=NORMAL,
+        help="say what a file had, what was used, and how long it took")
+    add("-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors")
 
 
-def add_side(group, azimuth, frame) -> None:
-    """Add the side that a model is framed from, and cameras that stand somewhere, whatever they show.
+def add_arrays(parser) -> None:
+    """Add arrays in place of pictures."""
+    held = {"color": "linear float32", "rgb": "uint8", **choices.BUFFERS, EVERY: "color and every buffer"}
+    rows = "".join(f"\n  {name:<17}{text}" for name, text in held.items())
+    add = parser.add_topic(
+        "array", f"Arrays have one sample a pixel, but for color and rgb with --samples.\n{rows}").add_argument
+    add("--array", dest="outputs", action="append", choices=tuple(held), metavar="NAME",
+        help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
+        "(repeat it; default MODEL.npz)")
+    add("--scale", type=values.number, metavar="UNITS",
+        help="scene units of 1 in a .png of the depth, which takes 1 to 65535 (default 0.001)")
+
+
+def add_processes(group) -> None:
+    """Add how many processes draw."""
+    group.add_argument(
+        "-j", "--processes", dest="n_process", type=values.processes, metavar="N",
+        help="draw N models at a time, each in a process of its own with one thread (unless --threads says more)")
+
+
+def add_camera(parser, views=True, azimuth="about the up axis",
+               frame="frame = fill the picture although the model brings a camera") -> None:
+    """Add where a picture is taken from.
 
     Parameters
     ----------
+    views : whether there may be several, by their names
     azimuth, frame : text, what the degrees of --azimuth are, and what --camera frame does
     """
-    add = group.add_argument
-    add(
-        "--azimuth",
-        type=values.number,
-        metavar="A",
-        help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})",
-    )
+    add = parser.add_topic(
+        "camera", "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where "
+        "none of these but --zoom is given.").add_argument
+    parser.set_defaults(views=[])
+    if views:
+        add("--view", dest="views", action="extend", type=values.list_of(str, tuple(choices.VIEWS)), default=[],
+            metavar="LIST", help=f"where from: {', '.join(choices.VIEWS)}; several, with commas, make a picture each")
+    add("--azimuth", type=values.number, metavar="A", help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})")
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
-    add_lens(group)
-    add_margin(group)
-    add(
-        "--camera",
-        metavar="FILE",
-        help="a camera out of a scene file, or one by itself in JSON; file = the model's own, which must have one; "
-        + frame,
-    )
+    add("--fov", type=values.number, metavar="A", help=f"vertical field of view, degrees (default {FOV:g})")
+    add("--ortho", action="store_true", help="without perspective; with --eye, the target keeps its size")
+    add("--zoom", type=values.number, default=1.0, metavar="F",
+        help="enlarge the middle of the picture F times (default 1)")
+    add("--margin", type=values.percentage, metavar="M",
+        help="share of the picture that stays empty on each side, 0.1 or 10%% (default 5%%)")
+    add("--camera", metavar="FILE", help="a camera out of a scene file, or one by itself in JSON; file = the model's "
+        f"own, which must have one; {frame}")
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
-    add_up(group)
+    upright = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")
+    add("--up", type=values.axis, choices=("auto", *choices.AXES),
+        help=f"up axis (default auto: z for {upright}, y for other models, that of a scene file)")
 
 
-def add_lens(group) -> None:
-    """Add the field of view."""
+def add_look(parser, is_compared=False):
+    """Add how models look, and how exactly and quickly they are drawn; return the group of the latter.
+
+    Parameters
+    ----------
+    is_compared : leave out what methods that are compared say themselves, and what isn't compared
+    """
+    group = parser.add_topic("shading")
+    if not is_compared:
+        _add_option(group, "shading", "light polygons (flat or lambert), vertices (gouraud) or samples (phong)")
+        _add_option(group, "samples", "samples a pixel; buffers have one")
+        _add_option(group, "antialias", "light and textures for every sample, or once for each polygon in a pixel")
     add = group.add_argument
-    add(
-        "--fov",
-        type=values.number,
-        metavar="A",
-        help=f"vertical field of view, degrees (default {FOV:g})",
-    )
-    add("--ortho", action="store_true", help="without perspective; with --eye, the target keeps its size")
-    add("--zoom", type=values.number, default=1.0, metavar="F", help="enlarge the middle of the picture F times")
+    add("--crease-angle", type=values.number, metavar="A",
+        help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)")
+    add("--weighting", choices=choices.WEIGHTINGS,
+        help="what faces count by where normals are averaged (default: as a scene file says, else angle)")
+    add("--subdivide", type=int, default=0, metavar="N",
+        help="cut every triangle in four, N times, up to 15: for highlights with gouraud (default 0)")
+    _add_option(group, "cull", "leave out faces seen from behind")
 
+    add = parser.add_topic("material", _MATERIAL).add_argument
+    add("--material", dest="materials", action="append", type=values.material, default=[],
+        metavar="[NAME,]KEY=VALUE,...",
+        help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic "
+        "... (default: the file's materials, else neutral grey)")
+    add("--color", dest="materials", action="append", type=values.diffuse_color, metavar="COLOR",
+        help="short for --material diffuse=...")
+    add("--reflection", metavar=f"{{{','.join(choices.REFLECTIONS)}}}", help="short for --material reflection=...")
 
-def add_margin(group) -> None:
-    """Add what stays empty around a model."""
-    group.add_argument(
-        "--margin",
-        type=values.share,
-        metavar="M",
-        help="share of the picture that stays empty on each side, 0.1 or 10%% (default 5%%)",
-    )
+    add = parser.add_topic("light", _LIGHT).add_argument
+    add("--preset", choices=choices.PRESETS,
+        help="ready-made lights (default: the file's own, else studio, or none beside --light)")
+    add("--light", dest="lights", action="append", default=[], metavar="KIND:...", help="add a light")
 
-
-def add_up(group) -> None:
-    """Add the up axis."""
-    group.add_argument(
-        "--up",
-        type=values.axis,
-        choices=("auto", *choices.AXES),
-        help="up axis (default auto: z for stl and 3mf, y for other models, that of a scene file)",
-    )
-
-
-def add_tolerance(group) -> None:
-    """Add the error that is accepted."""
-    group.add_argument(
-        "--tolerance",
-        type=values.fraction,
-        metavar="T",
-        help="error accepted, in linear intensity with white = 1; 0 = as exact as float64 (default 1/4096: "
-        "8-bit values are off by one level at most, but next to steps of the light)",
-    )
-
-
-def add_loading(group) -> None:
-    """Add how models are loaded, and the threads."""
+    group = parser.add_topic("shadow")
     add = group.add_argument
-    add(
-        "--threads",
-        type=int,
-        metavar="N",
-        help="threads that draw a picture (default: all that the process may use)",
-    )
-    add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
-    add(
-        "--allow-outside",
-        action="store_true",
-        help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them",
-    )
+    add("--shadows", action="store_true", help="all lights but ambient ones cast shadows, unless one says shadow=no")
+    add("--shadow-size", type=int, metavar="N", help="texels along the side of shadow maps, 16 to 8192 (default 1024)")
+    add("--shadow-filter", type=int, metavar="N",
+        help="texels that soften the edges of shadows, odd, 1 (hard) to 9 (default 1)")
+    if not is_compared:
+        _add_option(group, "ground", "the tabletop: a key light with its shadow in place of the studio's, and a soft "
+                    "shadow on the ground, in pictures' alpha (default: none, or as a scene file says)")
+
+    group = parser.add_topic("picture")
+    add = group.add_argument
+    add("-b", "--background", type=values.color, metavar="COLOR",
+        help="colour, or transparent (default, but for a scene file with a background)")
+    add("--depth-cue", type=values.depth_cue, default=UNSAID, metavar="D[,start=S][,color=C]",
+        help="let what is further away fade to the colour C (default black): d units behind S (default 0), D/(D+d) is "
+        "left; none = not even as the scene file says")
+    _add_option(group, "color_range",
+                "what becomes of colours too bright: cut off, the picture darkened, or the pixel darkened")
+    _add_option(group, "exposure", "multiply the light by 2^STOPS, the background not (default 0)", metavar="STOPS")
+    _add_option(group, "spectral", f"compute with N samples of the spectrum, {LEAST_WAVES} to {MOST_WAVES} "
+                "(default: 81 where a light or material has one, else three colours)", metavar="N")
+    if not is_compared:
+        _add_option(group, "edges", "edges of polygons drawn over the picture where nothing hides them, with commas "
+                    "between: wire (all), crease (where faces meet at more than the crease angle, or end), silhouette, "
+                    "all (default: none)", type=values.list_of(str, choices.EDGE_TYPES), metavar="LIST")
+        _add_option(group, "edge_color", "of the edges (default black)", type=values.color, metavar="COLOR")
+        _add_option(group, "edge_width", "of the edges, in pixels", metavar="PX")
+
+    group = parser.add_topic("speed")
+    if not is_compared:
+        _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = as exact as float64 "
+                    "(default 1/4096: 8-bit values are off by one level at most, but next to steps of the light)",
+                    type=values.fraction, metavar="T")
+    _add_option(group, "threads", "threads that draw a picture (default: all that the process may use)", metavar="N")
+    return group
 
 
-def add_messages(parser) -> None:
-    """Add how much is said."""
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "-v",
-        "--verbose",
-        dest="level",
-        action="store_const",
-        const=VERBOSE,
-        default=NORMAL,
-        help="say what a file had, what was used, and how long it took",
-    )
-    group.add_argument("-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors")
+# fmt: on
+
+
+def _add_option(group, name, text, **settings) -> None:
+    """Add the flag of a field of Options: its words and, where the text doesn't speak of it, its default are the
+    field's."""
+    field = Options.__dataclass_fields__[name]
+    if get_origin(field.type) is Literal:
+        words = get_args(field.type)
+        settings |= {"choices": words, "type": type(words[0])}
+    elif field.type is bool:
+        settings["action"] = argparse.BooleanOptionalAction
+    else:
+        settings.setdefault("type", values.number if field.type is float else int)
+    text += "" if "default" in text else f" (default {field.default})"
+    group.add_argument(f"--{name.replace('_', '-')}", default=None, help=text, **settings)

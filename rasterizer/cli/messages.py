@@ -1,15 +1,17 @@
-"""What the command line says: one line a message, on stderr only, plain text."""
+"""What the command line says: messages on stderr, one line each; lines of JSON; bars; what failed, what is done."""
 
 import math
 import os
 import sys
 from contextlib import contextmanager
 
-from ..errors import OutputError
+from ..errors import OutputError, error_of
 
 QUIET, NORMAL, VERBOSE = -1, 0, 1
+STDIO = "-"  # what stands for stdin or stdout
 BAR_WIDTH = 24
-LINES = 20  # the most about one compilation, where there is no bar
+_LINES = 20  # the most about one compilation, where there is no bar
+_MANY = 5  # pictures from which on there is a bar
 
 
 class Messages:
@@ -22,17 +24,17 @@ class Messages:
 
     def error(self, text) -> None:
         """Say what went wrong."""
-        self._say(f"error: {text}")
+        self.say(f"error: {text}")
 
-    def warn(self, text) -> None:
-        """Say what may be a mistake."""
-        if self.level > QUIET:
-            self._say(f"warning: {text}")
+    def warn(self, *texts) -> None:
+        """Say what may be a mistake, a line each."""
+        for text in texts if self.level > QUIET else ():
+            self.say(f"warning: {text}")
 
     def notice(self, text) -> None:
         """Say what a person should know while waiting."""
         if self.level > QUIET:
-            self._say(text)
+            self.say(text)
 
     def notice_once(self, text) -> None:
         """Say what holds for all models of a run, at the first of them."""
@@ -43,7 +45,7 @@ class Messages:
     def detail(self, text) -> None:
         """Say what only somebody who asks wants to know."""
         if self.level >= VERBOSE:
-            self._say(text)
+            self.say(text)
 
     def record(self, record: dict, is_stdout_taken: bool) -> None:
         """Print a line of JSON, as `print_record` does."""
@@ -56,7 +58,8 @@ class Messages:
 
             traceback.print_exception(error, file=sys.stderr)
 
-    def _say(self, text) -> None:
+    def say(self, text) -> None:
+        """Say a line, whatever the level."""
         if self.bar is not None:
             self.bar.write(_line_of(text), file=sys.stderr)
         elif sys.stderr is not None:  # None where the process was started without one
@@ -77,6 +80,106 @@ class Messages:
 
 def _line_of(text) -> str:
     return f"raster: {' '.join(str(text).split())}"
+
+
+# --- what failed, and what is done ------------------------------------------------------------------------------------
+
+
+class Failures(list):
+    """The errors of a run, one for each model that failed.
+
+    Parameters
+    ----------
+    messages : Messages
+    is_json : whether each is also told as a line of JSON
+    """
+
+    def __init__(self, messages, is_json: bool = False):
+        super().__init__()
+        self._messages, self._is_json = messages, is_json
+
+    @contextmanager
+    def caught(self, model: str, size=None, is_stdout_taken: bool = False):
+        """Tell what goes wrong inside the block, which is about one model, and go on.
+
+        Parameters
+        ----------
+        model : path, for messages
+        size : (width, height) of its picture, or None
+        is_stdout_taken : whether a picture goes to stdout
+        """
+        try:
+            yield
+        except BrokenPipeError:
+            raise
+        except Exception as error:  # noqa: BLE001  whatever it is, one model that fails does not stop the rest
+            at = f" at {size}" if size is not None and isinstance(error, MemoryError) else ""
+            failure = error_of(f"{model}{at}", error)
+            self.append(failure)
+            self._messages.error(failure)
+            if getattr(failure, "is_internal", False):
+                self._messages.traceback(error.__cause__ if failure is error and error.__cause__ else error)
+            if self._is_json:
+                self._messages.record({"path": model, "error": str(failure)}, is_stdout_taken)
+
+
+class Results:
+    """Tell of each picture that is done: a line on a terminal, and a bar where there are many; a context manager.
+
+        raster: [37/200] thumbs/part.png, 640x480, 35.1 kB, 0.12 s
+
+    The bar is that of tqdm, the extra `progress`; without it the lines count alone. Nothing is said where stderr is no
+    terminal, where -q or -v is given, or where lines of JSON say more.
+
+    Parameters
+    ----------
+    messages : Messages, whose lines go through the bar while it is there
+    n : how many pictures there will be
+    is_told : whether anybody wants lines
+    """
+
+    def __init__(self, messages, n: int, is_told: bool = True):
+        is_terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._messages, self._n, self._n_done = messages, n, 0
+        self._is_told = is_told and is_terminal and messages.level == NORMAL
+        self._bar = None
+
+    def __enter__(self):
+        if self._is_told and self._n >= _MANY:
+            try:
+                from tqdm import tqdm
+            except ImportError:
+                return self
+            self._bar = tqdm(total=self._n, file=sys.stderr, unit="picture", leave=False, dynamic_ncols=True)
+            self._messages.bar = self._bar
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._messages.bar = None
+            self._bar.close()
+
+    def tell(self, output: str, size, n_byte: int, seconds: float) -> None:
+        """Say that a picture is done.
+
+        Parameters
+        ----------
+        output : path, or - for stdout
+        size : (width, height), pixels
+        n_byte : of the file
+        seconds : that it took
+        """
+        self._n_done += 1
+        if self._is_told:
+            count = f"[{self._n_done}/{self._n}] " if self._n > 1 else ""
+            name = "stdout" if output == STDIO else output
+            width, height = size
+            self._messages.notice(f"{count}{name}, {width}x{height}, {byte_words(n_byte)}, {seconds:.2f} s")
+        if self._bar is not None:
+            self._bar.update()
+
+
+# --- stdout, and lines of JSON ----------------------------------------------------------------------------------------
 
 
 def byte_words(n_byte: int) -> str:
@@ -151,6 +254,9 @@ def write_stdout(content: bytes) -> None:
         raise OutputError(f"can't write to stdout: {error.strerror or error}") from error
 
 
+# --- bars, and kernels that are being compiled ------------------------------------------------------------------------
+
+
 @contextmanager
 def compilation_shown(messages):
     """Show inside the block which kernel is being compiled and how many are done; as a detail, what is wrong with those
@@ -162,12 +268,10 @@ def compilation_shown(messages):
 
     for reason in kernels.STORE.reasons:
         messages.detail(f"the store of kernels: {reason}")
-    progress = Progress(messages, not kernels.STORE.is_kept)
-    with kernels.noticing_compilation(progress.show), _details_told(messages):
-        try:
+    with Bar(messages) as bar, _details_told(messages):
+        progress = Progress(messages, bar, not kernels.STORE.is_kept)
+        with kernels.noticing_compilation(progress.show):
             yield progress
-        finally:
-            progress.end()
 
 
 class Bar:
@@ -205,9 +309,8 @@ class Bar:
 class Progress:
     """Lines about kernels that are being compiled: a bar on a terminal, else some lines."""
 
-    def __init__(self, messages, is_every_run: bool):
-        self._messages, self._is_every_run = messages, is_every_run
-        self._bar = Bar(messages)
+    def __init__(self, messages, bar: Bar, is_every_run: bool):
+        self._messages, self._bar, self._is_every_run = messages, bar, is_every_run
         self.n_shown, self._last = 0, -1
 
     def show(self, name: str, n_done: int, n_kernel: int) -> None:
@@ -215,17 +318,12 @@ class Progress:
         self.n_shown += 1
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
-        if not self._bar.is_shown:
-            part = n_done * LINES // n_kernel
-            if n_kernel <= LINES or part > self._last:
-                self._last = part
-                self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
-            return
-        self._bar.show(n_done, n_kernel, f"compiling {name}")
-
-    def end(self) -> None:
-        """Take the bar off the terminal."""
-        self._bar.end()
+        part = n_done * _LINES // n_kernel
+        if self._bar.is_shown:
+            self._bar.show(n_done, n_kernel, f"compiling {name}")
+        elif n_kernel <= _LINES or part > self._last:
+            self._last = part
+            self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
 
 
 @contextmanager

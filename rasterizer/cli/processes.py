@@ -1,7 +1,7 @@
 """Models drawn in other processes: `raster batch`, and `raster render -j N`.
 
     here                                            there
-    plan ─ jobs ─────────────────────────────────  load ─ Renderer ─ bytes, and what there is to say
+    plan ─ jobs ──────────────────────────────────  load ─ Renderer ─ bytes, and what there is to say
     files ─ what there is to say ─ exit code  ────  ┘
 
 What writes files, and what is said, is here, as where one process draws: never in place of what the run reads, one line
@@ -18,19 +18,16 @@ from ..batch.pools import DaskPool, Died, Done, Failed, Job, Pool, ProcessPool, 
 from ..batch.rendering import LONGEST_RUN
 from ..batch.tasks import RenderSummary
 from ..errors import RasterizerError, SceneError
-from .cameras_lights import check_camera
-from .failures import Failures
-from .load_scene import Settings, load_scene, make_settings
-from .messages import Messages, compilation_shown
-from .results import Results
-from .targets import STDIO, Target
-from .write_targets import Outputs
+from .cameras import check_camera
+from .messages import STDIO, Failures, Messages, Results, compilation_shown
+from .models import Settings, load_scene, make_settings
+from .outputs import Outputs, Target
 
 
 class ModelWork(NamedTuple):
     """What is sent for some pictures of a model."""
 
-    draw: Callable  # see `draw_models_apart`
+    draw: Callable  # see `draw_in_processes`
     targets: list[Target]
     arguments: Any
     settings: Settings
@@ -53,22 +50,9 @@ class HeldMessages(Messages):
         super().__init__(level)
         self.said = []
 
-    def error(self, text) -> None:
-        """Keep an error."""
-        self.said.append(("error", (str(text),)))
-
-    def warn(self, text) -> None:
-        """Keep a warning."""
-        self.said.append(("warn", (text,)))
-
-    def notice(self, text) -> None:
-        """Keep a notice."""
-        self.said.append(("notice", (text,)))
-
-    def detail(self, text) -> None:
-        """Keep a detail, where it will be said."""
-        if self.level > 0:
-            self.said.append(("detail", (text,)))
+    def say(self, text) -> None:
+        """Keep a line that the level lets through."""
+        self.said.append(("say", (str(text),)))
 
     def record(self, record, is_stdout_taken) -> None:
         """Keep a line of JSON."""
@@ -82,30 +66,23 @@ class HeldMessages(Messages):
             self.detail(line)
 
 
-class HeldResults:
-    """Keep what is told of pictures; see `Results`."""
-
-    def __init__(self, said):
-        self._said = said
-
-    def tell(self, output, size, n_byte, seconds) -> None:
-        """Keep that a picture is done."""
-        self._said.append(("tell", (output, size, n_byte, seconds)))
-
-
 class HeldOutput:
-    """Keep what is to be written."""
+    """Keep what is to be written, and what is told of it."""
 
     def __init__(self, said):
-        self.results = HeldResults(said)
+        self.results, self._said = self, said
         self.contents, self.files_read = [], []
+
+    def tell(self, *of_picture) -> None:
+        """Keep that a picture is done; see `Results`."""
+        self._said.append(("tell", of_picture))
 
     def write(self, content, output) -> None:
         """Keep the content of a file."""
         self.contents.append((content, output))
 
 
-def draw_apart(work: ModelWork, loaded, _kept) -> ModelDone | None:
+def draw_job(work: ModelWork, loaded, _kept) -> ModelDone | None:
     """Draw pictures of a model; return them, or None where this process doesn't see the model's file."""
     model = work.targets[0].model
     if loaded is None and work.identity is not None and identify(model) != work.identity:
@@ -119,13 +96,12 @@ def draw_apart(work: ModelWork, loaded, _kept) -> ModelDone | None:
     return ModelDone(output.contents, messages.said, plain, output.files_read)
 
 
-def may_be_drawn_apart(arguments) -> bool:
-    """Tell whether other processes can draw: stdin, stdout and the terminal are this one's."""
-    is_shown = getattr(arguments, "preview", False)
-    return STDIO not in arguments.models and arguments.output != STDIO and not is_shown
+def can_use_processes(arguments) -> bool:
+    """Tell whether other processes can draw: stdin and stdout are this one's."""
+    return STDIO not in arguments.models and arguments.output != STDIO
 
 
-def draw_models_apart(arguments, messages, plan, draw, executor=None) -> tuple[list, int, RenderSummary]:
+def draw_in_processes(arguments, messages, plan, draw, executor=None) -> tuple[list, int, RenderSummary]:
     """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
 
     `draw` is `render_model`, or another function of a module that is called as that.
@@ -137,7 +113,8 @@ def draw_models_apart(arguments, messages, plan, draw, executor=None) -> tuple[l
     settings = make_settings(arguments)
     check_camera(arguments)
     pool = ProcessPool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
-    tell_of_compiling(pool, messages)
+    if not getattr(pool, "is_warm", True):
+        messages.notice("compiling kernels for the first time, which takes some seconds: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages), results:
         try:
@@ -147,14 +124,8 @@ def draw_models_apart(arguments, messages, plan, draw, executor=None) -> tuple[l
             pool.close()
 
 
-def tell_of_compiling(pool: Pool, messages) -> None:
-    """Say why nothing happens for a while, where the pool has to compile first."""
-    if not getattr(pool, "is_warm", True):
-        messages.notice("compiling kernels for the first time, which takes some seconds: raster warmup does it ahead")
-
-
 class _Work:
-    """The pictures of a plan on their way to a pool and back."""
+    """The pictures of a plan on their way to a pool of processes and back."""
 
     def __init__(self, arguments, settings, messages, pool: Pool, plan, draw, results):
         self._arguments, self._settings, self._messages = copy(arguments), settings, messages
@@ -165,7 +136,7 @@ class _Work:
         self._n_target = sum(map(len, plan))
 
     def run(self) -> tuple[list, int, RenderSummary]:
-        """Draw everything; return what `draw_models_apart` does."""
+        """Draw everything; return what `draw_in_processes` does."""
         # No model is done before another is begun: whatever exists may be read by one of them. The plan has one more
         # model than there are, so that all others come after it.
         with Outputs([self._plan[0], *self._plan], self._arguments) as outputs:
@@ -189,7 +160,7 @@ class _Work:
         if not self._pool.is_here:
             targets = [target._replace(model=os.path.abspath(target.model)) for target in targets]
             identity = identify(targets[0].model)
-        job = Job(draw_apart, ModelWork(self._draw, targets, self._arguments, self._settings, identity))
+        job = Job(draw_job, ModelWork(self._draw, targets, self._arguments, self._settings, identity))
         job.note = number, is_alone
         return job
 
@@ -209,7 +180,7 @@ class _Work:
         failures = Failures(self._messages, self._arguments.json)
         with failures.caught(model):
             loaded = load_scene(model, self._arguments, self._settings, self._messages, found)
-            again = Job(draw_apart, job.argument, SharedObject(loaded, model))
+            again = Job(draw_job, job.argument, SharedObject(loaded, model))
             again.note = job.note
             return [again]
         self._note_failures(job, failures)

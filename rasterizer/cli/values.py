@@ -1,9 +1,15 @@
-"""Types of arguments: text to value, ArgumentTypeError where it is none. They import nothing heavy."""
+"""What is written behind flags, as values: numbers, colours, materials `NAME,KEY=VALUE,...`, lights `KIND:...`.
+
+Each function is the type of an argument: text to value, ArgumentTypeError where it is none. Nothing heavy is imported
+before a light is made.
+"""
 
 import argparse
 import re
 
-from .suggestions import did_you_mean
+from ..choices import DISTRIBUTIONS
+from ..errors import SceneError
+from .parser import did_you_mean
 
 
 def number(text) -> float:
@@ -25,30 +31,9 @@ def fraction(text) -> float:
     return number(above) / number(below) if slash else number(text)
 
 
-def method(text) -> str:
-    """A shading method, with +N behind Gouraud's for a model whose triangles are cut in four N times."""
-    if not re.fullmatch(r"flat|lambert|phong|gouraud(\+([1-9]|1[0-5]))?", text):
-        legal = "flat, lambert, gouraud, gouraud+N with N from 1 to 15, phong"
-        raise argparse.ArgumentTypeError(f"one or several of {legal}, with commas, are needed; given {text!r}")
-    return text
-
-
-def list_of(read, legal=None):
-    """The type of values between commas, each once; `read` makes one of a text."""
-
-    def values(text) -> tuple:
-        found = tuple(dict.fromkeys(read(part) for part in text.split(",")))
-        for value in found:
-            if legal is not None and value not in legal:
-                words = ", ".join(map(str, legal))
-                meant = did_you_mean(str(value), map(str, legal))
-                raise argparse.ArgumentTypeError(
-                    f"one or several of {words}, with commas, are needed; given {text!r}{meant}"
-                )
-        return found
-
-    values.legal = legal or ()  # for the completion of shells
-    return values
+def percentage(text) -> float:
+    """A number, or per cent: 0.1 or 10%."""
+    return number(text[:-1]) / 100.0 if text.endswith("%") else number(text)
 
 
 def whole(text) -> int:
@@ -59,23 +44,12 @@ def whole(text) -> int:
         raise argparse.ArgumentTypeError(f"a whole number is needed; given {text!r}") from None
 
 
-def vector(text, separator=",") -> tuple[float, ...]:
-    """Three numbers."""
-    parts = text.split(separator)
-    if len(parts) != 3:
-        form = separator.join("XYZ")
-        raise argparse.ArgumentTypeError(f"three numbers {form} are needed; given {text!r}")
-    return tuple(number(part) for part in parts)
-
-
-def share(text) -> float:
-    """A share as a number, or in per cent: 0.1 or 10%."""
-    return number(text[:-1]) / 100.0 if text.endswith("%") else number(text)
-
-
-def axis(text) -> str:
-    """The name of an axis, in small letters and without a plus sign."""
-    return text.lower().removeprefix("+")
+def processes(text) -> int:
+    """How many processes."""
+    most = 1024
+    if not text.isdecimal() or not 1 <= int(text[:9]) <= most:
+        raise argparse.ArgumentTypeError(f"1 to {most} processes are legal; given {text!r}")
+    return int(text)
 
 
 def picture_size(text) -> tuple[int, int]:
@@ -87,11 +61,69 @@ def picture_size(text) -> tuple[int, int]:
     return int(width), int(height or width)
 
 
+def vector(text, separator=",") -> tuple[float, ...]:
+    """Three numbers."""
+    parts = text.split(separator)
+    if len(parts) != 3:
+        form = separator.join("XYZ")
+        raise argparse.ArgumentTypeError(f"three numbers {form} are needed; given {text!r}")
+    return tuple(number(part) for part in parts)
+
+
+def axis(text) -> str:
+    """The name of an axis, in small letters and without a plus sign."""
+    return text.lower().removeprefix("+")
+
+
+def yes_or_no(text) -> bool:
+    """A truth value."""
+    if text not in ("yes", "no"):
+        raise argparse.ArgumentTypeError(f"yes or no is needed; given {text!r}")
+    return text == "yes"
+
+
 def color(text):
     """A linear grey or triple as numbers; anything else stays text, to be read as hex or a CSS name."""
     if re.fullmatch(r"[-+.\d]+([eE][-+]?\d+)?", text):
         return number(text)
     return vector(text, "/") if "/" in text else text
+
+
+def shading_method(text) -> str:
+    """A shading method, with +N behind Gouraud's for a model whose triangles are cut in four N times."""
+    if not re.fullmatch(r"flat|lambert|phong|gouraud(\+([1-9]|1[0-5]))?", text):
+        legal = "flat, lambert, gouraud, gouraud+N with N from 1 to 15, phong"
+        raise argparse.ArgumentTypeError(f"one or several of {legal}, with commas, are needed; given {text!r}")
+    return text
+
+
+def list_of(read, legal=()):
+    """The type of values between commas, each once; `read` makes one of a text, `legal` has them all where they are
+    few."""
+
+    def values(text) -> tuple:
+        found = tuple(dict.fromkeys(read(part) for part in text.split(",")))
+        for value in found:
+            if legal and value not in legal:
+                words = list(map(str, legal))
+                needed = f"one or several of {', '.join(words)}, with commas, are needed"
+                raise argparse.ArgumentTypeError(f"{needed}; given {text!r}{did_you_mean(str(value), words)}")
+        return found
+
+    values.legal = legal  # for the completion of shells
+    return values
+
+
+def word_of(legal):
+    """The type of a word out of `legal`."""
+
+    def word(text) -> str:
+        if text not in legal:
+            meant = did_you_mean(text, legal)
+            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}{meant}")
+        return text
+
+    return word
 
 
 def depth_cue(text):
@@ -108,20 +140,182 @@ def depth_cue(text):
     return settings
 
 
-def yes_or_no(text) -> bool:
-    """A truth value."""
-    if text not in ("yes", "no"):
-        raise argparse.ArgumentTypeError(f"yes or no is needed; given {text!r}")
-    return text == "yes"
+def _read_settings(parts, readers, what) -> dict:
+    """Read NAME=VALUE texts, each by the reader of its name; a fault says what is at fault, and `what` takes."""
+    settings = {}
+    for part in parts:
+        name, _, text = part.strip().partition("=")
+        if name not in readers or not text:
+            legal, meant = _list_names(readers), did_you_mean(name, readers)
+            raise argparse.ArgumentTypeError(f"{what} takes {legal}; given {part!r}{meant}")
+        try:
+            settings[name] = readers[name](text)
+        except argparse.ArgumentTypeError as fault:
+            raise argparse.ArgumentTypeError(f"{name}: {fault}") from None
+    return settings
 
 
-def word_of(legal):
-    """The type of a word out of `legal`."""
+def _list_names(readers) -> str:
+    return ", ".join(f"{name}=..." for name in readers)
 
-    def word(text) -> str:
-        if text not in legal:
-            meant = did_you_mean(text, legal)
-            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}{meant}")
-        return text
 
-    return word
+_NEXT = r",(?=\s*\w+=)"  # a comma that no NAME= follows belongs to the value, as in rgb(1,2,3) or a file's name
+
+
+# --- materials --------------------------------------------------------------------------------------------------------
+
+
+def material(text) -> dict:
+    """KEY=VALUE,..., before it the name of a material of the classic table, or that alone: fields of a Material."""
+    settings, parts = {}, re.split(_NEXT, text)
+    if "=" not in parts[0]:
+        from ..scene.material import named_fields
+
+        try:
+            settings = named_fields(parts.pop(0).strip())
+        except SceneError as fault:
+            raise argparse.ArgumentTypeError(f"a material takes {_list_names(MATERIAL_FIELDS)}; {fault}") from None
+    return settings | _read_settings(parts, MATERIAL_FIELDS, "a material")
+
+
+def diffuse_color(text) -> dict:
+    """The same of a colour alone."""
+    return {"diffuse": color(text)}
+
+
+def _or_none(read):
+    """The type of what may be left out by the word none."""
+    return lambda text: None if text == "none" else read(text)
+
+
+def _roughness(text):
+    """A number, or two as A/B."""
+    if text.count("/") == 1:
+        return tuple(number(part) for part in text.split("/"))
+    return number(text)
+
+
+def _slashed_vector(text):
+    """X/Y/Z."""
+    return vector(text, "/")
+
+
+def _tangent(text):
+    """The letter u, or an axis X/Y/Z."""
+    return text if text == "u" else _slashed_vector(text)
+
+
+MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
+    "ambient": color,
+    "diffuse": color,
+    "specular": color,
+    "shininess": number,
+    "emissive": color,
+    "opacity": number,
+    "texture": _or_none(str),
+    "reflection": str,  # which models there are is known once the scene is imported
+    "roughness": _roughness,
+    "tangent": _tangent,
+    "distribution": word_of(DISTRIBUTIONS),
+    "fresnel": _or_none(color),
+    "normalized": yes_or_no,
+    "levels": whole,
+}
+
+
+# --- lights -----------------------------------------------------------------------------------------------------------
+
+
+def make_light(text, casts, shadow):
+    """Make a light of what follows --light.
+
+        point:1,2,3,color=#f80,shadow=512/3
+        kind  first names and values, as each field of the kind's class is written
+              field
+
+    The kinds and their fields are those of the scene's table, so one that is added there can be written here at once.
+
+    Parameters
+    ----------
+    casts : whether a light that doesn't speak of shadows casts one
+    shadow : Shadow of such a light, and of one that says shadow=yes
+
+    Returns
+    -------
+    an object of the kind's class
+
+    Raises
+    ------
+    SceneError : an unknown kind or name, or a value that is not legal; the message lists what is
+    """
+    from ..scene.lights import LIGHT_KINDS, Shadow, describe_fields
+
+    kind, _, rest = text.partition(":")
+    if kind not in LIGHT_KINDS:
+        legal = ", ".join(f"{word}:..." for word in LIGHT_KINDS)
+        meant = did_you_mean(kind, LIGHT_KINDS)
+        raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}{meant}")
+    described = describe_fields(LIGHT_KINDS[kind])
+    try:
+        settings = _read_light(kind, rest, described)
+    except argparse.ArgumentTypeError as fault:
+        raise SceneError(f"argument --light: {fault}") from None
+    for name, field in described.items():
+        if field.is_needed and name not in settings:
+            form = _FORMS.get(field.holds, "VALUE")
+            raise SceneError(f"argument --light: a {kind} light needs {name}={form}; given {text!r}")
+    if "shadow" in described:
+        own = settings.get("shadow", casts)  # yes, no, or (size, filter)
+        settings["shadow"] = Shadow(*own) if isinstance(own, tuple) else shadow if own else None
+    return LIGHT_KINDS[kind](**settings)
+
+
+def _read_light(kind, rest, described) -> dict:
+    """Read the values behind the kind, by the names of the class' fields."""
+    readers = {name: _READERS.get(field.holds, str) for name, field in described.items()}
+    first, needed = next((name, field.is_needed) for name, field in described.items())
+    head, *parts = re.split(_NEXT, rest)
+    if "=" in head:
+        return _read_settings([head, *parts], readers, f"a {kind} light")
+    settings = {}
+    if (head or needed) and described[first].holds == "vector":
+        settings[first] = vector(head)  # written with commas, as for --eye
+    elif head or needed:
+        settings = _read_settings([f"{first}={head}"], readers, f"a {kind} light")
+    return settings | _read_settings(parts, readers, f"a {kind} light")
+
+
+def _attenuation(text):
+    """KC/KL/KQ as numbers; what else there is stays text, as the classes of lights read it."""
+    return text if text.startswith("1/(") or "d" in text or "/" not in text else _slashed_vector(text)
+
+
+def _cells(text) -> tuple[int, ...]:
+    """M/N, two whole numbers."""
+    if not re.fullmatch(r"\d{1,9}/\d{1,9}", text):
+        raise argparse.ArgumentTypeError(f"M/N is needed, two whole numbers; given {text!r}")
+    return tuple(map(int, text.split("/")))
+
+
+def _shadow(text):
+    """True, False, or (size, filter)."""
+    if text in ("yes", "no"):
+        return text == "yes"
+    match = re.fullmatch(r"(\d{1,9})(?:/(\d{1,9}))?", text)
+    if not match:
+        raise argparse.ArgumentTypeError(f"yes, no, SIZE or SIZE/FILTER is needed; given {text!r}")
+    return int(match[1]), int(match[2] or 1)
+
+
+# By what a field holds, see `describe_fields`; words and text are checked by the class.
+_READERS = {
+    "number": number,
+    "whole": whole,
+    "flag": yes_or_no,
+    "vector": _slashed_vector,
+    "cells": _cells,
+    "color": color,
+    "attenuation": _attenuation,
+    "shadow": _shadow,
+}
+_FORMS = {"vector": "X/Y/Z", "cells": "M/N", "flag": "yes", "color": "COLOR", "attenuation": "KC/KL/KQ"}

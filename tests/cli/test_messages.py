@@ -1,4 +1,4 @@
-"""What is said while kernels are compiled: a bar on a terminal, a line for each elsewhere, nothing with --quiet."""
+"""What is said: of kernels that are compiled, of each picture on a terminal, at each level; and lines of JSON."""
 
 import json
 import logging
@@ -9,7 +9,7 @@ import sys
 import warnings
 
 import pytest
-from helpers.command import errors
+from helpers.command import CUBE, GEAR, SMALL, errors, raster, run
 from helpers.stores import LIGHT, TINY, environment_with
 
 from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown, print_record
@@ -161,3 +161,48 @@ def test_json_is_json_also_where_a_number_is_not_finite(capsys):
     record = json.loads(capsys.readouterr().out, parse_constant=refuse)
     assert record["a"] is None and record["a_reason"].startswith("infinite") and record["b"] == [1.0, None]
     assert record["c"]["d"] is None and record["e"] == 1
+
+
+# --- pictures that are done -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def terminal(folder, monkeypatch, capsys):
+    """Stderr that says that it is a terminal."""
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True)
+
+
+def lines(capsys):
+    return [line for line in re.split(r"[\r\n]+", capsys.readouterr().err) if line.startswith("raster: ")]
+
+
+def test_a_picture_has_a_line(terminal, capsys):
+    assert run(CUBE) == 0
+    (line,) = lines(capsys)
+    assert re.fullmatch(r"raster: cube\.png, 24x16, (\d+ bytes|[\d.]+ kB), \d+\.\d\d s", line)
+
+
+def test_many_pictures_are_counted(terminal, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tqdm", None)  # without the extra: lines alone
+    assert run(CUBE, GEAR, "--view", "top,front,left") == 0
+    assert [re.match(r"raster: \[(\d)/6\] ", line)[1] for line in lines(capsys)] == list("123456")
+
+
+def test_a_bar_stands_below_the_lines(terminal, capsys):
+    pytest.importorskip("tqdm", reason="the extra progress is not installed")
+    assert run(CUBE, "nope.obj", GEAR, "--view", "top,front,left") == 1
+    err = capsys.readouterr().err
+    assert "picture" in err and "raster: [6/9] gear-left.png" in err and "raster: error: nope.obj: no such file" in err
+
+
+def test_nothing_is_said_where_it_is_not_wanted(folder, capsys, monkeypatch):
+    assert run(CUBE) == 0 and capsys.readouterr().err == "", "stderr is no terminal"
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True)
+    for flags in (["-q"], ["--json"]):
+        assert run(CUBE, *flags) == 0 and lines(capsys) == [], flags
+
+
+def test_sheets_and_turntables_have_a_line_too(terminal, capsys):
+    for argv, name in ((["sheet", CUBE], "cube-sheet.png"), (["turntable", CUBE, "--frames", "2"], "turntable.gif")):
+        assert raster(*argv, *SMALL) == 0
+        assert f"{name}, " in capsys.readouterr().err

@@ -7,18 +7,22 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import fields
 
 import pytest
 from helpers.command import CUBE, SMALL, raster, run, start
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import arguments
-from rasterizer.cli.commands import COMMANDS
-from rasterizer.cli.defaults import COMPARED_SIZE
+from rasterizer.cli import BAD_MODEL, DONE, INTERRUPTED, NO_OUTPUT, SOME_FAILED, USAGE, compare
+from rasterizer.cli.doctor import ENVIRONMENT
 from rasterizer.cli.messages import Messages, compilation_shown
+from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
+from rasterizer.options import Options
 
 pytestmark = pytest.mark.usefixtures("folder")
+SCREEN = 24  # lines
+DEFAULTS = {field.name for field in fields(Options)} - {"outputs"}  # filled in after parsing
 
 
 def help_of(capsys, *argv) -> str:
@@ -33,18 +37,57 @@ def test_every_command_has_a_help_whose_examples_parse(capsys):
     assert help_of(capsys, "--version") == f"raster {rz.__version__}\n"
     n_example = {}
     for command in COMMANDS:
-        out = help_of(capsys, command, "--help")
-        assert out.startswith(f"usage: raster {command}") and out == help_of(capsys, command, "-h")
+        out = help_of(capsys, command, "--help", "all")
+        assert out.startswith(f"usage: raster {command}") and out == help_of(capsys, command, "-h", "all")
         examples = re.findall(rf"^  raster ({command} .*?)(?:   .*| > .*)?$", out, re.MULTILINE)
         examples = [example for example in examples if "MODEL..." not in example]
         n_example[command] = len(examples)
         for example in examples:
-            arguments.parse(shlex.split(example))
-        if command not in ("compare", "bench", "view", "warmup"):
-            assert "examples:" in out and "exit codes:" in out, command
+            parse(shlex.split(example))
+        if command not in ("compare", "bench", "view"):
+            assert "examples:" in out, command
     assert n_example["render"] >= 7
-    out = help_of(capsys, "compare", "--help")
-    assert "x".join(map(str, COMPARED_SIZE)) in out and "MODEL-compare.png" in out and "--no-reference" in out
+    out = help_of(capsys, "compare", "--help", "all")
+    assert "x".join(map(str, compare.SIZE)) in out and "MODEL-compare.png" in out and "--no-reference" in out
+
+
+@pytest.mark.parametrize("columns", [80, 100])
+def test_every_topic_of_a_help_fits_a_screen_and_the_first_help_names_them(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    for command in COMMANDS:
+        parser = make_command_parser(command)
+        first = help_of(capsys, command, "--help")
+        whole = help_of(capsys, "help", command, "all")
+        assert help_of(capsys, "--help", command) == help_of(capsys, command, "--help", "no topic") == first
+        topics = parser.topics()
+        for topic in topics:
+            assert re.search(rf"^  {topic} +\S", first, re.MULTILINE), f"{command} {topic}"
+            text = help_of(capsys, command, "--help", topic)
+            assert text.count("\n") <= SCREEN and " ".join(text.split()) in " ".join(whole.split()), text
+        if topics:
+            assert help_of(capsys, command, f"--help={topic}") == text
+        named = {name for action in parser._actions for name in action.option_strings}  # noqa: SLF001
+        assert not [flag for flag in named if flag not in whole], command
+        assert not [flag for flag in named if flag not in first and len(flag) > 2 and flag != "--no-ground"], command
+        longest = max(map(len, (first + whole).splitlines()))
+        assert longest <= columns, f"{command}: {longest} columns"
+
+
+def test_the_help_names_every_default(capsys):
+    for command in COMMANDS:
+        for action in make_command_parser(command)._actions:  # noqa: SLF001 - argparse has no public list
+            has_none = action.nargs in (0, "?") or action.default in (None, []) and action.dest not in DEFAULTS
+            assert has_none or not action.option_strings or "default" in action.help, f"{command} {action.dest}"
+
+
+def test_exit_codes_and_variables_of_the_environment_are_told(capsys):
+    codes = dict(re.findall(r"^  (\d+) +(.+)$", help_of(capsys, "--help"), re.MULTILINE))
+    assert set(map(int, codes)) == {DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED}
+    text = help_of(capsys, "doctor", "--help")
+    assert not [name for name in ENVIRONMENT if f"  {name} " not in text]
+    for path in (ROOT / "rasterizer").rglob("*.py"):
+        names = re.findall(r"""(?:environ|environ\.get|getenv)[\[(]["']([A-Z_]+)""", path.read_text())
+        assert not [name for name in names if name not in ENVIRONMENT], path
 
 
 LOOKS = """

@@ -20,7 +20,7 @@ from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.cli.render_command import describe_bounds
+from rasterizer.cli.render import describe_bounds
 from rasterizer.engine.bounds import EXACT
 from rasterizer.engine.prepared import PreparedScene
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT

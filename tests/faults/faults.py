@@ -486,14 +486,14 @@ FAULTS = (
     ),
     Fault(
         "output names: one view alone is named, too",
-        "cli/targets.py",
+        "cli/outputs.py",
         '"-{view}" if len(arguments.views) > 1',
         '"-{view}" if len(arguments.views) > 0',
         "cli",
     ),
     Fault(
         "overwriting: a picture takes the place of a texture that the model names",
-        "cli/write_targets.py",
+        "cli/outputs.py",
         "if identity in self.files_read:",
         "if identity in self.files_read and identity in self._written:",
         "cli",
@@ -508,7 +508,7 @@ FAULTS = (
     Fault("views: left is right", "choices.py", '"left": (-90.0, 0.0)', '"left": (90.0, 0.0)', "cli batch scene"),
     Fault(
         "turntable: the last frame is the first one again",
-        "cli/turntable_command.py",
+        "cli/turntable.py",
         "[arguments.turn * k / n for",
         "[arguments.turn * k / max(n - 1, 1) for",
         "cli",
@@ -1047,28 +1047,26 @@ HELD_OUT = (
     ),
     Fault(
         "output names: {ext} has a dot",
-        "cli/targets.py",
+        "cli/outputs.py",
         'if is_stdin else path.suffix.lstrip(".")',
         "if is_stdin else path.suffix",
         "cli",
     ),
     Fault(
         "--light shadow=SIZE has a filter of 3",
-        "cli/light_arguments.py",
+        "cli/values.py",
         "int(match[2] or 1)",
         "int(match[2] or 3)",
         "cli",
     ),
     Fault(
         "sheet --rows: rounded down, so that there may be more rows",
-        "cli/sheet_command.py",
+        "cli/sheet.py",
         "-(-n // arguments.rows)",
         "n // arguments.rows",
         "cli",
     ),
-    Fault(
-        "doctor: a problem is told by exit code 2", "cli/doctor_command.py", "len(problems) + 1", "len(problems)", "cli"
-    ),
+    Fault("doctor: a problem is told by exit code 2", "cli/doctor.py", "len(problems) + 1", "len(problems)", "cli"),
     # Reports
     Fault(
         "compare: values that are off by one count as off by more",

@@ -9,9 +9,10 @@ import numpy as np
 from PIL import Image
 
 from helpers.raster import ROOT
-from rasterizer.cli import arguments, main
-from rasterizer.cli.load_scene import load_scene, make_settings
+from rasterizer.cli import main
 from rasterizer.cli.messages import Messages
+from rasterizer.cli.models import load_scene, make_settings
+from rasterizer.cli.parser import parse
 
 CUBE = str(ROOT / "models" / "cube.obj")
 GEAR = str(ROOT / "models" / "gear.stl")
@@ -44,7 +45,7 @@ def run(*argv) -> Code:
 
 def loaded(model, *argv):
     """What is loaded of a model with the flags of `raster render`."""
-    parsed = arguments.parse(["render", str(model), *argv])
+    parsed = parse(["render", str(model), *argv])
     return load_scene(str(model), parsed, make_settings(parsed), Messages())
 
 

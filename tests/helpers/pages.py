@@ -10,7 +10,6 @@ PAGES = (
     "README.md",
     "models/README.md",
     "rasterizer/README.md",
-    "rasterizer/cli/README.md",
     *RECIPES,
     "bench/README.md",
     "tests/README.md",

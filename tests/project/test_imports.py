@@ -18,7 +18,7 @@ HEAVY = {"numpy", "numba", "llvmlite", "PIL", "trimesh"}
 UNUSED = (
     "analysis", "animation", "batch", "ground_shadow", "reference",
     "registries", "viewer",
-    "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.flags_page", "cli.info",
+    "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.info",
     "cli.processes", "cli.sheet", "cli.turntable", "cli.view", "cli.warmup",
     "engine.edge_overlay", "engine.kernels_of_plan", "engine.point_lighting", "engine.probe",
     "engine.shadow_maps", "engine.shadow_views",
@@ -53,10 +53,8 @@ def test_importing_the_package_and_asking_for_help_load_next_to_nothing():
     assert not strangers, f"importing the package loads {strangers}"
     modules = modules_after(HELP.format(["--help"]))
     assert own_among(modules) <= {
-        "cli.arguments",
-        "cli.commands",
         "cli.messages",
-        "cli.suggestions",
+        "cli.parser",
         "errors",
     }
     assert not modules & {*HEAVY, "dataclasses", "inspect", "typing", "logging", "pathlib"}

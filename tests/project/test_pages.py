@@ -35,8 +35,7 @@ from PIL import Image
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli import main
-from rasterizer.cli.arguments import make_command_parser, parse
-from rasterizer.cli.commands import COMMANDS
+from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
 
 PICTURES = ROOT / "models" / "pictures"
 GALLERY, RECIPES = "models/README.md", "rasterizer/batch/README.md"
@@ -237,7 +236,7 @@ def keywords() -> set[str]:
 
 
 def test_every_flag_name_and_option_on_a_page_exists():
-    flags = ALONE.union(*(flags_in(make_command_parser(each).format_help()) for each in COMMANDS.values()))
+    flags = ALONE.union(*(flags_in(make_command_parser(name).format_help("all")) for name in COMMANDS))
     scripts = {flag for path in (ROOT / "bench").glob("*.py") for flag in flags_in(path.read_text(encoding="utf-8"))}
     known, missing = keywords(), []
     assert is_public("Camera.framing") and is_public("Frame.depth") and not is_public("rendr") and "samples" in known

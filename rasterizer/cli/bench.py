@@ -1,0 +1,223 @@
+"""`raster bench`: what each method costs on this machine, and how far its picture is from the best one.
+
+The table on stdout has the front first, the rows that nothing beats; the last line says what to choose.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+from .. import choices
+from ..errors import SceneError, counted
+from ..options import Options
+from . import values
+from .flags import add_camera, add_json, add_look, add_messages, add_models, add_size
+from .messages import QUIET, Bar, print_record, print_text
+
+IMPORTS = ("drawing",)
+_OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
+_BUSY = 0.5  # load average, a core, from which on times are not to be trusted
+_DESCRIPTION = """\
+Draw each model by many methods and measure them in turns: shading, subdivision, samples a pixel, tolerance. The rows
+that no other row beats in time and error come first, the last line says what to choose.
+"""
+_TABLE = """\
+Lists have commas between their values. The table says of each method:
+
+  ms                 a warm frame, median
+  rms, max           error against Phong's shading at 64 samples a pixel with
+                     tolerance 0, in linear intensity where white is 1, over
+                     the pixels that either covers
+  over 1, ΔE         share of 8-bit values more than a level off; mean colour
+                     difference (CIEDE2000)
+  method, sampling   what makes that error: where light is evaluated, and how
+                     many samples see it (rms)
+"""
+_COLUMNS = ("", "shading", "samples", "tolerance", "ms", "rms", "max", "over 1", "ΔE", "of method",
+            "of sampling", "FLIP")  # fmt: skip
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster bench MODEL... [--plot OUT] [options]"
+    parser.description = _DESCRIPTION
+    parser.set_defaults(outputs=None, default_name="{stem}-bench", default_suffix=".png", always_writes=False)
+    add_models(parser)
+    output = parser.add_topic("output")
+    output.add_argument(
+        "--plot",
+        dest="output",
+        metavar="OUT",
+        help="draw time against error, as .png, .svg or .pdf; with {stem} or {view} for several (needs matplotlib)",
+    )
+    add_size(output, Options.size)
+    add_json(output, "print a line of JSON for each model instead of the table")
+    add_messages(output)
+    add = parser.add_topic("measured", _TABLE, is_own=True).add_argument
+    add("--shadings", type=values.list_of(str, choices.SHADINGS), default=("flat", "gouraud", "phong"), metavar="LIST",
+        help="shading methods (default flat,gouraud,phong)")  # fmt: skip
+    add("--subdivisions", type=values.list_of(values.whole, range(16)), default=(0, 1, 2), metavar="LIST",
+        help="times that triangles are cut in four for gouraud (default 0,1,2)")  # fmt: skip
+    add("--samples", dest="list_of_samples", type=values.list_of(values.whole, choices.SAMPLES), default=(1, 4, 16),
+        metavar="LIST", help="samples a pixel (default 1,4,16)")  # fmt: skip
+    add("--tolerances", type=values.list_of(values.fraction), default=(0.0, Options.tolerance, 1 / 64), metavar="LIST",
+        help="errors accepted (default 0,1/4096,1/64)")  # fmt: skip
+    add("--flip", dest="with_flip", action="store_true",
+        help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)")  # fmt: skip
+    add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")
+    add_camera(parser)
+    add_look(parser, is_compared=True)
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Measure every model; parameters, result and errors are those of `drawing.draw_models`."""
+    from ..analysis.comparison import check_flip
+    from ..analysis.speed_error_plot import check_plotting
+    from .drawing import draw_models
+
+    for name in _OPTIONS:
+        Options(**{name: getattr(arguments, name)})  # what is not legal is told at once
+    for tolerance in arguments.tolerances:
+        Options(tolerance=tolerance)
+    if not arguments.seconds > 0.0:
+        raise SceneError(f"--seconds must be above 0; given {arguments.seconds:g}")
+    if arguments.output is not None:
+        check_plotting()
+    if arguments.with_flip:
+        check_flip()
+    return draw_models(arguments, messages, _bench_model, _check_plot)
+
+
+def _check_plot(output, _) -> None:
+    from ..analysis.speed_error_plot import FORMATS
+
+    if Path(output).suffix.lower() not in FORMATS:
+        raise SceneError(f"--plot writes {', '.join(FORMATS)}; given {output}")
+
+
+def _bench_model(targets, arguments, settings, messages, output) -> None:
+    """Measure all views of one model."""
+    from ..analysis.speed_error_plot import plot
+    from ..analysis.timing import describe_machine
+    from .cameras import camera_of
+    from .models import load_scene, with_options
+
+    start = perf_counter()
+    loaded, warned, own_options, framing = load_scene(
+        targets[0].model, arguments, settings, messages, output.files_read
+    )
+    arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
+    machine = describe_machine()
+    if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
+        messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
+    for target in targets:
+        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
+        found = _measure(scene, arguments, messages)
+        title = _title(target, scene, arguments, machine)
+        if target.output is not None:
+            output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
+        seconds, start = perf_counter() - start, perf_counter()
+        if arguments.json:
+            print_record(_record(target, arguments, scene, seconds, machine, warned, found), False)
+        elif arguments.level > QUIET:
+            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n", False)
+
+
+def _measure(scene, arguments, messages):
+    """Return the Study of a scene."""
+    from ..analysis.speed_error import list_methods, study
+
+    options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
+    methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
+    with Bar(messages) as bar:
+
+        def show(n_done, n, what):
+            bar.show(n_done, n, f"measuring {what}")
+
+        found = study(scene, arguments.size, methods, arguments.seconds, show, arguments.with_flip, **options)
+    if found.rows[0].error.delta_e is None:
+        messages.notice("there is no ΔE without scikit-image: pip install scikit-image")
+    if found.left_out:
+        names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
+        messages.notice(
+            f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
+        )
+    return found
+
+
+# --- what is printed ----------------------------------------------------------------------------------------
+
+_LEGEND = (
+    "rms, max: error against Phong's shading at 64 samples a pixel with tolerance 0, linear intensity; over 1: 8-bit "
+    "values\nmore than a level off; of method, of sampling: what makes the rms"
+)
+
+
+def _title(target, scene, arguments, machine) -> str:
+    width, height = arguments.size
+    n_thread = arguments.threads or machine["cores"]
+    threads = counted(n_thread, "thread")
+    view = f", {target.view}" if target.view else ""
+    return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
+
+
+def _table(found) -> list[str]:
+    """The rows as lines; those of the front have numbers, the others say which of them beats them."""
+    from ..analysis.speed_error import tolerance_text
+
+    front = [row for row in found.rows if not row.is_beaten]
+    lines = [_COLUMNS]
+    for row in found.rows:
+        method, error = row.method, row.error
+        mark = str(front.index(row) + 1) if not row.is_beaten else f"<{_winner(row, front)}"
+        delta_e = "" if error.delta_e is None else f"{error.delta_e:.3f}"
+        errors = f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%", delta_e
+        parts = f"{row.of_method:.1e}", f"{row.of_sampling:.1e}", "" if error.flip is None else f"{error.flip:.4f}"
+        words = method.name, str(method.samples), tolerance_text(method.tolerance)
+        lines.append((mark, *words, f"{row.ms:.2f}", *errors, *parts))
+    n_column = len(_COLUMNS) - (found.rows[0].error.flip is None)
+    texts = _aligned([line[:n_column] for line in lines], n_left=2)
+    n_front = len(front) + 1
+    beaten = ["", "both slower and further off than the row whose number stands after <:", *texts[n_front:]]
+    return texts[:n_front] + (beaten if len(texts) > n_front else [])
+
+
+def _winner(row, front) -> int:
+    """The number of the nearest row of the front that isn't slower."""
+    from ..analysis.speed_error import printed
+
+    return max(
+        k + 1
+        for k, other in enumerate(front)
+        if other.ms <= row.ms and printed(other.error.rms) <= printed(row.error.rms)
+    )
+
+
+def _aligned(lines, n_left) -> list[str]:
+    """Lines of cells in columns, the first ones to the left."""
+    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
+
+    def cell(text, k):
+        return text.ljust(widths[k]) if k < n_left else text.rjust(widths[k])
+
+    return ["  ".join(cell(text, k) for k, text in enumerate(line)).rstrip() for line in lines]
+
+
+def _record(target, arguments, scene, seconds, machine, warned, found) -> dict:
+    """What --json says of a model."""
+    return {
+        "path": target.model,
+        "view": target.view,
+        "plot": target.output,
+        "size": list(arguments.size),
+        "faces": scene.n_face,
+        "seconds": round(seconds, 3),
+        "machine": machine,
+        "rows": [
+            {**row.method._asdict(), **row._asdict(), "method": str(row.method), "error": row.error._asdict()}
+            for row in found.rows
+        ],
+        "left_out": [str(method) for method in found.left_out],
+        "advice": found.advice,
+        "warnings": warned,
+    }

@@ -1,0 +1,235 @@
+"""`raster doctor`: what is installed, where compiled kernels are kept, and what is wrong with it.
+
+What can't be imported is a finding, so nothing but the standard library is imported before it has been looked for.
+"""
+
+import os
+import platform
+import re
+import shutil
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from .. import __version__
+from ..cores import n_core
+from ..errors import OutputError, SceneError
+from .flags import add_json, add_messages
+from .messages import print_record, print_text
+
+ENVIRONMENT = {  # all variables that are read
+    "RASTER_STORE": "the only folder of compiled kernels; off: none are kept",
+    "RASTER_MOST_TEXELS": "the most texels of a file's texture (default 8192 x 4096)",
+    "NUMBA_CACHE_DIR": "as RASTER_STORE, where that is not set",
+    "NUMBA_DISABLE_JIT": "1: nothing is compiled; for small pictures, in a debugger",
+    "NUMBA_CPU_FEATURES": "instructions of kernels, as numba reads it; kept apart",
+    "NUMBA_BOUNDSCHECK": "1: kernels that check every index, compiled for that alone",
+    "XDG_CACHE_HOME": "folder above rasterizer/, the kernels' (default ~/.cache)",
+}
+_EXAMPLES = f"""\
+examples:
+  raster doctor
+  raster doctor --json > machine.json
+  raster doctor --clear                    raster warmup makes kernels again
+
+exit codes: 0 all is well, 1 something is missing or broken, which is told,
+2 usage, 4 kernels can't be removed, 130 interrupted
+
+variables of the environment:
+{"".join(f"  {name:<20}{text}" + chr(10) for name, text in ENVIRONMENT.items())}"""
+
+_NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
+_MB = 1e6
+_LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster doctor [options]"
+    parser.description = (
+        "Say what a report of a fault should say: versions, processor, threads, where compiled kernels are kept and "
+        "how large they are, which optional packages are there, which settings the environment has. Nothing is drawn."
+    )
+    parser.epilog = _EXAMPLES
+    parser.add_argument("--clear", action="store_true", help="remove all compiled kernels, of other versions, too")
+    add_json(parser, "print one line of JSON")
+    add_messages(parser)
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Say what is there, and remove kernels where that is asked for.
+
+    Returns
+    -------
+    the problems, one error each; and the number of things that were looked at, which is larger
+
+    Raises
+    ------
+    OutputError : kernels can't be removed
+    """
+    cleared = _clear() if arguments.clear else None
+    facts = {
+        "version": __version__,
+        "python": platform.python_version(),
+        "executable": sys.executable,
+        "package": str(Path(__file__).resolve().parents[1]),
+        "system": platform.platform(terse=True),
+        "cpu": _cpu_name(),
+        "threads": n_core(),
+        "packages": {name: _version_of(name) for name in _NEEDED},
+        "extras": _list_extras(),
+        "kernels": _describe_kernels(),
+        "settings": {name: os.environ[name] for name in ENVIRONMENT if name in os.environ},
+    }
+    if cleared is not None:
+        facts["cleared"] = cleared
+    problems = _list_problems(facts)
+    if arguments.json:
+        print_record(facts | {"problems": problems}, False)
+    else:
+        print_text(_text(facts), False)
+    for problem in problems:
+        messages.error(problem)
+    return [SceneError(problem) for problem in problems], len(problems) + 1
+
+
+def _version_of(name) -> str | None:
+    """The version of a package that is installed, without importing it."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _cpu_name() -> str | None:
+    """The processor's model name, and the best level of processors that it belongs to; None where it can't be told."""
+    try:
+        from ..analysis.timing import describe_machine
+        from ..compiler.fingerprint import usable_processors
+
+        return f"{describe_machine()['cpu']} ({', '.join(usable_processors()[1:2]) or 'no level'})"
+    except ImportError:  # numpy or llvmlite is missing, which is told
+        return platform.processor() or platform.machine()
+
+
+def _list_extras() -> dict[str, dict[str, str | None]]:
+    """The extras of the package as it is installed: for each the version of every package of it, None = missing."""
+    found = {}
+    for text in _requirements():
+        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", text)
+        limit = re.search(r"python_version < ['\"](\d+)\.(\d+)['\"]", text)
+        if extra and not (limit and sys.version_info >= (int(limit[1]), int(limit[2]))):
+            name = re.match(r"[\w.-]+", text)[0]
+            found.setdefault(extra[1], {})[name] = _version_of(name)
+    return found
+
+
+def _requirements() -> list[str]:
+    """The requirements in the metadata of whichever distribution has this package; none where it isn't installed."""
+    for name in dict.fromkeys(metadata.packages_distributions().get(__package__.partition(".")[0], ())):
+        if (requirements := metadata.requires(name)) is not None:
+            return requirements
+    return []
+
+
+# --- compiled kernels -----------------------------------------------------------------------------------------------
+
+
+def _describe_kernels() -> dict:
+    """Where kernels are kept and how large they are."""
+    try:
+        from ..compiler import kernels, store
+    except ImportError as fault:
+        return {"folder": None, "reasons": [f"{fault}"], "is_used": False, "count": 0, "bytes": 0, "others": []}
+
+    def measured(folder) -> dict:
+        count, n_byte = (0, 0) if folder is None else store.measure(folder)
+        return {"folder": None if folder is None else str(folder), "count": count, "bytes": n_byte}
+
+    own = kernels.STORE.own
+    shipped = [folder for folder in kernels.STORE.folders if folder != own]
+    others = [folder for folder in (store.list_folders(own.parent) if own is not None else []) if folder != own]
+    return {
+        **measured(own),
+        "is_used": kernels.STORE.is_used,
+        "reasons": list(kernels.STORE.reasons),
+        "free": None if own is None else shutil.disk_usage(own.parent).free,
+        "processors": [each.partition(" ")[0] for each in kernels.STORE.processors],
+        "shipped": [{"folder": str(folder), "count": store.measure(folder)[0]} for folder in shipped],
+        "others": [measured(folder) for folder in others],
+    }
+
+
+def _clear() -> dict:
+    """Remove all kernels in the user's folder; return how many there were, and their bytes."""
+    try:
+        from ..compiler import kernels, store
+    except ImportError as fault:
+        raise OutputError(f"kernels can't be removed: {fault}") from fault
+    own = kernels.STORE.own
+    if own is None:
+        return {"count": 0, "bytes": 0}
+    sizes = [store.measure(folder) for folder in store.list_folders(own.parent)]
+    try:
+        store.clear(own.parent)
+    except OSError as fault:
+        raise OutputError(f"kernels in {own.parent} can't be removed: {fault.strerror or fault}") from fault
+    return {"count": sum(count for count, _ in sizes), "bytes": sum(n_byte for _, n_byte in sizes)}
+
+
+# --- what is printed ------------------------------------------------------------------------------------------------
+
+
+def _list_problems(facts) -> list[str]:
+    """What is missing or broken, and what to do."""
+    problems = [f"{name} is not installed, and nothing can be drawn without it"
+                for name, version in facts["packages"].items() if version is None]  # fmt: skip
+    kernels = facts["kernels"]
+    if kernels["folder"] is None:
+        why = "; ".join(kernels["reasons"]) or "there is no folder for them"
+        problems.append(f"compiled kernels are not kept, so every run compiles: {why}; RASTER_STORE names a folder")
+    elif kernels["free"] < _LEAST_FREE:
+        problems.append(f"the disk of {kernels['folder']} is nearly full: {kernels['free'] / _MB:.0f} MB are free")
+    return problems
+
+
+def _text(facts) -> str:
+    """The facts as lines."""
+    lines = [
+        ("raster", f"{facts['version']}, in {facts['package']}"),
+        ("python", f"{facts['python']}, {facts['executable']}"),
+        ("system", facts["system"]),
+        ("processor", facts["cpu"]),
+        ("threads", f"{facts['threads']}"),
+        *((name, version or "MISSING") for name, version in facts["packages"].items()),
+        *_kernel_lines(facts["kernels"]),
+        *(
+            (f"[{extra}]", ", ".join(f"{name} {version or 'missing'}" for name, version in packages.items()))
+            for extra, packages in facts["extras"].items()
+        ),
+        *(("setting", f"{name}={value}") for name, value in facts["settings"].items()),
+    ]
+    if "cleared" in facts:
+        lines.append(("cleared", _kernel_words(facts["cleared"])))
+    width = 2 + max(len(name) for name, _ in lines)
+    return "".join(f"{name:<{width}}{' '.join(value.split())}\n" for name, value in lines)
+
+
+def _kernel_lines(kernels):
+    """Where kernels are, and how many."""
+    if kernels["folder"] is not None:
+        state = _kernel_words(kernels) + ("" if kernels["count"] else "; raster warmup makes them")
+        yield "kernels", f"{state}, in {kernels['folder']}"
+    else:
+        yield "kernels", "not kept"
+    for shipped in kernels.get("shipped", ()):
+        yield "kernels", f"{shipped['count']} that came with the package, in {shipped['folder']}"
+    if kernels["others"]:
+        total = {key: sum(each[key] for each in kernels["others"]) for key in ("count", "bytes")}
+        yield "", f"{_kernel_words(total)} of other versions; raster doctor --clear removes all"
+    for reason in kernels["reasons"] if kernels["folder"] is not None else ():
+        yield "", f"not in {reason}"
+
+
+def _kernel_words(facts) -> str:
+    return f"{facts['count']} kernel{'' if facts['count'] == 1 else 's'}, {facts['bytes'] / _MB:.1f} MB"

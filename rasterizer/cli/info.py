@@ -1,0 +1,245 @@
+"""`raster info`: what is in a model, said without drawing it.
+
+load ─ facts ─┬─ lines on stdout
+              └─ a line of JSON
+"""
+
+import os
+import warnings
+from time import perf_counter
+
+from ..errors import counted
+from ..io import formats
+from .flags import add_json, add_messages, add_models
+from .messages import STDIO, Failures, byte_words, print_record, print_text
+
+IMPORTS = ("models",)
+_MANY = 12  # materials that are listed by name
+_FIRST = 14  # letters of the names of facts
+_DESCRIPTION = """\
+Say what is in each model, without drawing it.
+
+  faces, vertices    triangles, and the different positions that they use
+  bounds             lowest and highest corner, in scene units
+  watertight         whether every edge has triangles on both sides; else what
+                     is in the way
+  bodies             parts that share no edge
+  up                 the axis that raster render takes, and what the shape says
+  not used           what the file holds and no picture shows
+"""
+_EXAMPLES = """\
+examples:
+  raster info part.stl
+  raster info 'parts/*.obj' --json                           a line a model
+  cat part.stl | raster info - --input-format stl
+"""
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster info MODEL... [options]"
+    parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
+    add_models(parser)
+    output = parser.add_topic("output")
+    add_json(output, "print a line of JSON for each model")
+    add_messages(output)
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Describe every model; the result is that of `drawing.draw_models`."""
+    from .models import list_models
+
+    models = list_models(arguments)
+    failures = Failures(messages, arguments.json)
+    for number, model in enumerate(models):
+        with failures.caught(model):
+            facts = _describe(model, arguments, messages)
+            if arguments.json:
+                print_record(facts, False)
+            else:
+                print_text(("\n" if number else "") + _text(facts), False)
+    return failures, len(models)
+
+
+def _describe(model, arguments, messages) -> dict:
+    """Load a model, and return what is known of it: a record that JSON can say."""
+    from ..analysis.mesh_topology import compute_topology, guess_up
+    from ..io.loader import load
+    from .models import source_of
+
+    start = perf_counter()
+    source = source_of(model, arguments.input_format)
+    said, files_read = [], []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        scene = load(
+            source,
+            format=arguments.input_format,
+            drop_bad_faces=arguments.drop_bad_faces,
+            allow_outside=arguments.allow_outside,
+            log=said.append,
+            files_read=files_read,
+        )
+    for text in said:
+        messages.detail(text)
+    texts = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
+    entry = formats.format_of(model, arguments.input_format)
+    points, faces = _gather(scene)
+    topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces)
+    materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}.values()
+    textures = {id(each.texture): each.texture for each in materials if each.texture is not None}.values()
+    low, high = scene.bounds
+    return {
+        "path": model,
+        "format": entry.name,
+        "bytes": len(source) if isinstance(source, bytes) else os.path.getsize(model),
+        "faces": scene.n_face,
+        "polygons": _count_polygons(scene),
+        "vertices": topology.n_vertex,
+        "edges": topology.n_edge,
+        "meshes": [{"name": mesh.name, "faces": mesh.n_face} for mesh in scene.meshes],
+        "bounds": [low.tolist(), high.tolist()],
+        "extent": (high - low).tolist(),
+        "watertight": topology.is_watertight,
+        "open_edges": topology.n_open,
+        "branching_edges": topology.n_branching,
+        "turned_edges": topology.n_turned,
+        "degenerate_faces": topology.n_degenerate,
+        "bodies": topology.n_body,
+        "area": topology.area,
+        "volume": topology.volume,
+        "up": scene.up,
+        "up_guess": up,
+        "up_reason": reason,
+        "normals": _normals_of(scene),
+        "materials": [_material(material) for material in materials],
+        "textures": [_texture(texture) for texture in textures],
+        "lights": [type(light).__name__ for light in scene.lights],
+        "camera": scene.camera is not None,
+        "files_read": list(dict.fromkeys(files_read)),
+        "not_drawn": _list_not_drawn(scene, said),
+        "warnings": list(dict.fromkeys(texts)),
+        "seconds": round(perf_counter() - start, 4),
+    }
+
+
+def _gather(scene):
+    """The vertices and triangles of all meshes as one: (n_vertex, 3) float64, (n_face, 3) int64."""
+    import numpy as np
+
+    offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in scene.meshes])
+    points = np.concatenate([mesh.vertices for mesh in scene.meshes])
+    faces = [mesh.faces.astype(np.int64) + offset for mesh, offset in zip(scene.meshes, offsets[:-1], strict=True)]
+    return points, np.concatenate(faces)
+
+
+def _count_polygons(scene) -> int:
+    """Polygons as the file has them; a triangle is one."""
+    import numpy as np
+
+    return sum(
+        mesh.n_face if mesh.polygons is None else int(np.count_nonzero(np.diff(mesh.polygons, prepend=-1)))
+        for mesh in scene.meshes
+    )
+
+
+def _normals_of(scene) -> str:
+    """Where normals come from: of the file, of its smoothing groups, or averaged; all that there are."""
+    found = []
+    for mesh in scene.meshes:
+        if mesh.normals is not None:
+            found.append("of the file")
+        elif mesh.smoothing is not None:
+            found.append("of smoothing groups")
+        else:
+            found.append("averaged")
+    return ", ".join(dict.fromkeys(found))
+
+
+def _material(material) -> dict:
+    texture = material.texture
+    return {
+        "name": material.name,
+        "reflection": material.reflection,
+        "diffuse": list(material.diffuse),
+        "opacity": material.opacity,
+        "texture": None if texture is None else texture.name,
+    }
+
+
+def _texture(texture) -> dict:
+    height, width = texture.image.shape[:2]
+    return {"name": texture.name, "size": [width, height], "alpha": texture.has_alpha}
+
+
+def _list_not_drawn(scene, said) -> list[str]:
+    """What a file holds and no picture shows, as its readers say; what they warn of is said elsewhere."""
+    found = [what for text in said for what in getattr(text, "left_out", ())]
+    if any(mesh.colors is not None and mesh.colors.shape[1] == 4 and mesh.colors[:, 3].min() < 1.0
+           for mesh in scene.meshes):  # fmt: skip
+        found.append("the alpha of vertex colours")
+    return list(dict.fromkeys(found))
+
+
+# --- what is printed ------------------------------------------------------------------------------------------------
+
+
+def _text(facts) -> str:
+    """The facts as lines."""
+    low, high = facts["bounds"]
+    lines = [
+        ("format", f"{facts['format']}, {byte_words(facts['bytes'])}"),
+        ("faces", _faces(facts)),
+        ("vertices", f"{facts['vertices']}"),
+        ("bounds", f"{_point(low)} to {_point(high)}"),
+        ("size", " x ".join(f"{value:.6g}" for value in facts["extent"])),
+        ("watertight", _watertight(facts)),
+        ("bodies", f"{facts['bodies']}"),
+        ("area", f"{facts['area']:.6g}"),
+        ("volume", "-" if facts["volume"] is None else f"{facts['volume']:.6g}"),
+        ("up", _up(facts)),
+        ("normals", facts["normals"]),
+        ("materials", _materials(facts["materials"])),
+        (
+            "textures",
+            ", ".join("'{}' {}x{}".format(each["name"], *each["size"]) for each in facts["textures"]) or "none",
+        ),
+        ("not used", ", ".join(facts["not_drawn"]) or "nothing is left out"),
+    ]
+    lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
+    lines += [("camera", "one of the file")] if facts["camera"] else []
+    lines += [("warning", text) for text in facts["warnings"]]
+    name = "stdin" if facts["path"] == STDIO else " ".join(facts["path"].split())
+    return "\n".join([name, *(f"  {fact:<{_FIRST}}{' '.join(value.split())}" for fact, value in lines)]) + "\n"
+
+
+def _faces(facts) -> str:
+    words = [counted(facts["faces"], "triangle")]
+    words += ["of " + counted(facts["polygons"], "polygon")] if facts["polygons"] != facts["faces"] else []
+    n_mesh = len(facts["meshes"])
+    return " ".join(words) + (f", in {counted(n_mesh, 'mesh')}" if n_mesh > 1 else "")
+
+
+def _watertight(facts) -> str:
+    faults = [(facts["open_edges"], "open edges"), (facts["turned_edges"], "edges between faces turned round"),
+              (facts["branching_edges"], "edges of more than two faces")]  # fmt: skip
+    told = ", ".join(f"{n} of {facts['edges']} are {what}" for n, what in faults if n)
+    return ("yes" if facts["watertight"] else "no") + (f": {told}" if told else "")
+
+
+def _up(facts) -> str:
+    up, guess, reason = facts["up"], facts["up_guess"], facts["up_reason"]
+    if guess is None:
+        return f"{up} ({reason})"
+    verdict = "agrees" if guess == up else f"says {guess}: try --up {guess}"
+    return f"{up}; the shape {verdict} ({reason})"
+
+
+def _materials(materials) -> str:
+    names = [f"'{each['name']}'" if each["name"] else "one without a name" for each in materials]
+    more = len(names) - _MANY
+    return f"{len(names)}: " + ", ".join(names[:_MANY]) + (f" and {more} more" if more > 0 else "")
+
+
+def _point(values) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

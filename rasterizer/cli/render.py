@@ -1,0 +1,129 @@
+"""`raster render`: a picture of each model, or its arrays.
+
+arguments ─ models, outputs ─ load ─ camera ─ Renderer ─ Frame ─ file
+argparse    names, checked    one model after the other
+"""
+
+import math
+from time import perf_counter
+
+from ..options import Options
+from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
+
+IMPORTS = ("drawing",)
+_EXAMPLES = """\
+examples:
+  raster render part.stl                                    part.png, here
+  raster render part.stl -o side.jpg --view left --ortho -s 1920x1080
+  raster render 'parts/*.stl' -o 'thumbs/{stem}-{view}.png' --view iso,top
+  raster render part.obj --light ambient:0.2 --light directional:1,-1,0
+  raster render part.obj --material diffuse=orange,shininess=80 --shadows
+  raster render scene.json -s 1920x1080                     with its own lights
+  raster render part.obj --array depth -o depth.npy         float32, inf: none
+  cat part.stl | raster render - --input-format stl -o - > part.png
+"""
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster render MODEL... [-o OUT] [options]"
+    parser.description = "Draw each model and write a picture of it, or an array."
+    parser.epilog = _EXAMPLES
+    add_models(parser)
+    add_output(parser, "{stem}", Options.size)
+    add_arrays(parser)
+    add_camera(parser)
+    add_processes(add_look(parser))
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
+    from .drawing import draw_models, plan_missing
+
+    check_options(arguments)
+    if arguments.n_process is not None:
+        from .processes import can_use_processes, draw_in_processes
+
+        if can_use_processes(arguments):
+            plan, n_model = plan_missing(arguments, messages)
+            return draw_in_processes(arguments, messages, plan, render_model)[0], n_model
+    return draw_models(arguments, messages, render_model)
+
+
+def check_options(arguments) -> None:
+    """Raise SceneError for what is not legal, before a model is loaded."""
+    from .drawing import make_options
+    from .outputs import check_scale
+
+    make_options(arguments)
+    check_scale(arguments)
+
+
+def render_model(targets, arguments, settings, messages, output, loaded=None) -> None:
+    """Draw all views of one model; `loaded` is the model, Loaded, where it has been loaded before."""
+    from .cameras import camera_of
+    from .drawing import make_renderer, picture_warnings, take_options
+    from .messages import STDIO
+    from .models import load_scene
+    from .outputs import encode_arrays, encode_picture, holds_arrays
+
+    start = perf_counter()
+    model = targets[0].model
+    loaded = loaded or load_scene(model, arguments, settings, messages, output.files_read)
+    scene = loaded.scene
+    # What is written is known before a scene file is read, but for which arrays a file of arrays holds.
+    is_array = holds_arrays(arguments)
+    arguments, options = take_options(arguments, loaded, model, but=() if is_array else ("outputs",))
+    with make_renderer(scene, options) as renderer:
+        for target in targets:
+            camera = camera_of(arguments, target.view, scene, loaded.framing, renderer.subject)
+            frame = renderer.render(camera)
+            warnings = picture_warnings(frame, scene, arguments, camera, model)
+            messages.warn(*warnings)
+            if is_array:
+                content = encode_arrays(frame, target.output, options.outputs, arguments.scale)
+            else:
+                content = encode_picture(frame, target.output)
+            output.write(content, target.output)
+            seconds, start = perf_counter() - start, perf_counter()
+            output.results.tell(target.output, frame.size, len(content), seconds)
+            messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+            messages.detail(f"{model}: {describe_bounds(frame.stats)}")
+            messages.detail(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
+            if arguments.json:
+                record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
+                messages.record(record, target.output == STDIO)
+
+
+def describe_bounds(stats) -> str:
+    """Say in a line how far a picture may be off, and what that leaves out; `stats` and --json say where and why."""
+    bounds, words, apart = stats.error_bounds, [], [step[0] for step in stats.steps]
+    if stats.error_bound is None:
+        words, apart = [cause for cause in apart if cause.startswith("no bound is stated")], []
+    elif bounds.rgb is not None:
+        words = [f"errors are at most {stats.error_bound:.2g} in linear intensity"]
+        words.append(f"{bounds.rgb} level{'' if bounds.rgb == 1 else 's'} of 8 bits")
+    if bounds.depth is not None:
+        share = f" ({bounds.depth_share:.2g} of itself)" if math.isfinite(bounds.depth_share) else ""
+        words.append(f"{bounds.depth:.2g} scene units of depth{share}")
+    words += [] if bounds.normal is None else [f"{bounds.normal:.2g} a component of normals"]
+    words += [] if bounds.face is None else ["faces exact"]
+    apart += ["texture filters"] if bounds.filters else []
+    more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
+    return ", ".join(words) + (f"; not counted: {apart[0]}{more}" if apart else "")
+
+
+def _record(target, frame, scene, seconds, warnings) -> dict:
+    """What --json says of a picture."""
+    return {
+        "path": target.model,
+        "view": target.view,
+        "output": target.output,
+        "size": list(frame.size),
+        "faces": scene.n_face,
+        "coverage": frame.stats.coverage,
+        "seconds": round(seconds, 4),
+        "error_bound": frame.stats.error_bound,
+        "error_bounds": frame.stats.error_bounds.as_json(),
+        "warnings": warnings,
+    }

@@ -1,0 +1,188 @@
+"""`raster sheet`: views of one model, or many models, on one labelled picture.
+
+    models x views ─ a picture each, all of one size ─ sheet (analysis/contact_sheet.py) ─ one file
+
+A model that fails leaves its cells empty, and its label says so.
+"""
+
+from pathlib import Path
+from time import perf_counter
+
+from ..errors import SceneError
+from . import values
+from .flags import add_camera, add_look, add_models, add_output
+from .messages import STDIO, Bar, Failures, Results, compilation_shown, print_record
+
+IMPORTS = ("drawing",)
+_SIZE = (320, 240)  # of one picture on a sheet
+_VIEWS = ("iso", "front", "right", "back", "left", "top")  # of one model
+_DESCRIPTION = f"""\
+Lay pictures on one sheet, with labels: several views of one model
+({", ".join(_VIEWS)} unless --view says others), or many
+models from one side; with many models and several views each model has a row.
+"""
+_EXAMPLES = """\
+examples:
+  raster sheet part.stl                              part-sheet.png: six views
+  raster sheet 'parts/*.stl' -o parts.png --columns 5        one picture a model
+  raster sheet a.obj b.obj --view front,top -o both.png      a row a model
+  raster sheet part.obj --view iso --no-labels -o - > part.png
+"""
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster sheet MODEL... [-o OUT] [options]"
+    parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
+    add_models(parser)
+    add_output(parser, "{stem}-sheet", _SIZE, fields="{stem} {ext}")
+    add = parser.add_topic("sheet", is_own=True).add_argument
+    add("--columns", type=values.whole, metavar="N", help="pictures in a row (default: as many as views, or as rows)")
+    add("--rows", type=values.whole, metavar="N", help="rows, instead of --columns")
+    add("--gap", type=values.whole, default=8, metavar="N", help="pixels between pictures (default 8)")
+    add("--no-labels", dest="has_labels", action="store_false", help="without names below the pictures")
+    add_camera(parser)
+    add_look(parser)
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Lay all models on one sheet; parameters and errors are those of `drawing.draw_models`.
+
+    Returns
+    -------
+    the failures, one error for each model that failed and for the sheet; and the number of models
+    """
+    import numpy as np
+
+    from .cameras import check_camera
+    from .drawing import make_options
+    from .models import make_settings
+    from .outputs import Outputs, plan_sheet
+
+    start = perf_counter()
+    _check_grid(arguments)
+    make_options(arguments)  # what is not legal is told before a model is loaded
+    settings = make_settings(arguments)
+    if not arguments.views and not arguments.eye and arguments.azimuth is None and arguments.elevation is None:
+        n_model = len(plan_sheet(arguments))
+        arguments.views = list(_VIEWS) if n_model == 1 else []
+    check_camera(arguments)
+    plan = plan_sheet(arguments)
+    failures, names = Failures(messages, arguments.json), _short_names([targets[0].model for targets in plan])
+    pictures, labels, records = [], [], []
+    with compilation_shown(messages), Outputs(plan, arguments) as outputs:
+        with Bar(messages) as bar:
+            for number, targets in enumerate(plan):
+                bar.show(number, len(plan), f"drawing {targets[0].model}")
+                n_failed = len(failures)
+                with failures.caught(targets[0].model, arguments.size, targets[0].output == STDIO):
+                    drawn, record = _draw(targets, arguments, settings, messages, outputs.of_model(number).files_read)
+                    pictures += drawn
+                    records.append(record)
+                if len(failures) > n_failed:
+                    pictures += [np.zeros((*arguments.size[::-1], 4), np.uint8)] * len(targets)
+                labels += _labels(targets, names[number], len(plan) > 1, len(failures) > n_failed)
+        if len(failures) < len(plan):
+            size, n_byte = _write(pictures, labels, plan, arguments, outputs)
+            results = Results(messages, 1, is_told=not arguments.json)
+            results.tell(plan[0][0].output, size, n_byte, perf_counter() - start)
+        failures += outputs.finish(messages)
+    if arguments.json and len(failures) < len(plan):
+        record = {"output": plan[0][0].output, "models": records, "seconds": round(perf_counter() - start, 4)}
+        print_record(record, plan[0][0].output == STDIO)
+    return failures, len(plan)
+
+
+def _check_grid(arguments) -> None:
+    """Raise SceneError where rows and columns can't be."""
+    for name in ("columns", "rows"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise SceneError(f"--{name} must be at least 1; given {value}")
+    if arguments.columns is not None and arguments.rows is not None:
+        raise SceneError("--columns and --rows: one of them says the other; given both")
+    if arguments.gap < 0:
+        raise SceneError(f"--gap must be at least 0; given {arguments.gap}")
+
+
+def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dict]:
+    """Draw all views of one model; return the pictures, and what --json says of them."""
+    from .cameras import camera_of
+    from .drawing import make_renderer, picture_warnings, take_options
+    from .models import load_scene
+
+    model = targets[0].model
+    loaded = load_scene(model, arguments, settings, messages, files_read)
+    # A sheet's pictures are of one size, whatever a scene file says of its own.
+    arguments, options = take_options(arguments, loaded, model, but=("outputs", "size"))
+    frames, warnings = [], []
+    with make_renderer(loaded.scene, options) as renderer:
+        for target in targets:
+            camera = camera_of(arguments, target.view, loaded.scene, loaded.framing, renderer.subject)
+            frames.append(renderer.render(camera))
+            warnings += picture_warnings(frames[-1], loaded.scene, arguments, camera, model)
+    warnings = list(dict.fromkeys(warnings))
+    messages.warn(*warnings)
+    record = {
+        "path": model,
+        "views": [target.view for target in targets],
+        "faces": loaded.scene.n_face,
+        "coverage": [frame.stats.coverage for frame in frames],
+        "warnings": loaded.warnings + warnings,
+    }
+    return [frame.rgba for frame in frames], record
+
+
+def _short_names(models) -> list[str]:
+    """The names of models without folder and suffix; with both where that is not enough to tell them apart."""
+    stems = ["stdin" if model == STDIO else Path(model).stem for model in models]
+    return [stem if stems.count(stem) == 1 else model for stem, model in zip(stems, models, strict=True)]
+
+
+def _labels(targets, name, is_one_of_many, is_failed) -> list[str]:
+    """What stands below the pictures of a model: its view, its name, or both where there are many of either."""
+    found = []
+    for target in targets:
+        words = [name] if is_one_of_many else []
+        words += [target.view] if target.view and len(targets) > 1 else []
+        found.append(" ".join(words or [name]) + (": failed" if is_failed else ""))
+    return found
+
+
+def _write(pictures, labels, plan, arguments, outputs) -> tuple[tuple[int, int], int]:
+    """Lay out the sheet, and write it; return its size and the bytes of its file."""
+    from ..analysis.contact_sheet import sheet
+    from .outputs import encode_sheet
+
+    n, n_view = len(pictures), len(plan[0])
+    columns = arguments.columns
+    if arguments.rows is not None:
+        columns = -(-n // arguments.rows)
+    elif columns is None and len(plan) > 1 and n_view > 1:
+        columns = n_view
+    width = arguments.size[0] + arguments.gap
+    background = arguments.background
+    image = sheet(
+        pictures,
+        columns,
+        arguments.gap,
+        None if background in (None, "transparent") else background,
+        [_fitted(label, width) for label in labels] if arguments.has_labels else None,
+    )
+    output = plan[0][0].output
+    content = encode_sheet(image, output)
+    outputs.of_model(len(plan) - 1).write(content, output)
+    return image.size, len(content)
+
+
+def _fitted(label, width) -> str:
+    """Cut a label in its middle, so that it is no wider than its picture: names differ at both ends."""
+    from ..analysis.contact_sheet import label_width
+
+    if label_width(label) <= width:
+        return label
+    for n_letter in range(len(label) - 2, 1, -1):
+        cut = f"{label[: (n_letter + 1) // 2]}...{label[len(label) - n_letter // 2 :]}"
+        if label_width(cut) <= width:
+            return cut
+    return ""

@@ -1,0 +1,231 @@
+"""`raster turntable`: each model turns round once, in a moving picture.
+
+load ─ cameras on a circle ─ one Renderer ─ frames ─┬─ a moving picture (io/animation.py)
+                                                    └─ a picture each, with {frame} in the name
+"""
+
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from time import perf_counter
+
+from ..choices import AXES
+from ..errors import SceneError, counted
+from . import values
+from .flags import add_camera, add_look, add_models, add_output
+from .messages import STDIO, Bar, print_record
+
+IMPORTS = ("drawing",)
+_SIZE, _FRAMES, _SECONDS = (512, 512), 36, 3.0
+_IN_MEMORY = 2**30  # bytes of frames; where they are more, they are drawn again each time that they are looked at
+_MAX_FRAMES = 100_000
+_DESCRIPTION = """\
+Turn each model round once, in a moving picture. The camera keeps one distance, the smallest that shows the model in
+every frame. With --eye or --camera the first frame is that camera's; from there it goes round the up axis through what
+it looks at.
+"""
+_EXAMPLES = """\
+examples:
+  raster turntable part.stl                 part-turntable.gif, 3 seconds
+  raster turntable part.obj -o part.webp --frames 72 --seconds 6
+  raster turntable part.obj -o part.mp4 -s 1920x1080 --fps 30 --background white
+  raster turntable 'parts/*.glb' -o 'turns/{stem}.gif' --turn -360
+  raster turntable room.obj -o room.webp --eye 4,2,6 --target 0,1,0 --fov 50
+  raster turntable part.obj -o 'frames/{stem}-{frame:03}.png' --frames 120
+
+A GIF file has one palette of 255 colours for all frames, and no half-covered pixels, so that it has no shadow on the
+ground without --background; WebP and APNG have all colours and an alpha channel. MP4, MOV and MKV need the extra
+`video`, and have no alpha: without --background they are white.
+"""
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster turntable MODEL... [-o OUT] [options]"
+    parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
+    add_models(parser)
+    add_output(parser, "{stem}-turntable", _SIZE, suffix=".gif", fields="{stem} {ext}, or {frame} for a file each")
+    add = parser.add_topic("turn", is_own=True).add_argument
+    add("--frames", type=values.whole, metavar="N",
+        help=f"pictures of one round (default {_FRAMES}, or as many as --fps and --seconds make)")  # fmt: skip
+    add("--seconds", type=values.number, metavar="S", help=f"that a round takes (default {_SECONDS:g})")
+    add("--fps", type=values.number, metavar="N", help="frames a second, instead of --frames or of --seconds")
+    add("--turn", type=values.number, default=360.0, metavar="A",
+        help="degrees of the round, or with a minus sign the other way round (default 360)")  # fmt: skip
+    add("--loop", type=values.whole, default=0, metavar="N", help="how often it is shown (default 0: again and again)")
+    add_camera(parser, False, "at the first frame", "frame = show all of the model in every frame (default)")
+    add_look(parser)
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Turn every model; parameters, result and errors are those of `drawing.draw_models`."""
+    from .drawing import draw_models, make_options
+    from .outputs import writes_frames
+
+    _fill_in_timing(arguments)
+    make_options(arguments)  # what is not legal is told before a model is loaded
+
+    def check_animation(output, _) -> None:
+        _check_animation(output, arguments)
+
+    return draw_models(arguments, messages, _turn_model, None if writes_frames(arguments) else check_animation)
+
+
+def _fill_in_timing(arguments) -> None:
+    """Work out the frames and the seconds of a round, of which --fps stands for one."""
+    frames, seconds, fps = arguments.frames, arguments.seconds, arguments.fps
+    for name, value in (("seconds", seconds), ("fps", fps)):
+        if value is not None and not 1e-3 <= value <= 1e6:
+            raise SceneError(f"--{name} must be within 0.001..1000000; given {value:g}")
+    if None not in (frames, seconds, fps):
+        raise SceneError("--frames, --seconds and --fps: two of them say the third; given all")
+    if frames is None:
+        frames = _FRAMES if fps is None else round(fps * (seconds or _SECONDS))
+    if not 1 <= frames <= _MAX_FRAMES:
+        raise SceneError(f"--frames must be within 1..{_MAX_FRAMES}; given {frames}")
+    if seconds is None:
+        seconds = _SECONDS if fps is None else frames / fps
+    if not 0 <= arguments.loop <= 65535:
+        raise SceneError(f"--loop must be within 0..65535, 0 = again and again; given {arguments.loop}")
+    arguments.frames, arguments.seconds = frames, seconds
+
+
+def _check_animation(output, arguments) -> None:
+    """Refuse what is no moving picture, or can't be so fast, before anything is drawn."""
+    from ..io.animation import animation_format
+
+    try:
+        format = animation_format(_suffix_of(output))
+    except SceneError as error:
+        raise SceneError(f"{output}: {error}; or a picture a frame, with {{frame}} in the name") from None
+    format.check_timing(arguments.frames, arguments.seconds)
+
+
+def _suffix_of(output) -> str:
+    """The suffix that chooses the format; GIF for stdout."""
+    return ".gif" if output == STDIO else Path(output).suffix
+
+
+def _cameras(arguments, model, loaded, subject) -> list:
+    """The cameras of a round; a full one ends a step before it would begin again."""
+    from ..scene.camera import Camera, turned_cameras
+    from .cameras import camera_of, framing_settings, zoomed
+
+    n, scene, framing = arguments.frames, loaded.scene, loaded.framing
+    angles = [arguments.turn * k / n for k in range(n)]
+    if isinstance(arguments.camera, tuple):
+        is_standing, framing = arguments.camera[0] is not None, arguments.camera[1]
+    else:
+        is_standing = arguments.eye is not None or (arguments.camera == "file" and framing is None)
+        framing = None if arguments.camera == "frame" else framing
+    if is_standing:
+        camera = camera_of(arguments, None, scene, framing, subject)
+        return turned_cameras(camera, angles, AXES[scene.up], _pivot(arguments, model, camera, scene))
+    settings = framing_settings(arguments, None, scene.up, framing)
+    start = settings.pop("azimuth")
+    cameras = Camera.orbit(subject, [start + angle for angle in angles], **settings)
+    return [zoomed(camera, arguments.zoom) for camera in cameras]
+
+
+def _pivot(arguments, model, camera, scene):
+    """The point (3,) that a camera goes round: what it looks at. A model's own camera has a target in scene files
+    alone; other formats know a direction."""
+    from ..io import formats
+    from ..scene.camera import middle_on_axis, pivot_of
+
+    entry = formats.find(arguments.input_format or Path(model).suffix)
+    if arguments.camera == "file" and not (entry is not None and entry.is_scene):
+        return middle_on_axis(camera, scene.bounds)
+    return pivot_of(camera, scene.bounds)
+
+
+class _Frames:
+    """The frames of a round, drawn when they are asked for, and kept where they are few.
+
+    Parameters
+    ----------
+    renderer : Renderer
+    cameras : sequence of Camera
+    show : called with how many frames are drawn, and how many there are
+    """
+
+    def __init__(self, renderer, cameras, show):
+        self._renderer, self._cameras, self._show = renderer, cameras, show
+        width, height = renderer.options.size
+        self._is_kept, self._kept = 4 * width * height * len(cameras) <= _IN_MEMORY, []
+
+    def __len__(self):
+        return len(self._cameras)
+
+    def __contains__(self, frame):
+        return any(frame is each for each in self._kept)
+
+    @cached_property
+    def first(self):
+        """The Frame of the first camera."""
+        return self._renderer.render(self._cameras[0])
+
+    def draw(self, number):
+        """Return the Frame of a camera."""
+        self._show(number, len(self))
+        return self.first if number == 0 else self._renderer.render(self._cameras[number])
+
+    def __iter__(self):
+        """Yield the pictures, (height, width, 4) uint8."""
+        for number in range(len(self)):
+            if number < len(self._kept):
+                yield self._kept[number]
+                continue
+            picture = self.draw(number).rgba
+            if self._is_kept and number == len(self._kept):
+                self._kept.append(picture)
+            yield picture
+
+
+def _turn_model(targets, arguments, settings, messages, output) -> None:
+    """Turn one model."""
+    from ..io.animation import Timing, animation_format, encode_animation
+    from .drawing import make_renderer, picture_warnings, take_options
+    from .models import load_scene
+    from .outputs import encode_picture, writes_frames
+
+    start, model = perf_counter(), targets[0].model
+    loaded = load_scene(model, arguments, settings, messages, output.files_read)
+    scene, is_apart = loaded.scene, writes_frames(arguments)
+    arguments, options = take_options(arguments, loaded, model)
+    suffix = _suffix_of(targets[0].output)
+    if scene.background is None and not (is_apart or animation_format(suffix).has_alpha):
+        scene = replace(scene, background="white")
+    # A pixel of a GIF file is transparent or not: a soft shadow would be a black spot, or a pattern of dots.
+    is_hard = suffix == ".gif" and not is_apart and scene.background is None
+    if is_hard and options.ground:
+        options = replace(options, ground=False)
+        messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
+    with make_renderer(scene, options) as renderer, Bar(messages) as bar:
+        cameras = _cameras(arguments, model, loaded, renderer.subject)
+        frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))
+        warnings = picture_warnings(frames.first, scene, arguments, cameras[0], model)
+        messages.warn(*warnings)
+        for target in targets:
+            if is_apart:
+                content = encode_picture(frames.draw(target.frame), target.output)
+            else:
+                content = encode_animation(frames, suffix, Timing(arguments.seconds, arguments.loop))
+            output.write(content, target.output)
+            bar.end()
+            output.results.tell(target.output, options.size, len(content), perf_counter() - start)
+    seconds = perf_counter() - start
+    messages.detail(f"{model}: {targets[-1].output}, {counted(len(cameras), 'frame')}, {seconds:.2f} s in all")
+    if arguments.json:
+        record = {
+            "path": model,
+            "output": targets[0].output,
+            "size": list(options.size),
+            "frames": len(cameras),
+            "duration": arguments.seconds,
+            "faces": scene.n_face,
+            "coverage": frames.first.stats.coverage,
+            "seconds": round(seconds, 4),
+            "warnings": loaded.warnings + warnings,
+        }
+        print_record(record, targets[0].output == STDIO)

@@ -1,0 +1,108 @@
+"""`raster view`: a page of one's own browser in which a model is turned, and its faces are picked."""
+
+import os
+
+from ..errors import SceneError
+from . import values
+from .flags import add_camera, add_look, add_messages, add_models
+from .messages import compilation_shown, print_text
+
+IMPORTS = ("drawing",)
+_DESCRIPTION = """\
+Show a model in a page of your browser, to be turned, moved and zoomed. A click tells which face is seen, of which
+object, where it is and how it is turned. At rest the picture is the one that raster render writes; while something
+moves it may be smaller. The page says the camera in flags of raster render.
+"""
+_PAGE = """\
+The address on stdout is served to this machine alone, and holds a random token. Over SSH: ssh -L 8000:localhost:8000
+HOST, then there raster view MODEL --port 8000.
+"""
+_SIZE = (800, 600)  # of the first picture, which shows whether there is one; the page has a size of its own
+_MAX_PORT = 65535
+
+
+def add_flags(parser) -> None:
+    """Add the flags to the command's parser, and what its help says."""
+    parser.usage = "raster view MODEL [options]"
+    parser.description = _DESCRIPTION
+    parser.set_defaults(outputs=None, default_size=None)
+    add_models(parser)
+    page = parser.add_topic("page", _PAGE, is_own=True)
+    page.add_argument("--open", dest="is_opened", action="store_true", help="open the page in a browser")
+    page.add_argument("--once", dest="is_once", action="store_true", help="end when the page is closed")
+    page.add_argument(
+        "--port", type=values.whole, default=0, metavar="N", help="where the page is served (default: one that is free)"
+    )
+    add_messages(page)
+    add_camera(parser)
+    add_look(parser)
+
+
+def run(arguments, messages) -> tuple[list, int]:
+    """Serve a model's page until it is closed, with --once, or until the program is interrupted.
+
+    Returns
+    -------
+    no failures, of one model
+
+    Raises
+    ------
+    SceneError : an argument that is not legal, or more than one model or view
+    ModelError : a model that can't be read
+    OutputError : a port that can't be listened on
+    """
+    from ..viewer.server import Server
+    from .cameras import check_camera
+    from .models import list_models, make_settings
+
+    if not 0 <= arguments.port <= _MAX_PORT:
+        raise SceneError(f"--port must be within 0..{_MAX_PORT}; given {arguments.port}")
+    settings = make_settings(arguments)
+    arguments.size = _SIZE
+    check_camera(arguments)
+    (model, *others), (view, *other_views) = list_models(arguments), arguments.views or [None]
+    if others or other_views:
+        given = f"{1 + len(others)} models, {1 + len(other_views)} views"
+        raise SceneError(f"view shows one model, from one side at first; given {given}")
+    session = _open_session(model, view, arguments, settings, messages)
+    server = Server(session, arguments.port, is_once=arguments.is_once, note=messages.warn)
+    try:
+        print_text(f"{server.url}\n", False)
+        end = "close the page or press Ctrl-C" if arguments.is_once else "press Ctrl-C"
+        messages.notice(f"{model} is shown at this address, to this machine alone; {end} to end")
+        if arguments.is_opened:
+            _open_browser(server.url, messages)
+        server.serve()
+    finally:
+        server.server_close()
+    return [], 1
+
+
+def _open_session(model, view, arguments, settings, messages):
+    """Load the model and draw it once, so that what is wrong is said here, and all kernels are compiled; return the
+    Session."""
+    from ..viewer.session import PAPER, Session
+    from .cameras import camera_of, is_camera_given
+    from .drawing import OPTIONS, picture_warnings
+    from .models import load_scene, with_options
+
+    loaded, _, own_options, framing = load_scene(model, arguments, settings, messages)
+    names = OPTIONS - {"size", "outputs"}
+    arguments = with_options(arguments, own_options, names, model)
+    options = {name: getattr(arguments, name) for name in names}
+    is_own = loaded.camera is None and framing is None and not is_camera_given(arguments) and arguments.zoom == 1.0
+    camera = None if is_own else camera_of(arguments, view, loaded, framing)
+    session = Session(loaded, camera=camera, title=os.path.basename(model), **options)
+    with compilation_shown(messages):
+        for is_rest in (False, True):
+            session.answer({"size": list(_SIZE), "background": PAPER, "is_rest": is_rest, "events": []})
+    messages.warn(*picture_warnings(session.frame, loaded, arguments, session.camera, model))
+    return session
+
+
+def _open_browser(url, messages) -> None:
+    """Open the page; a machine without a browser is no error."""
+    import webbrowser
+
+    if not webbrowser.open(url):
+        messages.warn("no browser could be opened: open the address yourself")
