@@ -143,6 +143,43 @@ def read_named(path) -> bytes:
         return stream.read()
 
 
+def unpack(data: bytes, most: int) -> dict[str, bytes]:
+    """Return the members of a zip file by name. What comes out of it is counted: a directory may say anything.
+
+    Parameters
+    ----------
+    data : the file
+    most : bytes that all members may have together
+
+    Raises
+    ------
+    ValueError : members that are encrypted, packed by another method than deflate (whose decoder has no limit), or
+        together too long
+    zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError : a damaged file
+    """
+    import zipfile
+    from io import BytesIO
+
+    found, left = {}, most
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        for member in archive.infolist():
+            check_member(member)
+            with archive.open(member) as stream:
+                found[member.filename] = stream.read(left + 1)
+            left -= len(found[member.filename])
+            if left < 0:
+                raise ValueError(f"it unpacks to more than {most} bytes, the most for a file of its size")
+    return found
+
+
+def check_member(member) -> None:
+    """Raise ValueError for a member of a zip file that is encrypted, or packed by a method other than deflate."""
+    if member.flag_bits & 1:
+        raise ValueError(f"'{member.filename[:80]}' in it is encrypted")
+    if member.compress_type not in (0, 8):  # stored and deflated: the others unpack without a limit
+        raise ValueError(f"'{member.filename[:80]}' in it is packed by method {member.compress_type}, not by deflate")
+
+
 def identity_of(path) -> tuple[int, int] | None:
     """Return what tells a file from all others, whatever name or link leads to it; None where there is none."""
     try:

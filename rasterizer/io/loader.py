@@ -62,7 +62,7 @@ def load_model(
         entry = formats.format_of(name_of(source), format, is_scene=False)
         model = _open(source, entry, log or keep_quiet)._replace(files=files)
         contents = _read(entry, model)
-        own = {"up": entry.up, "lights": contents.lights, "camera": contents.camera}
+        own = {"up": contents.up or entry.up, "lights": contents.lights, "camera": contents.camera}
         settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
         if contents.camera is not None and scene.camera is contents.camera:
@@ -88,14 +88,15 @@ def _aimed(camera: Camera, bounds) -> Camera:
 def _read(entry, model) -> Contents:
     """Let the reader of a format read a file; where it finds nothing, the error says what the file looks like."""
     try:
+        if entry.missing:
+            packages = ", ".join(entry.missing)
+            raise model.error(f"{entry.name} files are read by packages that are missing, {packages}: {formats.EXTRA}")
         contents = entry.read()(model)
         contents = contents if isinstance(contents, Contents) else Contents(contents)
         if not contents.parts:
             raise model.error(_why_no_faces(contents))
     except ModelError as fault:
-        from .formats import hint_for_content
-
-        hint = hint_for_content(model.data, entry.name)
+        hint = formats.hint_for_content(model.data, entry.name)
         if hint:
             raise ModelError(f"{fault}{hint}") from fault
         raise
@@ -318,12 +319,12 @@ def load(
     ----------
     source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
         (vertices, faces), sequence of those three, or Scene
-    format : text, "obj", "stl", "ply", "off", "glb", "gltf" or "3mf", or "json" or "toml" for a scene file, or another
-        of the table of formats; None = by the suffix of the path or the file's name
+    format : text, "obj", "stl", "ply", "glb", "gltf", "off", "3mf", "dae", "zae", "3dxml" or "xaml", or "json" or
+        "toml" for a scene file, or another of the table of formats; None = by the suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
-    up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a scene file, y for the
-        others
+    up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
+        file, y for the others
     lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
     camera : Camera; None = the first of the file, else framed when the picture is made
     background : colour; None = that of a scene file, else transparent

@@ -43,7 +43,7 @@ from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
-from .files import Folder, read_named
+from .files import Folder, check_member, read_named
 from .gltf import MOST_COPIES
 from .loader import keep_quiet, load_model
 from .model_file import MeshSettings
@@ -229,8 +229,7 @@ class Arrays(Mapping):
 
     def _read(self, member) -> np.ndarray:
         """Unpack one array, whose header must ask for what the member holds, and no more."""
-        if member.flag_bits & 1:
-            raise ValueError(f"{member.filename} is encrypted")
+        check_member(member)
         with self._archive.open(member) as stream:
             version = npy.read_magic(stream)
             read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
