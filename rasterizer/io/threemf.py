@@ -35,7 +35,8 @@ from .other_formats import DEEPEST, cut, most_steps, read_by_trimesh, unpacked
 _LEAST_UNPACKED = 2**25  # bytes that the members of any file may have
 _UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
 _WRAPS = ("repeat", "mirror", "clamp", "clamp")
-_NEAREST, _MULTIPLY = 2, 2
+_NEAREST = 2
+_MULTIPLY = 1  # what lib3mf 2.5 returns, though its own list of names says 2
 _BASE, _TEXTURE, _COLORS, _COMPOSITE, _MULTI = 1, 2, 3, 4, 5  # lib3mf's types of properties
 _MOST_LAYERED = 2**20  # colours in the layers of all multi-properties, or in all composites
 _NO_LOOK = 0  # lib3mf's number of no group
