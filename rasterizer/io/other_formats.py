@@ -40,6 +40,7 @@ _TREE_RATIO = 250  # of those bytes to the file's, beyond that
 _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
 _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML file
 _LEAST_STEPS = 2**14  # nodes that are shown in any file
+_FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
 _OFF = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b(\s+BINARY\b)?", re.ASCII)
 
 
@@ -85,7 +86,8 @@ def read_dae(model: ModelFile) -> Contents:
         if name is None:
             raise model.error("there is no .dae file in it")
         text, pictures = members[name], _Pictures(model, lambda name: _member(members, name))
-    graph = _Graph(model, text)
+    _check_tree(model, text)
+    graph = _Graph(model)
     unit, axis, others, stride, n_corner = "1", "", set(), 1, 1
 
     def start(word, attributes, above):
@@ -111,7 +113,7 @@ def read_dae(model: ModelFile) -> Contents:
         elif word == "up_axis":
             axis += piece[:20]
 
-    graph.scan(start, characters, _DAE_NODES)
+    graph.scan(text, start, characters, _DAE_NODES)
     graph.check()
     contents = _contents_of(model, _read(model, "dae", text, pictures), pictures)
     up = {"X_UP": "x", "Z_UP": "z"}.get(axis.strip(), "y")
@@ -129,7 +131,8 @@ def read_3dxml(model: ModelFile) -> Contents:
     """Read 3DXML of Dassault's programs: tessellated meshes in XML, with the colours of faces or textures."""
     members = unpacked(model, _LEAST_UNPACKED)
     documents = {name: text for name, text in members.items() if text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<"}
-    graph = _Graph(model, b"".join(documents.values()))
+    _check_tree(model, *documents.values())
+    graph = _Graph(model)
     edge, n_shape = {}, 0
 
     def start(word, attributes, above):
@@ -149,18 +152,21 @@ def read_3dxml(model: ModelFile) -> Contents:
                 edge.clear()
 
     for text in documents.values():
-        _Graph(model, text, graph).scan(start, characters, ())
+        graph.scan(text, start, characters, ())
     n_node = graph.check()
     if n_node * n_shape > _LEAST_SEARCH + len(model.data):  # trimesh looks for each shape in all of them
         raise model.error("its nodes show too many shapes")
     pictures = _Pictures(model, lambda name: _member(members, name))
     stand_ins = {name: pictures.get(name) for name in members if name not in documents}
-    return _contents_of(model, _read(model, "3dxml", _packed(documents | stand_ins)), pictures)
+    # Of several faces in one list trimesh takes the first again with each of the others: each gets a list of its own.
+    apart = {name: _FACE.sub(rb"</\1Faces><\1Faces><\1Face\2", text) for name, text in documents.items()}
+    return _contents_of(model, _read(model, "3dxml", _packed(apart | stand_ins)), pictures)
 
 
 def read_xaml(model: ModelFile) -> Contents:
     """Read XAML of three dimensions, as SolidWorks writes it: meshes with a colour each."""
-    graph = _Graph(model, model.data)
+    _check_tree(model, model.data)
+    graph = _Graph(model)
 
     def start(word, attributes, above):
         if word == "GeometryModel3D":
@@ -168,34 +174,50 @@ def read_xaml(model: ModelFile) -> Contents:
                 raise ValueError("a GeometryModel3D stands within another")
             graph.open("model", None)
 
-    graph.scan(start, None, ("GeometryModel3D",))
+    graph.scan(model.data, start, None, ("GeometryModel3D",))
     return _contents_of(model, _read(model, "xaml", model.data))
 
 
-def read_by_trimesh(model: ModelFile) -> Contents:
-    """Read the shapes of a 3MF file, whose parts stand in 3D/3dmodel.model alone."""
-    members = unpacked(model, _LEAST_UNPACKED)
-    name = next((name for name in members if name.lower() == "3d/3dmodel.model"), None)
-    if name is None:
-        raise model.error("there is no 3D/3dmodel.model in it")
-    graph, unit, has_looks = _Graph(model, members[name]), "millimeter", False
+def check_3mf(model: ModelFile, members: dict[str, bytes]) -> tuple[str, bool, bool]:
+    """Count what the objects of a 3MF file show: both of its readers follow all of it.
+
+    Returns
+    -------
+    the unit, whether triangles have looks, and whether parts in other members are shown
+    """
+    graph, unit, has_looks, has_paths, member = _Graph(model), "millimeter", False, False, ""
 
     def start(word, attributes, above):
-        nonlocal unit, has_looks
-        if any(key.rpartition("|")[2] == "path" for key in attributes) and word in ("component", "item"):
-            raise ValueError("it has parts in other files, which lib3mf alone reads")
+        nonlocal unit, has_looks, has_paths
         if word == "model":
             unit = attributes.get("unit", unit)[:20]
         elif word == "object":
-            graph.open(attributes["id"], above)
+            graph.open(f"{member}#{attributes['id']}", above)
         elif word in ("component", "item"):
-            graph.add(attributes["objectid"], above)
+            path = next((value for key, value in attributes.items() if key.rpartition("|")[2] == "path"), member)
+            has_paths = has_paths or path != member
+            graph.add(f"{path.lstrip('/').lower()}#{attributes['objectid']}", above)
         elif word == "triangle":
             graph.weigh(above, 1)
         has_looks = has_looks or "pid" in attributes
 
-    graph.scan(start, None, ("object",))
+    for name, text in members.items():
+        if name.lower().endswith(".model"):
+            member = name.lower()
+            graph.scan(text, start, None, ("object",))
     graph.check()
+    return unit, has_looks, has_paths
+
+
+def read_by_trimesh(model: ModelFile, members: dict[str, bytes]) -> Contents:
+    """Read the shapes of a 3MF file, whose parts stand in 3D/3dmodel.model alone."""
+    unit, has_looks, has_paths = check_3mf(model, members)
+    if has_paths:
+        raise model.error("it has parts in other files, which lib3mf alone reads")
+    name = next((name for name in members if name.lower() == "3d/3dmodel.model"), None)
+    if name is None:
+        raise model.error("there is no 3D/3dmodel.model in it")
+    _check_tree(model, members[name])
     contents = _contents_of(model, _read(model, "3mf", _packed({"3D/3dmodel.model": members[name]}), postprocess=False))
     return contents._replace(facts=(f"unit {unit}",), left_out=("colours and materials",) if has_looks else ())
 
@@ -232,35 +254,38 @@ def _packed(members: dict[str, bytes]) -> bytes:
     return stream.getvalue()
 
 
+def _check_tree(model, *texts: bytes) -> None:
+    """Raise ModelError where the trees of XML documents wouldn't fit into memory."""
+    cost = sum(2 * len(text) + _ELEMENT * text.count(b"<") + _ATTRIBUTE * text.count(b"=") for text in texts)
+    if cost > max(_LEAST_TREE, _TREE_RATIO * len(model.data)):
+        raise model.error(f"its XML would take some {cost / 1e6:.0f} MB, too much for a file of its size")
+
+
 class _Graph:
-    """Count what the nodes of an XML document show, each as often as it is shown, before anybody follows them.
+    """Count what the nodes of XML documents show, each as often as it is shown, before anybody follows them.
 
     Parameters
     ----------
     model : ModelFile, for messages and limits
-    text : the document
-    whole : _Graph that has been made of this document and others; None = this is the only one
 
     Attributes
     ----------
     n_opened : how many nodes have been opened
     """
 
-    def __init__(self, model: ModelFile, text: bytes, whole: "_Graph | None" = None) -> None:
-        self.model, self._text, self.n_opened = model, text, 0
+    def __init__(self, model: ModelFile) -> None:
+        self.model, self.n_opened = model, 0
         self._children: dict[str, list[str]] = {}
         self._weights: dict[str, int] = {}
         self._roots: list[str] = []
         self._stack: list[str] = []
-        cost = 2 * len(text) + _ELEMENT * text.count(b"<") + _ATTRIBUTE * text.count(b"=") if whole is None else 0
-        if cost > max(_LEAST_TREE, _TREE_RATIO * len(model.data)):
-            raise model.error(f"its XML would take some {cost / 1e6:.0f} MB, too much for a file of its size")
 
-    def scan(self, start, characters, names: tuple[str, ...]) -> None:
-        """Go through the document once.
+    def scan(self, text: bytes, start, characters, names: tuple[str, ...]) -> None:
+        """Go through a document once.
 
         Parameters
         ----------
+        text : the document
         start : function of an element's name, its attributes, and the name of the node that it is in
         characters : function of an element's name, a piece of its text, and that node; None = text doesn't count
         names : of the elements that are nodes: `start` opens one for each of them
@@ -285,7 +310,7 @@ class _Graph:
         if characters is not None:
             parser.CharacterDataHandler, parser.buffer_text = take, True
         try:
-            parser.Parse(self._text, True)
+            parser.Parse(text, True)
         except expat.ExpatError as fault:
             raise self.model.error(f"not a readable {self.model.format} file (its XML: {cut(fault)})") from fault
         except KeyError as fault:

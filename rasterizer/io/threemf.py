@@ -18,6 +18,7 @@ more than the file holds.
 Formats: 3MF Consortium, Core Specification 1.3, 2021; Materials and Properties Extension 1.2, 2021.
 """
 
+import re
 from io import BytesIO
 from typing import NamedTuple
 
@@ -30,9 +31,12 @@ from ..scene.texture import Budget, Texture, read_picture
 from . import formats
 from .gltf import MOST_COPIES
 from .model_file import WHITE, Contents, ModelFile, Part
-from .other_formats import DEEPEST, cut, most_steps, read_by_trimesh, unpacked
+from .other_formats import DEEPEST, check_3mf, cut, most_steps, read_by_trimesh, unpacked
 
 _LEAST_UNPACKED = 2**25  # bytes that the members of any file may have
+# Without one of these, nothing in a model is shown twice and no entity stands for others; zeros are those of UTF-16.
+_LOOKED_AT = (b"component", b"<!DOCTYPE", b"\0")
+_MIXED = re.compile(rb"""matindices\s*=\s*["']([^"']*)""")
 _UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
 _WRAPS = ("repeat", "mirror", "clamp", "clamp")
 _NEAREST = 2
@@ -58,6 +62,8 @@ def read_3mf(model: ModelFile) -> Contents:
     UserWarning : colours are left out, or a texture can't be read
     """
     members = unpacked(model, _LEAST_UNPACKED)
+    if any(word in text for text in members.values() for word in _LOOKED_AT):
+        check_3mf(model, members)
     try:
         from lib3mf import Lib3MF, get_wrapper
     except (ImportError, OSError):  # there may be no binary for this system
@@ -71,7 +77,7 @@ def read_3mf(model: ModelFile) -> Contents:
             reason = f"lib3mf refuses the file ({cut(fault)})"
         except ValueError as fault:
             raise model.error(cut(fault)) from fault
-    contents = read_by_trimesh(model)
+    contents = read_by_trimesh(model, members)
     if contents.left_out:
         warn_caller(f"{model.name}: {', '.join(contents.left_out)} are left out: {reason}")
     return contents
@@ -165,6 +171,9 @@ class _Looks:
         self.model, self.left_out = model, set()
         self._loaded, self._members = loaded, {name.lower(): data for name, data in members.items()}
         self._textures, self._budget, self._n_layered = {}, Budget(), 0
+        # lib3mf 2.5 takes the first materials of a group, whichever a composite names.
+        mixed = {words for text in members.values() for words in _MIXED.findall(text)}
+        self._are_mixes_right = all(words.split() == [b"%d" % k for k in range(len(words.split()))] for words in mixed)
 
     def find(self, group: int, numbers: list[int]) -> _Properties | None:
         """Return properties of a group by lib3mf's numbers of them; None for a group of a type that isn't read."""
@@ -183,7 +192,7 @@ class _Looks:
             uv = np.array([(place.U, place.V) for place in places]).reshape(-1, 2)
             white = np.full((len(numbers), 4), 255, np.uint8)
             return _Properties(white, uv=uv, texture=self._texture(source.GetTexture2D()))
-        if found == _COMPOSITE:
+        if found == _COMPOSITE and self._are_mixes_right:
             return self._composites(self._loaded.GetCompositeMaterialsByID(group), numbers)
         if found == _MULTI:
             return self._layers(self._loaded.GetMultiPropertyGroupByID(group), numbers)

@@ -431,8 +431,11 @@ FAULTS = (
         "io cli",
     ),
     Fault(
-        "GIF: it is shown once more than asked for", "io/animation.py", "max(timing.loop - 1, 0)",
-        "max(timing.loop, 0)", "io pictures cli",
+        "GIF: it is shown once more than asked for",
+        "io/animation.py",
+        "max(timing.loop - 1, 0)",
+        "max(timing.loop, 0)",
+        "io pictures cli",
     ),  # fmt: skip
     # Scene files and scenes
     Fault(
