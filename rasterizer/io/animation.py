@@ -128,7 +128,7 @@ def _encode_gif(frames: Frames, timing: Timing, _suffix: str) -> bytes:
 def _palette_of(frames: Frames) -> tuple[NDArray[np.uint8], bool]:
     """Return the colours (n, 3) of a palette for all frames, at most 255, and whether a pixel is transparent.
 
-    Where the frames have more, they are chosen by Pillow: median cut of a sample, each frame with its share, then means.
+    Where the frames have more, Pillow chooses them: median cut of a sample, each frame with its share, then means.
     """
     from PIL import Image
 
