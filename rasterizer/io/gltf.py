@@ -193,7 +193,8 @@ def _part(primitive, buffers, paint, name) -> Part:
 def _real(rows, number, buffers) -> np.ndarray:
     """Return rows of an accessor as float64; integers that are meant as fractions become such."""
     is_fraction = item(buffers.tree, "accessors", number).get("normalized") is True
-    return linear_values(rows) if is_fraction else rows.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # of a signalling NaN, which Mesh refuses
+        return linear_values(rows) if is_fraction else rows.astype(np.float64)
 
 
 def _faces(corners, mode) -> np.ndarray:
