@@ -39,7 +39,7 @@ _LEAST_TREE = 2.5e8  # bytes that the tree of any XML may take
 _TREE_RATIO = 250  # of those bytes to the file's, beyond that
 _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
 _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML file
-_LEAST_STEPS = 2**14  # nodes that are shown in any file
+_LEAST_STEPS = 2**13  # nodes that are shown in any file
 _FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
 _OFF = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b(\s+BINARY\b)?", re.ASCII)
 
@@ -233,7 +233,7 @@ def cut(text: object) -> str:
 
 def most_steps(model: ModelFile) -> int:
     """Return how many nodes a file of its size may show."""
-    return _LEAST_STEPS + len(model.data) // 64
+    return _LEAST_STEPS + len(model.data) // 256
 
 
 def unpacked(model: ModelFile, least: int) -> dict[str, bytes]:
