@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from PIL import Image
 
 Frames = Collection[NDArray[np.uint8]]  # (height, width, 4) uint8 each; may be gone through more than once
-_MOST_GIF_FPS = 50  # times are hundredths of a second, and viewers take 1 for 10
-_MOST_GIF = 65535  # pixels along a side of a GIF file
-_MOST_COLORS = 255  # of a GIF file; one more index is that of what is transparent
+_MAX_GIF_FPS = 50  # times are hundredths of a second, and viewers take 1 for 10
+_MAX_GIF = 65535  # pixels along a side of a GIF file
+_MAX_COLORS = 255  # of a GIF file; one more index is that of what is transparent
 _COVERED = 128  # alpha from which on a pixel of a GIF file counts as covered
 _SAMPLED = 1 << 16  # pixels that its palette is chosen by, where there are too many colours
 _BATCH = 1 << 14  # colours that are looked at in one go
-_MOST_WEBP = 16383
-_MOST_BYTES = 4e9  # of frames that Pillow holds together
+_MAX_WEBP = 16383
+_MAX_BYTES = 4e9  # of frames that Pillow holds together
 _VIDEO = {"crf": "18", "preset": "veryfast"}  # of H.264: quality that looks like the original
 
 
@@ -55,18 +55,18 @@ class AnimationFormat(NamedTuple):
     suffix : of files, in lower case with its dot
     encode : function of frames, a Timing and the suffix, which returns the file's bytes
     has_alpha : whether its pictures may be transparent
-    most_fps : frames a second that it can show; None = as many as are wanted
+    max_fps : frames a second that it can show; None = as many as are wanted
     """
 
     suffix: str
     encode: Callable[[Frames, Timing, str], bytes]
     has_alpha: bool = True
-    most_fps: float | None = None
+    max_fps: float | None = None
 
     def check_timing(self, n_frame: int, seconds: float) -> None:
         """Raise SceneError where a file can't show so many frames in so many seconds."""
-        if self.most_fps is not None and n_frame > 1 and n_frame > self.most_fps * seconds:
-            legal = f"a {self.suffix} file shows at most {self.most_fps:g} frames a second"
+        if self.max_fps is not None and n_frame > 1 and n_frame > self.max_fps * seconds:
+            legal = f"a {self.suffix} file shows at most {self.max_fps:g} frames a second"
             raise SceneError(f"{legal}; given {n_frame} in {seconds:g} s")
 
 
@@ -115,7 +115,7 @@ def _encode_gif(frames: Frames, timing: Timing, _suffix: str) -> bytes:
     Frames that have 255 colours or fewer together keep them exactly, as those of a grey model do. GIF knows no partly
     covered pixels: those that are covered by half and more count as covered.
     """
-    _shape_of(frames, _MOST_GIF, "GIF")
+    _shape_of(frames, _MAX_GIF, "GIF")
     palette, is_transparent = _palette_of(frames)
     # What stood in the frame before is taken away where something is transparent.
     options = {"transparency": len(palette), "disposal": 2} if is_transparent else {"disposal": 1}
@@ -140,13 +140,13 @@ def _palette_of(frames: Frames) -> tuple[NDArray[np.uint8], bool]:
         seen = packed[is_covered]
         is_transparent |= len(seen) < is_covered.size
         sampled.append(seen[::step])
-        if len(found) <= _MOST_COLORS:
+        if len(found) <= _MAX_COLORS:
             found = np.union1d(found, seen)
-    if len(found) > _MOST_COLORS:
+    if len(found) > _MAX_COLORS:
         pixels = Image.fromarray(_unpacked(np.concatenate(sampled))[None])
-        chosen = pixels.quantize(_MOST_COLORS, Image.Quantize.MEDIANCUT, kmeans=1).getpalette()
+        chosen = pixels.quantize(_MAX_COLORS, Image.Quantize.MEDIANCUT, kmeans=1).getpalette()
         found = np.unique(np.array(chosen, np.uint32).reshape(-1, 3) @ np.array((1, 1 << 8, 1 << 16), np.uint32))
-    return _unpacked(found[:_MOST_COLORS]), is_transparent
+    return _unpacked(found[:_MAX_COLORS]), is_transparent
 
 
 def _indexed(frame: NDArray[np.uint8], palette: NDArray[np.uint8]) -> "Image.Image":
@@ -179,7 +179,7 @@ def _unpacked(packed: NDArray[np.uint32]) -> NDArray[np.uint8]:
 
 
 def _encode_webp(frames: Frames, timing: Timing, _suffix: str) -> bytes:
-    _shape_of(frames, _MOST_WEBP, "WebP")
+    _shape_of(frames, _MAX_WEBP, "WebP")
     return _encode_by_pillow(frames, "WEBP", timing, quality=90, method=1)
 
 
@@ -198,10 +198,10 @@ def _encode_by_pillow(frames: Frames, name: str, timing: Timing, **options: Any)
 def _saved(frames: Frames, pictures: Iterator["Image.Image"], name: str, n_byte: int, **options: Any) -> bytes:
     """Let Pillow write the pictures of frames, of `n_byte` bytes a pixel, which it holds together."""
     height, width = next(iter(frames)).shape[:2]
-    if (total := n_byte * width * height * len(frames)) > _MOST_BYTES:
+    if (total := n_byte * width * height * len(frames)) > _MAX_BYTES:
         raise SceneError(
             f"{len(frames)} frames of {width}x{height} take {total / 1e9:.1f} GB of memory as {name}, more than "
-            f"{_MOST_BYTES / 1e9:.0f}; write them as .mp4, which takes one after the other"
+            f"{_MAX_BYTES / 1e9:.0f}; write them as .mp4, which takes one after the other"
         )
     stream = io.BytesIO()
     try:
@@ -215,7 +215,7 @@ def _saved(frames: Frames, pictures: Iterator["Image.Image"], name: str, n_byte:
 def _encode_video(frames: Frames, timing: Timing, suffix: str) -> bytes:
     """Encode H.264 in the container of the suffix: planes of half the size for colour, so sides are made even."""
     av = _import_av(suffix)
-    height, width = _shape_of(frames, _MOST_WEBP, "H.264")
+    height, width = _shape_of(frames, _MAX_WEBP, "H.264")
     stream = io.BytesIO()
     try:
         with av.open(stream, "w", format="matroska" if suffix == ".mkv" else suffix[1:]) as container:
@@ -241,18 +241,18 @@ def _import_av(suffix: str) -> Any:
     return av
 
 
-def _shape_of(frames: Frames, most: int, name: str) -> tuple[int, int]:
+def _shape_of(frames: Frames, max_side: int, name: str) -> tuple[int, int]:
     """Return height and width of the first frame; SceneError where the format can't hold them."""
     height, width = next(iter(frames)).shape[:2]
-    if max(height, width) > most:
-        raise SceneError(f"a {name} file has at most {most} pixels a side; given {width}x{height}")
+    if max(height, width) > max_side:
+        raise SceneError(f"a {name} file has at most {max_side} pixels a side; given {width}x{height}")
     return height, width
 
 
 FORMATS = {
     each.suffix: each
     for each in (
-        AnimationFormat(".gif", _encode_gif, most_fps=_MOST_GIF_FPS),
+        AnimationFormat(".gif", _encode_gif, max_fps=_MAX_GIF_FPS),
         AnimationFormat(".webp", _encode_webp),
         AnimationFormat(".png", _encode_apng),
         AnimationFormat(".apng", _encode_apng),

@@ -122,14 +122,14 @@ class Folder:
             found = found / self._listings[found].get(word.lower(), word)
         return found
 
-    def read_bytes(self, path, most: int | None = None) -> bytes:
-        """Return the bytes of a file that `find` has returned, at most `most` of them; raises what `check` does."""
+    def read_bytes(self, path, max_bytes: int | None = None) -> bytes:
+        """Return the bytes of a file that `find` has returned, up to `max_bytes`; raises what `check` does."""
         descriptor = os.open(self.check(path), _READ_ONLY)
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # it may have become another since
                 raise OutsideError("is no regular file")
             self.read.append(str(path))
-            return stream.read(-1 if most is None else most)
+            return stream.read(-1 if max_bytes is None else max_bytes)
 
 
 def read_named(path) -> bytes:
@@ -142,13 +142,13 @@ def read_named(path) -> bytes:
         return stream.read()
 
 
-def unpack(data: bytes, most: int) -> dict[str, bytes]:
+def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:
     """Return the members of a zip file by name. What comes out of it is counted: a directory may say anything.
 
     Parameters
     ----------
     data : the file
-    most : bytes that all members may have together
+    max_bytes : bytes that all members may have together
 
     Raises
     ------
@@ -159,7 +159,7 @@ def unpack(data: bytes, most: int) -> dict[str, bytes]:
     import zipfile
     from io import BytesIO
 
-    found, left = {}, most
+    found, left = {}, max_bytes
     with zipfile.ZipFile(BytesIO(data)) as archive:
         for member in archive.infolist():
             check_member(member)
@@ -167,7 +167,7 @@ def unpack(data: bytes, most: int) -> dict[str, bytes]:
                 found[member.filename] = stream.read(left + 1)
             left -= len(found[member.filename])
             if left < 0:
-                raise ValueError(f"it unpacks to more than {most} bytes, the most for a file of its size")
+                raise ValueError(f"it unpacks to more than {max_bytes} bytes, the most for a file of its size")
     return found
 
 

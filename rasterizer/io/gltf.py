@@ -4,7 +4,7 @@
                    buffers      each as often as nodes show it
 
 Nothing of a file is followed before it has been checked. Parts share their arrays; a file may ask for up to
-`MOST_COPIES` triangles more than it holds.
+`MAX_COPIES` triangles more than it holds.
 Format: Khronos, glTF 2.0 Specification, 2021.
 """
 
@@ -27,7 +27,7 @@ from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.texture import Budget, Texture, read_picture
 from .model_file import WHITE, Contents, ModelFile, Part
 
-MOST_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
+MAX_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
@@ -116,9 +116,9 @@ def _check_copies(model, tree, shown) -> None:
             accessors[source] = item(tree, "accessors", source)["count"]
             wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
     asked, held = sum(wanted[number] for number, _ in shown), sum(accessors.values())
-    if asked > held + MOST_COPIES:
+    if asked > held + MAX_COPIES:
         raise model.error(
-            f"its nodes and primitives ask for {asked} triangles, more than {MOST_COPIES} of them copies: too many"
+            f"its nodes and primitives ask for {asked} triangles, more than {MAX_COPIES} of them copies: too many"
         )
 
 
@@ -219,7 +219,7 @@ def _faces(corners, mode) -> np.ndarray:
 # Arrays are views of the bytes that were read: however often accessors refer to a buffer, it is there once. Rows that
 # are in no buffer could be any number of them, so together they are limited. Specification, 3.6.
 
-MOST_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
+MAX_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
 _BIN_CHUNK = 0x004E4942
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -240,8 +240,8 @@ class Buffers:
         self._buffers, self._arrays = {}, {}
         self._n_made = 0  # numbers in arrays that no buffer holds
 
-    def uri(self, uri, most: int | None = None) -> bytes:
-        """Return what a URI holds or names, up to `most` bytes.
+    def uri(self, uri, max_bytes: int | None = None) -> bytes:
+        """Return what a URI holds or names, up to `max_bytes` bytes.
 
         Raises ModelError for a file that can't be read or may not be, ValueError for a data: URI that is damaged.
         """
@@ -253,13 +253,13 @@ class Buffers:
                 data = base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
             except binascii.Error as fault:
                 raise ValueError(f"a data: URI is damaged ({fault})") from fault
-            return data[:most]
+            return data[:max_bytes]
         name = uri if len(uri) <= 80 else uri[:77] + "..."
         if self.model.folder is None:
             raise self.model.error(f"needs the file '{name}', but was given without a folder")
         try:
             beside = self.model.beside
-            return beside.read_bytes(beside.find(unquote(uri)), most)
+            return beside.read_bytes(beside.find(unquote(uri)), max_bytes)
         except (OSError, ValueError) as fault:
             reason = getattr(fault, "strerror", None) or fault
             raise self.model.error(f"needs the file '{name}', which can't be read ({reason})") from fault
@@ -276,10 +276,10 @@ class Buffers:
     def _buffer(self, number) -> bytes:
         if number not in self._buffers:
             buffer = item(self.tree, "buffers", number)
-            most = whole(buffer, "byteLength")
-            data = self.uri(buffer["uri"], most) if "uri" in buffer else self._chunk()
-            if len(data) < most:
-                raise ValueError(f"buffer {number} must have {most} bytes, but has {len(data)}")
+            length = whole(buffer, "byteLength")
+            data = self.uri(buffer["uri"], length) if "uri" in buffer else self._chunk()
+            if len(data) < length:
+                raise ValueError(f"buffer {number} must have {length} bytes, but has {len(data)}")
             self._buffers[number] = data
         return self._buffers[number]
 
@@ -312,8 +312,8 @@ class Buffers:
         if rows is not None and "sparse" not in accessor:
             return rows
         self._n_made += count * width
-        if count < 1 or self._n_made > MOST_MADE:
-            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MOST_MADE} numbers are legal")
+        if count < 1 or self._n_made > MAX_MADE:
+            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MAX_MADE} numbers are legal")
         made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
         if "sparse" in accessor:
             self._replace(made, accessor["sparse"], label)
@@ -403,7 +403,7 @@ _NO_PAINT = Paint(Material(), colored=WHITE)  # what names no material is neutra
 
 
 class Pictures:
-    """The textures of one file; each is made once for every way in which materials use it.
+    """The textures of one file; each is made once for every use that materials make of it.
 
     Parameters
     ----------

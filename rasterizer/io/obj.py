@@ -235,7 +235,7 @@ def _with_materials(model, part: Part, palette, name) -> Part:
 # bytes ─ tidy text ─ lines of a keyword ─┬─ words, some lines at a time ─┬─ rows of v, vn, vt
 #                                         └─ names of o, g, s, usemtl …   └─ corners of f
 
-_KINDS = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
+_ATTRIBUTES = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
 _BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
 _NO_COMMENT = re.compile(rb"\d\.#[A-Za-z]+\d*")  # 1.#QNAN, 1.#IND: what C libraries write for what is no number
@@ -316,7 +316,7 @@ class ObjLines:
         ------
         LineError : a word that is no corner, or refers to a vertex or, if drawn, a normal that there is not
         """
-        given = {kind: self.lines_of(kind) for kind in _KINDS}
+        given = {attribute: self.lines_of(attribute) for attribute in _ATTRIBUTES}
         blocks = [_read_corners(given, lines, words) for lines, words in self._words_of("f")]
         columns = list(zip(*blocks, strict=True))
         self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[1])
@@ -325,7 +325,7 @@ class ObjLines:
     def first_fault(self) -> tuple[int, str] | None:
         """Return the first line that can't be read, from 0, and why; None where all can be."""
         faults = []
-        for keyword in (*_KINDS, "f"):
+        for keyword in (*_ATTRIBUTES, "f"):
             try:
                 self.corners() if keyword == "f" else self.rows_of(keyword)
             except LineError as fault:
@@ -380,7 +380,7 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
         row = int(((counts < least) | is_bad.any(axis=1)).argmax())
         if is_bad[row].any():
             raise LineError(int(lines[row]), f"'{words.text(places[row, is_bad[row].argmax()])}' is not a number")
-        raise LineError(int(lines[row]), f"a {_KINDS[keyword]} has {counts[row]} numbers, {least} are needed")
+        raise LineError(int(lines[row]), f"a {_ATTRIBUTES[keyword]} has {counts[row]} numbers, {least} are needed")
     return np.append(values, 0.0)[places]
 
 
@@ -389,7 +389,7 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
     pieces = divide(words, b"/")
     numbers, is_number = read_integers(pieces)
     counts, indices, faults = np.diff(words.first), [], []
-    for k, (kind, given_lines) in enumerate(given.items()):
+    for k, (attribute, given_lines) in enumerate(given.items()):
         total = len(given_lines)
         if k > 0 and len(numbers) == len(words.starts):  # no corner has a slash
             indices.append(np.full(len(numbers), -1) if total else None)
@@ -401,21 +401,21 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
         if number.min(initial=0) < 0:  # it counts back from the last before the face
             so_far = np.repeat(np.searchsorted(given_lines, lines), counts)
             index = np.where(number < 0, np.maximum(so_far + number, -1), index)
-        if kind == "v":
+        if attribute == "v":
             is_bad |= (index < 0) | (index >= total)
-        elif kind == "vn":  # those of faces that are left out are of no concern
+        elif attribute == "vn":  # those of faces that are left out are of no concern
             is_bad |= (index >= total) & np.repeat(counts >= 3, counts)
         if is_bad.any():
             corner = int(is_bad.argmax())
             line = int(lines[np.searchsorted(words.first, corner, side="right") - 1])
             so_far, bad = np.searchsorted(given_lines, line), int(number[corner])
             what = "the first one is 1" if bad == 0 else f"only {so_far} stand before it"
-            reason = f"face refers to {_KINDS[kind]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
+            reason = f"face refers to {_ATTRIBUTES[attribute]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
             word = words.text(corner)
             if word.startswith("/") or not is_number[place[corner]]:
                 reason = f"'{word}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
             faults.append((corner, k, line, reason))
-        indices.append(index if kind == "v" or total else None)
+        indices.append(index if attribute == "v" or total else None)
     if faults:
         raise LineError(*min(faults)[2:])
     return lines, counts, *indices

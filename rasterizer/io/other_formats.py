@@ -29,12 +29,12 @@ from ..errors import ModelError, warn_caller
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from .files import unpack
-from .gltf import MOST_COPIES, lit_fields
+from .gltf import MAX_COPIES, lit_fields
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, text_of
 
 DEEPEST = 100  # nodes within nodes
 _LEAST_UNPACKED = 2**24  # bytes that the members of any zip file may have
-_MOST_RATIO = 32  # of their bytes to those of the file, beyond that: text of numbers packs to a tenth
+_MAX_RATIO = 32  # of their bytes to those of the file, beyond that: text of numbers packs to a tenth
 _LEAST_TREE = 2.5e8  # bytes that the tree of any XML may take
 _TREE_RATIO = 250  # of those bytes to the file's, beyond that
 _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
@@ -238,9 +238,9 @@ def most_steps(model: ModelFile) -> int:
 
 def unpacked(model: ModelFile, least: int) -> dict[str, bytes]:
     """Return the members of a zip file by name; ModelError where it is damaged, or they have more than `least` bytes
-    and _MOST_RATIO times the file's."""
+    and _MAX_RATIO times the file's."""
     try:
-        return unpack(model.data, max(least, _MOST_RATIO * len(model.data)))
+        return unpack(model.data, max(least, _MAX_RATIO * len(model.data)))
     except (ValueError, LookupError, OSError, RuntimeError, EOFError, zipfile.BadZipFile, zlib.error) as fault:
         raise model.error(f"not a readable {model.format} file ({cut(fault) or type(fault).__name__})") from fault
 
@@ -350,7 +350,7 @@ class _Graph:
 
         totals = [count(name, 0) for name in self._roots]
         n_node, n_triangle = sum(n for n, _ in totals), sum(n for _, n in totals)
-        if n_node > 3 * most_steps(self.model) or n_triangle > sum(self._weights.values()) + MOST_COPIES // 16:
+        if n_node > 3 * most_steps(self.model) or n_triangle > sum(self._weights.values()) + MAX_COPIES // 16:
             raise self.model.error("its nodes repeat too many others")
         return n_node
 
@@ -407,7 +407,7 @@ def _contents_of(model, found, pictures=None) -> Contents:
     graph = found.get("graph", [{"geometry": name} for name in parts])
     placed = [(parts[node["geometry"]], node.get("matrix")) for node in graph if node.get("geometry") in parts]
     held, asked = (sum(len(part["faces"]) for part in each) for each in (parts.values(), (part for part, _ in placed)))
-    if asked > held + MOST_COPIES // 16:
+    if asked > held + MAX_COPIES // 16:
         raise model.error("its nodes repeat too many others")
     return Contents([(part, matrix) for part, matrix in placed if len(part["faces"])])
 

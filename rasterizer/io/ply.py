@@ -186,11 +186,11 @@ def _colors(table, element) -> np.ndarray | None:
         if colors is None:
             continue
         types = {each.name: each.type for each in element.properties}
-        kind = types[names[0]]
-        if kind[0] == "f":
+        dtype = types[names[0]]
+        if dtype[0] == "f":
             return bytes_of(colors)
-        most = np.iinfo(kind).max if kind in ("u2", "u4") else 255
-        return np.rint(np.clip(colors.astype(np.float64), 0, most) * (255.0 / most)).astype(np.uint8)
+        full_scale = np.iinfo(dtype).max if dtype in ("u2", "u4") else 255
+        return np.rint(np.clip(colors.astype(np.float64), 0, full_scale) * (255.0 / full_scale)).astype(np.uint8)
     return None
 
 
@@ -263,7 +263,7 @@ _TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
-MOST_PROPERTIES = 256  # of an element, and elements of a file
+MAX_PROPERTIES = 256  # of an element, and elements of a file
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -313,8 +313,8 @@ def read_header(model):
         except (IndexError, KeyError, ValueError):
             raise model.error(f"'{text.strip()[:60]}' is not a line of a PLY header", line) from None
         properties = elements[-1].properties if key == "property" else []
-        if max(len(elements), len(properties)) > MOST_PROPERTIES:
-            raise model.error(f"more than {MOST_PROPERTIES} elements or properties", line)
+        if max(len(elements), len(properties)) > MAX_PROPERTIES:
+            raise model.error(f"more than {MAX_PROPERTIES} elements or properties", line)
         if len({each.name for each in properties}) < len(properties):
             raise model.error(f"the property '{properties[-1].name}' is there twice", line)
         if elements and elements[-1].n_row < 0:
@@ -461,16 +461,16 @@ class Bytes:
     def _rows_of_one_list(self, element):
         """Return the columns of rows with one list, whatever its length: where each row begins is found row by row, the
         rest for all rows at once."""
-        kinds = [np.dtype(self.order + (each.count_type or each.type)) for each in element.properties]
+        dtypes = [np.dtype(self.order + (each.count_type or each.type)) for each in element.properties]
         number = next(k for k, each in enumerate(element.properties) if each.count_type is not None)
         one = element.properties[number]
         item = np.dtype(self.order + one.type)
-        before = sum(kind.itemsize for kind in kinds[:number])
-        starts, counts = self._list_starts(element, before, kinds, item.itemsize)
+        before = sum(dtype.itemsize for dtype in dtypes[:number])
+        starts, counts = self._list_starts(element, before, dtypes, item.itemsize)
         places = {}
-        for k, kind in enumerate(kinds):
+        for k, dtype in enumerate(dtypes):
             behind = counts * item.itemsize if k > number else 0
-            places[k] = starts + sum(each.itemsize for each in kinds[:k]) + behind, kind
+            places[k] = starts + sum(each.itemsize for each in dtypes[:k]) + behind, dtype
         found = {
             each.name: self._gather(*places[k], 1).reshape(-1)
             for k, each in enumerate(element.properties)
@@ -480,15 +480,15 @@ class Bytes:
         first = np.cumsum(counts) - counts
         for count in distinct(counts).tolist():
             rows = np.flatnonzero(counts == count)
-            begins = starts[rows] + before + kinds[number].itemsize
+            begins = starts[rows] + before + dtypes[number].itemsize
             items[first[rows, None] + np.arange(count)] = self._gather(begins, item, count)
         return found | {one.name: List(counts, items)}
 
-    def _list_starts(self, element, before, kinds, item_size):
+    def _list_starts(self, element, before, dtypes, item_size):
         """Return where each row of one list begins, and how long its list is, both (n_row,) int64."""
-        count_kind = kinds[next(k for k, each in enumerate(element.properties) if each.count_type is not None)]
-        fixed, at, data = sum(kind.itemsize for kind in kinds), self.at, self.data
-        size, signed = count_kind.itemsize, count_kind.kind == "i"
+        count_dtype = dtypes[next(k for k, each in enumerate(element.properties) if each.count_type is not None)]
+        fixed, at, data = sum(dtype.itemsize for dtype in dtypes), self.at, self.data
+        size, signed = count_dtype.itemsize, count_dtype.kind == "i"
         order = "big" if self.order == ">" else "little"
         starts, counts = array("q"), array("q")
         for row in range(element.n_row):
@@ -504,34 +504,34 @@ class Bytes:
         self.at = at
         return np.frombuffer(starts, np.int64), np.frombuffer(counts, np.int64)
 
-    def _gather(self, begins, kind, n) -> np.ndarray:
-        """Return n numbers of a kind from each of some places on, (n_place, n)."""
-        if len(begins) < n * kind.itemsize:
-            rows = [np.frombuffer(self.data, kind, n, begin) for begin in begins.tolist()]
-            return np.stack(rows) if rows else np.empty((0, n), kind)
+    def _gather(self, begins, dtype, n) -> np.ndarray:
+        """Return n numbers of a type from each of some places on, (n_place, n)."""
+        if len(begins) < n * dtype.itemsize:
+            rows = [np.frombuffer(self.data, dtype, n, begin) for begin in begins.tolist()]
+            return np.stack(rows) if rows else np.empty((0, n), dtype)
         letters = np.frombuffer(self.data, np.uint8)
-        columns = np.empty((len(begins), n * kind.itemsize), np.uint8)
-        for k in range(n * kind.itemsize):
+        columns = np.empty((len(begins), n * dtype.itemsize), np.uint8)
+        for k in range(n * dtype.itemsize):
             columns[:, k] = letters[begins + k]
-        return columns.view(kind) if n else np.empty((len(begins), 0), kind)
+        return columns.view(dtype) if n else np.empty((len(begins), 0), dtype)
 
     def _even_rows(self, element):
         """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""
         fields, at = [], self.at
         for number, each in enumerate(element.properties):
-            kind = np.dtype(self.order + each.type)
+            dtype = np.dtype(self.order + each.type)
             if each.count_type is not None:
-                count_kind = np.dtype(self.order + each.count_type)
-                if element.n_row == 0 or at + count_kind.itemsize > len(self.data):
+                count_dtype = np.dtype(self.order + each.count_type)
+                if element.n_row == 0 or at + count_dtype.itemsize > len(self.data):
                     return None
-                length = int(np.frombuffer(self.data, count_kind, 1, at)[0])
+                length = int(np.frombuffer(self.data, count_dtype, 1, at)[0])
                 if not 0 <= length <= len(self.data):
                     return None
-                fields += [(f"n{number}", count_kind), (f"p{number}", kind, (length,))]
-                at += count_kind.itemsize + length * kind.itemsize
+                fields += [(f"n{number}", count_dtype), (f"p{number}", dtype, (length,))]
+                at += count_dtype.itemsize + length * dtype.itemsize
             else:
-                fields.append((f"p{number}", kind))
-                at += kind.itemsize
+                fields.append((f"p{number}", dtype))
+                at += dtype.itemsize
         rows = np.dtype(fields)
         if element.n_row * rows.itemsize > len(self.data) - self.at:
             return None
@@ -548,17 +548,17 @@ class Bytes:
         self.at += element.n_row * rows.itemsize
         return found
 
-    def number(self, kind):
+    def number(self, dtype):
         """Return the next number; IndexError where there is none."""
-        return self.several(kind, 1)[0]
+        return self.several(dtype, 1)[0]
 
-    def several(self, kind, n):
+    def several(self, dtype, n):
         """Return the next n numbers; IndexError where there are fewer."""
-        kind = np.dtype(self.order + kind)
-        if not 0 <= n <= (len(self.data) - self.at) // kind.itemsize:
+        dtype = np.dtype(self.order + dtype)
+        if not 0 <= n <= (len(self.data) - self.at) // dtype.itemsize:
             raise IndexError
-        numbers = np.frombuffer(self.data, kind, int(n), self.at)
-        self.at += int(n) * kind.itemsize
+        numbers = np.frombuffer(self.data, dtype, int(n), self.at)
+        self.at += int(n) * dtype.itemsize
         return numbers
 
     def line_of(self, _name, _row):

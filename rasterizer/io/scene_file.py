@@ -12,7 +12,7 @@
     depth_cue   a number, or {scale, start, color}
 
 Names of files are relative to the folder of the scene file; which are read is said in `files.py`. `scene_file_write`
-writes what is read here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files
+writes what is read here. Text may be MAX_JSON or MAX_TOML bytes long: the arrays of large meshes go into .npz files
 beside it.
 """
 
@@ -44,13 +44,13 @@ from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
 from .files import Folder, check_member, read_named
-from .gltf import MOST_COPIES
+from .gltf import MAX_COPIES
 from .loader import keep_quiet, load_model
 from .model_file import MeshSettings
 
 _OWN_SETTINGS = MeshSettings()  # of the file, that is
-MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
-MOST_DOTS = (
+MAX_JSON, MAX_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
+MAX_DOTS = (
     100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
 )
 KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
@@ -220,7 +220,7 @@ def _parse(data, format, name):
     """Parse the text of a scene file."""
     if not data.strip():
         raise ModelError(f"{name}: the file is empty")
-    most = MOST_TOML if format == "toml" else MOST_JSON
+    most = MAX_TOML if format == "toml" else MAX_JSON
     if len(data) > most:
         raise ModelError(
             f"{name}: {len(data)} bytes; one in {format.upper()} may have {most}: arrays go into .npz files"
@@ -242,8 +242,8 @@ def _parse(data, format, name):
 def _check_names(text, name) -> None:
     """Raise ModelError for dotted names of TOML that are so long that parsing them would take minutes."""
     for piece in re.split(r"[\n,=\[\]{}]", text):
-        if piece.count(".") > MOST_DOTS:
-            raise ModelError(f"{name}: a name or text in TOML may have up to {MOST_DOTS} dots; given {shown(piece)}")
+        if piece.count(".") > MAX_DOTS:
+            raise ModelError(f"{name}: a name or text in TOML may have up to {MAX_DOTS} dots; given {shown(piece)}")
 
 
 def _without_duplicates(pairs) -> dict:
@@ -277,7 +277,7 @@ def _toml(name):
 # ----------------------------------------------------------------
 # A value of a scene file with the place where it stands, so that every fault names file, place and what is legal.
 
-_KINDS = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
+_TYPE_NAMES = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
 
 
 class Entry:
@@ -287,36 +287,36 @@ class Entry:
     ----------
     value : what JSON or TOML has there
     file : text, the file's name
-    where : text, the way to the value, such as lights[2].color; empty for the whole file
+    where : text, the path to the value, such as lights[2].color; empty for the whole file
     """
 
     def __init__(self, value, file, where=""):
         self.value, self.file, self.where = value, file, where
 
-    def fault(self, text, kind=SceneError) -> Exception:
+    def fault(self, text, error=SceneError) -> Exception:
         """Return the error that says what is wrong here."""
-        return kind(f"{self.file}: {self.where}: {text}" if self.where else f"{self.file}: {text}")
+        return error(f"{self.file}: {self.where}: {text}" if self.where else f"{self.file}: {text}")
 
-    def _of_kind(self, kind):
-        if type(self.value) is not kind:
-            raise self.fault(f"must be {_KINDS[kind]}; given {shown(self.value)}")
+    def _of_type(self, type_):
+        if type(self.value) is not type_:
+            raise self.fault(f"must be {_TYPE_NAMES[type_]}; given {shown(self.value)}")
         return self.value
 
     def text(self) -> str:
         """Return the value, which must be text."""
-        return self._of_kind(str)
+        return self._of_type(str)
 
     def flag(self) -> bool:
         """Return the value, which must be true or false."""
-        return self._of_kind(bool)
+        return self._of_type(bool)
 
     def items(self) -> list["Entry"]:
         """Return the entries of a list."""
-        return [Entry(value, self.file, f"{self.where}[{i}]") for i, value in enumerate(self._of_kind(list))]
+        return [Entry(value, self.file, f"{self.where}[{i}]") for i, value in enumerate(self._of_type(list))]
 
     def names(self) -> dict[str, "Entry"]:
         """Return the entries of a table whose keys are up to the writer."""
-        return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_kind(dict).items()}
+        return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_type(dict).items()}
 
     def table(self, legal, needed=()) -> dict[str, "Entry"]:
         """Return the entries of a table.
@@ -330,7 +330,7 @@ class Entry:
         ------
         SceneError : no table, a key that is unknown or missing
         """
-        for key in self._of_kind(dict):
+        for key in self._of_type(dict):
             if key not in legal:
                 place = Entry(None, self.file, self._below(key))
                 raise place.fault(f"unknown key; legal are {', '.join(legal)}")
@@ -698,9 +698,9 @@ def _load_once(path, entry, crease_angle, weighting, context):
     if key in context.models:
         scene = context.models[key]
         context.n_copy += scene.n_face
-        if context.n_copy > MOST_COPIES:
+        if context.n_copy > MAX_COPIES:
             raise entry.fault(
-                f"this model has been used so often that it makes more than {MOST_COPIES} triangles", ModelError
+                f"this model has been used so often that it makes more than {MAX_COPIES} triangles", ModelError
             )
         return scene
     context.files.read.append(str(path))
@@ -763,9 +763,9 @@ def _read_arrays(entry, context) -> Mesh:
         stored = context.arrays(table["arrays"])
         arrays = {key: table["arrays"].call(stored.__getitem__, start + key) for key in ARRAYS if start + key in stored}
         context.n_copy += len(arrays["faces"]) if arrays["faces"].ndim else 0
-        if context.n_copy > MOST_COPIES + stored.n_byte:
+        if context.n_copy > MAX_COPIES + stored.n_byte:
             raise entry.fault(
-                f"its arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError
+                f"its arrays have been used for more than {MAX_COPIES} triangles beyond those stored", ModelError
             )
     settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
     if (weighting := _weighting(table, context)) is not None:
@@ -856,8 +856,8 @@ def _rotation(entry) -> np.ndarray:
 # Arrays of a .npz file, looked at before they are unpacked: a file of some kilobytes may hold gigabytes.
 # .npz   a zip file of .npy files: a header, which tells shape and dtype, and the numbers
 
-MOST_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, packed or not
-MOST_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MOST_UNPACKED
+MAX_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, packed or not
+MAX_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MAX_UNPACKED
 # What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
 _FAULTS = (
     OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError,
@@ -876,8 +876,8 @@ class Arrays(Mapping):
 
     Raises
     ------
-    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than MOST_UNPACKED bytes and
-        MOST_RATIO times its size; also when an array is asked for that is damaged or holds objects
+    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than MAX_UNPACKED bytes and
+        MAX_RATIO times its size; also when an array is asked for that is damaged or holds objects
     """
 
     def __init__(self, stream, name: str):
@@ -886,7 +886,7 @@ class Arrays(Mapping):
             self._archive = zipfile.ZipFile(stream)
             members = self._archive.infolist()
             self._archive.fp.seek(0, os.SEEK_END)
-            limit = max(MOST_UNPACKED, MOST_RATIO * self._archive.fp.tell())
+            limit = max(MAX_UNPACKED, MAX_RATIO * self._archive.fp.tell())
         except _FAULTS as fault:
             raise self._fault(fault) from fault
         total = sum(member.file_size for member in members)

@@ -13,7 +13,7 @@ What a triangle looks like is a property of a group:
                          a picture counts alone
 
 lib3mf is strict, and it isn't everywhere: without it, or where it refuses a file, trimesh reads the shapes alone, which
-is said. Lengths are in the file's unit, which is said, too. Objects may be repeated for up to `MOST_COPIES` triangles
+is said. Lengths are in the file's unit, which is said, too. Objects may be repeated for up to `MAX_COPIES` triangles
 more than the file holds.
 Formats: 3MF Consortium, Core Specification 1.3, 2021; Materials and Properties Extension 1.2, 2021.
 """
@@ -29,7 +29,7 @@ from ..scene.color import linear_from_srgb_bytes
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from . import formats
-from .gltf import MOST_COPIES
+from .gltf import MAX_COPIES
 from .model_file import WHITE, Contents, ModelFile, Part
 from .other_formats import DEEPEST, check_3mf, cut, most_steps, read_by_trimesh, unpacked
 
@@ -42,7 +42,7 @@ _WRAPS = ("repeat", "mirror", "clamp", "clamp")
 _NEAREST = 2
 _MULTIPLY = 1  # what lib3mf 2.5 returns, though its own list of names says 2
 _BASE, _TEXTURE, _COLORS, _COMPOSITE, _MULTI = 1, 2, 3, 4, 5  # lib3mf's types of properties
-_MOST_LAYERED = 2**20  # colours in the layers of all multi-properties, or in all composites
+_MAX_LAYERED = 2**20  # colours in the layers of all multi-properties, or in all composites
 _NO_LOOK = 0  # lib3mf's number of no group
 
 
@@ -92,7 +92,7 @@ def _contents_of(model, loaded, members) -> Contents:
         item, matrix, depth = waiting.pop()
         thing, number = item.GetObjectResource(), item.GetObjectResourceID()
         n_step += 1
-        if depth > DEEPEST or n_copy > MOST_COPIES or n_step > most_steps(model):
+        if depth > DEEPEST or n_copy > MAX_COPIES or n_step > most_steps(model):
             raise ValueError(f"its components are nested more than {DEEPEST} deep, or repeat too many objects")
         has_matrix = item.HasTransform() if depth else item.HasObjectTransform()
         if has_matrix:
@@ -202,8 +202,8 @@ class _Looks:
     def _count(self, n: int) -> None:
         """Count colours that are there because groups name others; ValueError where there are too many."""
         self._n_layered += n
-        if self._n_layered > _MOST_LAYERED:
-            raise ValueError(f"its composites and layers mix more than {_MOST_LAYERED} colours")
+        if self._n_layered > _MAX_LAYERED:
+            raise ValueError(f"its composites and layers mix more than {_MAX_LAYERED} colours")
 
     def _composites(self, source, numbers) -> _Properties:
         base, mixed = source.GetBaseMaterialGroup(), []

@@ -388,8 +388,8 @@ FAULTS = (
     Fault(
         "PLY: colours of 16 bits are read as if they had 8",
         "io/ply.py",
-        'kind in ("u2", "u4") else 255',
-        'kind in ("u4",) else 255',
+        'dtype in ("u2", "u4") else 255',
+        'dtype in ("u4",) else 255',
         "io",
     ),
     Fault(
@@ -550,8 +550,8 @@ FAULTS = (
     Fault(
         "atomic write: what was half written stays in the folder",
         "io/files.py",
-        "self.remove()",
-        "self.close()",
+        "if os.path.lexists(name):",
+        "if not os.path.lexists(name):",
         "io pictures cli",
     ),
     Fault(
