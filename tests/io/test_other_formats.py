@@ -1,6 +1,7 @@
 """What trimesh reads: OFF, COLLADA, 3DXML and XAML. What arrives, which files are read beside them, and what is refused
 before trimesh gets it."""
 
+import subprocess
 import sys
 import zipfile
 
@@ -254,3 +255,13 @@ def test_the_readers_of_the_required_trimesh_are_known():
 
     assert set(mesh_loaders) - set(_meshio_loaders) <= found, set(mesh_loaders) - found
     assert trimesh.__version__ >= "5.1"
+
+
+def test_trimesh_is_imported_only_for_what_it_reads(tmp_path):
+    files = {"a.obj": exported(box(), "obj"), "a.3mf": threemf(), "a.off": exported(box(), "off")}
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    code = "import sys, rasterizer as rz\nfor name in sys.argv[1:]:\n    rz.load(name); print('trimesh' in sys.modules)"
+    paths = [str(tmp_path / name) for name in files]
+    done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False", "True"]

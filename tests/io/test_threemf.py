@@ -178,6 +178,7 @@ def test_unit_and_what_is_left_out_are_said():
     assert facts[1] == "model: 2 faces, no file normals, unit millimeter"
 
 
+@pytest.mark.filterwarnings("ignore:.*included but not defined")
 def test_what_is_broken_is_named():
     assert_refused(lambda text: load(threemf(text), format="3mf"), [
         ("<model", "its XML: "),
