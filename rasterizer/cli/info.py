@@ -4,6 +4,7 @@ load ─ facts ─┬─ lines on stdout
               └─ a line of JSON
 """
 
+import argparse
 import os
 import warnings
 from time import perf_counter
@@ -30,6 +31,7 @@ Say what is in each model, without drawing it.
 _EXAMPLES = """\
 examples:
   raster info part.stl
+  raster info --formats                                      what can be loaded
   raster info 'parts/*.obj' --json                           a line a model
   cat part.stl | raster info - --input-format stl
 """
@@ -41,8 +43,20 @@ def add_flags(parser) -> None:
     parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
     add_models(parser)
     output = parser.add_topic("output")
+    output.add_argument("--formats", action=_ListFormats, nargs=0, help="list the formats that can be loaded, and exit")
     add_json(output, "print a line of JSON for each model")
     add_messages(output)
+
+
+class _ListFormats(argparse.Action):
+    """Print the formats that can be loaded, and end."""
+
+    def __call__(self, parser, *_):
+        for entry in formats.formats():
+            suffixes, packages = " ".join(entry["suffixes"]), ", ".join(entry["needs"])
+            line = f"{entry['name']:<6} {suffixes:<14} {entry['reads']:<6} read by {entry['by']}"
+            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else ""), False)
+        parser.exit()
 
 
 def run(arguments, messages) -> tuple[list, int]:

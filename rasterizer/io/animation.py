@@ -1,24 +1,31 @@
 """Write moving pictures: the table of their formats, and an encoder for each.
 
-frames, seconds ─┬─ GIF (gif.py), WebP, APNG by Pillow: with transparency
+frames, seconds ─┬─ GIF, WebP, APNG by Pillow: with transparency
                  └─ MP4 and its like by PyAV: on a background
 """
 
 import io
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OutputError, SceneError
 
+if TYPE_CHECKING:
+    from PIL import Image
+
 Frames = Collection[NDArray[np.uint8]]  # (height, width, 4) uint8 each; may be gone through more than once
-_MOST_GIF_FPS = 50  # times are hundredths of a second, and viewers take 1 for 10
-_MOST_GIF = 65535  # pixels along a side of a GIF file
-_MOST_WEBP = 16383
-_MOST_BYTES = 4e9  # of frames that Pillow holds together
+_MAX_GIF_FPS = 50  # times are hundredths of a second, and viewers take 1 for 10
+_MAX_GIF = 65535  # pixels along a side of a GIF file
+_MAX_COLORS = 255  # of a GIF file; one more index is that of what is transparent
+_COVERED = 128  # alpha from which on a pixel of a GIF file counts as covered
+_SAMPLED = 1 << 16  # pixels that its palette is chosen by, where there are too many colours
+_BATCH = 1 << 14  # colours that are looked at in one go
+_MAX_WEBP = 16383
+_MAX_BYTES = 4e9  # of frames that Pillow holds together
 _VIDEO = {"crf": "18", "preset": "veryfast"}  # of H.264: quality that looks like the original
 
 
@@ -48,18 +55,18 @@ class AnimationFormat(NamedTuple):
     suffix : of files, in lower case with its dot
     encode : function of frames, a Timing and the suffix, which returns the file's bytes
     has_alpha : whether its pictures may be transparent
-    most_fps : frames a second that it can show; None = as many as are wanted
+    max_fps : frames a second that it can show; None = as many as are wanted
     """
 
     suffix: str
     encode: Callable[[Frames, Timing, str], bytes]
     has_alpha: bool = True
-    most_fps: float | None = None
+    max_fps: float | None = None
 
     def check_timing(self, n_frame: int, seconds: float) -> None:
         """Raise SceneError where a file can't show so many frames in so many seconds."""
-        if self.most_fps is not None and n_frame > 1 and n_frame > self.most_fps * seconds:
-            legal = f"a {self.suffix} file shows at most {self.most_fps:g} frames a second"
+        if self.max_fps is not None and n_frame > 1 and n_frame > self.max_fps * seconds:
+            legal = f"a {self.suffix} file shows at most {self.max_fps:g} frames a second"
             raise SceneError(f"{legal}; given {n_frame} in {seconds:g} s")
 
 
@@ -103,16 +110,76 @@ def encode_animation(frames: Frames, suffix: str, timing: Timing) -> bytes:
 
 
 def _encode_gif(frames: Frames, timing: Timing, _suffix: str) -> bytes:
-    from .gif import Palette, encode_gif
+    """Encode frames with one palette for all of them, so that no colour flickers: Pillow's own would be one a frame.
 
-    _shape_of(frames, _MOST_GIF, "GIF")
-    delays = timing.delays(len(frames), 0.01)
-    parts = encode_gif(frames, Palette(frames), delays, loop=timing.loop)
-    return b"".join(parts)
+    Frames that have 255 colours or fewer together keep them exactly, as those of a grey model do. GIF knows no partly
+    covered pixels: those that are covered by half and more count as covered.
+    """
+    _shape_of(frames, _MAX_GIF, "GIF")
+    palette, is_transparent = _palette_of(frames)
+    # What stood in the frame before is taken away where something is transparent.
+    options = {"transparency": len(palette), "disposal": 2} if is_transparent else {"disposal": 1}
+    pictures = (_indexed(frame, palette) for frame in frames)
+    loop = {} if timing.loop == 1 else {"loop": max(timing.loop - 1, 0)}  # rounds after the first one
+    delays = [10 * delay for delay in timing.delays(len(frames), 0.01)]
+    return _saved(frames, pictures, "GIF", n_byte=1, duration=delays, optimize=False, **loop, **options)
+
+
+def _palette_of(frames: Frames) -> tuple[NDArray[np.uint8], bool]:
+    """Return the colours (n, 3) of a palette for all frames, at most 255, and whether a pixel is transparent.
+
+    Where the frames have more, Pillow chooses them: median cut of a sample, each frame with its share, then means.
+    """
+    from PIL import Image
+
+    found, is_transparent = np.empty(0, np.uint32), False
+    step = max(1, sum(frame.shape[0] * frame.shape[1] for frame in frames) // _SAMPLED)
+    sampled = []
+    for frame in frames:
+        packed, is_covered = _packed(frame)
+        seen = packed[is_covered]
+        is_transparent |= len(seen) < is_covered.size
+        sampled.append(seen[::step])
+        if len(found) <= _MAX_COLORS:
+            found = np.union1d(found, seen)
+    if len(found) > _MAX_COLORS:
+        pixels = Image.fromarray(_unpacked(np.concatenate(sampled))[None])
+        chosen = pixels.quantize(_MAX_COLORS, Image.Quantize.MEDIANCUT, kmeans=1).getpalette()
+        found = np.unique(np.array(chosen, np.uint32).reshape(-1, 3) @ np.array((1, 1 << 8, 1 << 16), np.uint32))
+    return _unpacked(found[:_MAX_COLORS]), is_transparent
+
+
+def _indexed(frame: NDArray[np.uint8], palette: NDArray[np.uint8]) -> "Image.Image":
+    """Return a frame as a picture of indices of the nearest colours; the index after them is transparent."""
+    from PIL import Image
+
+    packed, is_covered = _packed(frame)
+    colors, which = np.unique(packed[is_covered], return_inverse=True)
+    table = palette.astype(np.float32)
+    squares, nearest = (table * table).sum(axis=1), np.empty(len(colors), np.uint8)
+    for begin in range(0, len(colors), _BATCH):
+        batch = _unpacked(colors[begin : begin + _BATCH]).astype(np.float32)
+        # |c - p|² = |c|² - 2 c·p + |p|², and the first is the same for all p; all are whole numbers below 2²⁴
+        nearest[begin : begin + _BATCH] = (squares - 2.0 * batch @ table.T).argmin(axis=1)
+    indices = np.full(is_covered.shape, len(palette), np.uint8)
+    indices[is_covered] = nearest[which]
+    picture = Image.fromarray(indices)
+    picture.putpalette(palette.tobytes() + bytes(3))  # what is transparent has a colour, too, which nobody sees
+    return picture
+
+
+def _packed(frame: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+    """Return the colours of a frame as integers r + 256 g + 65536 b, and which pixels are covered."""
+    words = np.ascontiguousarray(frame).view("<u4")[..., 0]
+    return words & 0xFFFFFF, words >= _COVERED << 24
+
+
+def _unpacked(packed: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    return np.stack([packed & 255, packed >> 8 & 255, packed >> 16], axis=1).astype(np.uint8)
 
 
 def _encode_webp(frames: Frames, timing: Timing, _suffix: str) -> bytes:
-    _shape_of(frames, _MOST_WEBP, "WebP")
+    _shape_of(frames, _MAX_WEBP, "WebP")
     return _encode_by_pillow(frames, "WEBP", timing, quality=90, method=1)
 
 
@@ -124,24 +191,22 @@ def _encode_apng(frames: Frames, timing: Timing, _suffix: str) -> bytes:
 def _encode_by_pillow(frames: Frames, name: str, timing: Timing, **options: Any) -> bytes:
     from PIL import Image
 
+    pictures = (Image.fromarray(np.ascontiguousarray(frame)) for frame in frames)
+    return _saved(frames, pictures, name, 4, duration=timing.delays(len(frames), 0.001), loop=timing.loop, **options)
+
+
+def _saved(frames: Frames, pictures: Iterator["Image.Image"], name: str, n_byte: int, **options: Any) -> bytes:
+    """Let Pillow write the pictures of frames, of `n_byte` bytes a pixel, which it holds together."""
     height, width = next(iter(frames)).shape[:2]
-    if (n_byte := 4 * width * height * len(frames)) > _MOST_BYTES:
+    if (total := n_byte * width * height * len(frames)) > _MAX_BYTES:
         raise SceneError(
-            f"{len(frames)} frames of {width}x{height} take {n_byte / 1e9:.1f} GB of memory as {name}, more than "
-            f"{_MOST_BYTES / 1e9:.0f}; write them as .gif or .mp4, which take one after the other"
+            f"{len(frames)} frames of {width}x{height} take {total / 1e9:.1f} GB of memory as {name}, more than "
+            f"{_MAX_BYTES / 1e9:.0f}; write them as .mp4, which takes one after the other"
         )
-    first, *others = (Image.fromarray(np.ascontiguousarray(frame)) for frame in frames)
     stream = io.BytesIO()
     try:
-        first.save(
-            stream,
-            name,
-            save_all=True,
-            append_images=others,
-            duration=timing.delays(len(frames), 0.001),
-            loop=timing.loop,
-            **options,
-        )
+        first, *others = pictures  # Pillow goes through them twice
+        first.save(stream, name, save_all=True, append_images=others, **options)
     except (OSError, ValueError) as error:
         raise OutputError(f"can't write an animation as {name}: {error}") from error
     return stream.getvalue()
@@ -150,7 +215,7 @@ def _encode_by_pillow(frames: Frames, name: str, timing: Timing, **options: Any)
 def _encode_video(frames: Frames, timing: Timing, suffix: str) -> bytes:
     """Encode H.264 in the container of the suffix: planes of half the size for colour, so sides are made even."""
     av = _import_av(suffix)
-    height, width = _shape_of(frames, _MOST_WEBP, "H.264")
+    height, width = _shape_of(frames, _MAX_WEBP, "H.264")
     stream = io.BytesIO()
     try:
         with av.open(stream, "w", format="matroska" if suffix == ".mkv" else suffix[1:]) as container:
@@ -176,18 +241,18 @@ def _import_av(suffix: str) -> Any:
     return av
 
 
-def _shape_of(frames: Frames, most: int, name: str) -> tuple[int, int]:
+def _shape_of(frames: Frames, max_side: int, name: str) -> tuple[int, int]:
     """Return height and width of the first frame; SceneError where the format can't hold them."""
     height, width = next(iter(frames)).shape[:2]
-    if max(height, width) > most:
-        raise SceneError(f"a {name} file has at most {most} pixels a side; given {width}x{height}")
+    if max(height, width) > max_side:
+        raise SceneError(f"a {name} file has at most {max_side} pixels a side; given {width}x{height}")
     return height, width
 
 
 FORMATS = {
     each.suffix: each
     for each in (
-        AnimationFormat(".gif", _encode_gif, most_fps=_MOST_GIF_FPS),
+        AnimationFormat(".gif", _encode_gif, max_fps=_MAX_GIF_FPS),
         AnimationFormat(".webp", _encode_webp),
         AnimationFormat(".png", _encode_apng),
         AnimationFormat(".apng", _encode_apng),

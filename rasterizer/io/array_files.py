@@ -28,7 +28,7 @@ from ..scene.validate import number
 from .png import encode_png
 
 DEFAULT_SCALE = 0.001  # of depths in PNG files: millimetres, where a scene unit is a metre
-MOST = 65535  # the largest number of 16 bits
+MAX_U16 = 65535  # the largest number of 16 bits
 INDICES = ("face", "object", "material")
 NORMALS = ("normal", "normal_camera")
 IN_PNG = ("rgb", "rgba", "alpha", "depth", "mask", *INDICES, *NORMALS)
@@ -132,14 +132,14 @@ def encode_array_png(
     elif name == "alpha":
         stored, text = np.rint(array * 255).astype(np.uint8), _text(1 / 255, 0, "covered share")
     elif name in INDICES:
-        if array.max(initial=-1) >= MOST:
-            legal = f"a PNG file holds indices up to {MOST - 1}"
+        if array.max(initial=-1) >= MAX_U16:
+            legal = f"a PNG file holds indices up to {MAX_U16 - 1}"
             raise OutputError(f"{legal}; given {name} {array.max()}: write it as .npy, .npz or .exr")
         stored, text = (array + 1).astype(np.uint16), _text(1, -1, "index")
     elif name in NORMALS:
-        stored = np.rint((array.astype(np.float64) + 1) * (MOST / 2)).astype(np.uint16)
+        stored = np.rint((array.astype(np.float64) + 1) * (MAX_U16 / 2)).astype(np.uint16)
         stored[(array == 0).all(axis=-1)] = 0
-        text = _text(2 / MOST, -1, "unit vector")
+        text = _text(2 / MAX_U16, -1, "unit vector")
     else:
         raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {name!r}: write it as .npy, .npz or .exr")
     return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text})
@@ -158,10 +158,10 @@ def _stored_depths(depths: NDArray, scale: float) -> tuple[NDArray[np.uint16], d
     is_seen = np.isfinite(depths)
     stored = np.zeros(depths.shape)
     stored[is_seen] = np.rint(depths[is_seen].astype(np.float64) / scale)
-    if is_seen.any() and not (stored[is_seen].min() >= 1 and stored.max() <= MOST):
+    if is_seen.any() and not (stored[is_seen].min() >= 1 and stored.max() <= MAX_U16):
         low, high = float(depths[is_seen].min()), float(depths[is_seen].max())
-        legal = f"with scale {scale:g} a PNG file holds depths from {scale:g} to {MOST * scale:g}"
-        fitting = f"; scale={_rounded_up(high / MOST):g} or more holds the deepest" if high > MOST * scale else ""
+        legal = f"with scale {scale:g} a PNG file holds depths from {scale:g} to {MAX_U16 * scale:g}"
+        fitting = f"; scale={_rounded_up(high / MAX_U16):g} or more holds the deepest" if high > MAX_U16 * scale else ""
         raise OutputError(f"{legal}; given {low:g} to {high:g}{fitting}")
     return stored.astype(np.uint16), _text(scale, 0, "scene units along the viewing axis")
 

@@ -25,7 +25,6 @@ allowed.
 import contextlib
 import os
 import stat
-import threading
 from pathlib import Path
 
 from ..errors import OutputError, shown
@@ -123,14 +122,14 @@ class Folder:
             found = found / self._listings[found].get(word.lower(), word)
         return found
 
-    def read_bytes(self, path, most: int | None = None) -> bytes:
-        """Return the bytes of a file that `find` has returned, at most `most` of them; raises what `check` does."""
+    def read_bytes(self, path, max_bytes: int | None = None) -> bytes:
+        """Return the bytes of a file that `find` has returned, up to `max_bytes`; raises what `check` does."""
         descriptor = os.open(self.check(path), _READ_ONLY)
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # it may have become another since
                 raise OutsideError("is no regular file")
             self.read.append(str(path))
-            return stream.read(-1 if most is None else most)
+            return stream.read(-1 if max_bytes is None else max_bytes)
 
 
 def read_named(path) -> bytes:
@@ -141,6 +140,43 @@ def read_named(path) -> bytes:
         if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
             raise OSError("it is a device")
         return stream.read()
+
+
+def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:
+    """Return the members of a zip file by name. What comes out of it is counted: a directory may say anything.
+
+    Parameters
+    ----------
+    data : the file
+    max_bytes : bytes that all members may have together
+
+    Raises
+    ------
+    ValueError : members that are encrypted, packed by another method than deflate (whose decoder has no limit), or
+        together too long
+    zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError : a damaged file
+    """
+    import zipfile
+    from io import BytesIO
+
+    found, left = {}, max_bytes
+    with zipfile.ZipFile(BytesIO(data)) as archive:
+        for member in archive.infolist():
+            check_member(member)
+            with archive.open(member) as stream:
+                found[member.filename] = stream.read(left + 1)
+            left -= len(found[member.filename])
+            if left < 0:
+                raise ValueError(f"it unpacks to more than {max_bytes} bytes, the most for a file of its size")
+    return found
+
+
+def check_member(member) -> None:
+    """Raise ValueError for a member of a zip file that is encrypted, or packed by a method other than deflate."""
+    if member.flag_bits & 1:
+        raise ValueError(f"'{member.filename[:80]}' in it is encrypted")
+    if member.compress_type not in (0, 8):  # stored and deflated: the others unpack without a limit
+        raise ValueError(f"'{member.filename[:80]}' in it is packed by method {member.compress_type}, not by deflate")
 
 
 def identity_of(path) -> tuple[int, int] | None:
@@ -163,91 +199,37 @@ def write_and_move(contents: dict[str, bytes]) -> None:
     ------
     OSError : a file can't be written or renamed, or is protected; the hidden ones are removed, also by an interrupt
     """
-    with contextlib.ExitStack() as stack:
-        files = [stack.enter_context(HiddenFile(place)) for place in contents]
-        for file, content in zip(files, contents.values(), strict=True):
-            file.create()
-            file.write_at(0, content)
-            file.close()
-        for file in files:
-            file.move()
+    hidden = {place: os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}") for place in contents}
+    try:
+        for place, content in contents.items():
+            _write_hidden(hidden[place], place, content)
+        for place, name in hidden.items():
+            os.replace(name, place)
+    finally:
+        for name in hidden.values():
+            if os.path.lexists(name):
+                os.unlink(name)
 
 
-class HiddenFile:
-    """A file that appears whole or not at all: it is written hidden in the folder of its place, then moved there.
-
-    A context manager: what has not been moved at the end of the block is removed.
-
-    Parameters
-    ----------
-    place : real path of the file; what is there is replaced, and its mode kept
-    """
-
-    def __init__(self, place: str) -> None:
-        self.place = place
-        self._name = os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}")
-        self._old: os.stat_result | None = None  # the file that is replaced
-        self._stream = None
-
-    def __enter__(self) -> "HiddenFile":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.remove()
-
-    def create(self) -> None:
-        """Make the hidden file, which nobody else may read if it replaces another; OSError where that is protected."""
-        with contextlib.suppress(FileNotFoundError):
-            self._old = os.stat(self.place)
-        old = self._old
-        if old is not None and not (old.st_mode & 0o222 and os.access(self.place, os.W_OK)):
-            # for the superuser the mode counts, too
-            raise PermissionError(13, "the file that is there is protected against writing")
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-        mode = 0o666 if old is None else 0o600  # without an old file, what the process's umask leaves
-        self._stream = os.fdopen(os.open(self._name, flags, mode), "wb", buffering=0)
-
-    def write_at(self, offset: int, content) -> None:
-        """Write bytes, or a contiguous array, from byte `offset` of the file on; threads may do so at the same time,
-        each at places of its own. OSError where the disk is full."""
-        rest = memoryview(content).cast("B")
-        while len(rest):  # a system may take less at a time
-            if hasattr(os, "pwrite"):
-                n_byte = os.pwrite(self._stream.fileno(), rest, offset)
-            else:
-                with _SEEKING:
-                    self._stream.seek(offset)
-                    n_byte = self._stream.write(rest)
-            rest, offset = rest[n_byte:], offset + n_byte
-
-    def close(self) -> None:
-        """Give the file the owner and mode of the one that it replaces, and end writing; again, nothing."""
-        stream, old, self._stream = self._stream, self._old, None
-        if stream is None:
-            return
-        with stream:
-            if old is not None:
-                new = os.fstat(stream.fileno())
-                if hasattr(os, "fchown") and (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
-                    with contextlib.suppress(PermissionError):  # only the superuser gives files away
-                        os.fchown(stream.fileno(), old.st_uid, old.st_gid)
-                os.chmod(self._name, stat.S_IMODE(old.st_mode))
-
-    def move(self) -> None:
-        """Put the file in its place."""
-        self.close()
-        os.replace(self._name, self.place)
-
-    def remove(self) -> None:
-        """Remove the file, unless it has been moved."""
-        if self._stream is not None:
-            self._stream.close()
-            self._stream = None
-        if os.path.lexists(self._name):
-            os.unlink(self._name)
-
-
-_SEEKING = threading.Lock()  # where a system can't write at a place without moving the file's own there
+def _write_hidden(name: str, place: str, content: bytes) -> None:
+    """Write the file that will replace the one at `place`, if there is one: nobody else may read it before, and it has
+    the owner and mode of the old one. OSError where that is protected, or the disk is full."""
+    old = None
+    with contextlib.suppress(FileNotFoundError):
+        old = os.stat(place)
+    if old is not None and not (old.st_mode & 0o222 and os.access(place, os.W_OK)):
+        # for the superuser the mode counts, too
+        raise PermissionError(13, "the file that is there is protected against writing")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    mode = 0o666 if old is None else 0o600  # without an old file, what the process's umask leaves
+    with os.fdopen(os.open(name, flags, mode), "wb") as stream:
+        stream.write(content)
+        if old is not None:
+            new = os.fstat(stream.fileno())
+            if hasattr(os, "fchown") and (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
+                with contextlib.suppress(PermissionError):  # only the superuser gives files away
+                    os.fchown(stream.fileno(), old.st_uid, old.st_gid)
+            os.chmod(name, stat.S_IMODE(old.st_mode))
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:

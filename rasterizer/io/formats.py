@@ -13,6 +13,7 @@ import os
 import re
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -35,7 +36,7 @@ _BY_SUFFIX = {
     word: hint
     for words, hint in (
         ("step stp iges igs brep brp sat x_t x_b sldprt sldasm ipt iam f3d fcstd catpart catproduct prt 3dm", _CAD),
-        ("fbx blend dae usd usda usdc usdz max ma mb c4d 3ds x3d wrl vrml lwo skp abc amf vrm", _LOOKS_LIKE_A_SCENE),
+        ("fbx blend usd usda usdc usdz max ma mb c4d 3ds x3d wrl vrml lwo skp abc amf vrm", _LOOKS_LIKE_A_SCENE),
         ("zip gz bz2 xz zst 7z rar tar tgz", _PACKED),
         ("pcd las laz e57 pts ptx splat spz", _CLOUD),
         ("mtl", "it holds the materials of an .obj file: give that one"),
@@ -56,12 +57,14 @@ _BY_CONTENT = (
     (rb"ISO-10303-21", f"the file is a STEP file: {_CAD}"),
     (rb"Kaydara FBX|; FBX", f"the file is an FBX file: {_LOOKS_LIKE_A_SCENE}"),
     (rb"BLENDER", f"the file is a Blender file: {_LOOKS_LIKE_A_SCENE}"),
-    (rb"(?s)\s*<.{0,400}<?COLLADA", f"the file is a COLLADA file: {_LOOKS_LIKE_A_SCENE}"),
+    (rb"(?s)\s*<.{0,400}<?COLLADA", "dae"),
     (rb"glTF", "glb"),
     (rb"ply\s", "ply"),
     (rb"(?s)PK\x03\x04.{26,200}?(3D/|_rels|\[Content_Types)", "3mf"),
+    (rb"(?s)PK\x03\x04.{26,200}?(Manifest\.xml|\.3dxml|\.3DRep)", "3dxml"),
+    (rb"(?s)PK\x03\x04.{26,200}?\.dae", "zae"),
     (rb"PK\x03\x04", f"the file is a ZIP archive: {_PACKED}"),
-    (rb"(ST)?C?N?4?n?OFF\s", "off"),
+    (rb"(\s|#[^\n]*\n)*(ST)?C?N?4?n?OFF\s", "off"),
     (rb"(?si)\s*solid\b.*\b(facet|endsolid)\b", "stl"),
     (rb"(?s)\s*\{.*\"(asset|accessors|bufferViews|meshes)\"", "gltf"),
     (rb"(?s)(#[^\n]*\n|\s)*((mtllib|o|g) [^\n]+\n(#[^\n]*\n|\s)*)*v[ \t]+[-+.\d]", "obj"),
@@ -111,6 +114,8 @@ class Format(NamedTuple):
     up : text, the up axis of its models
     repeats_vertices : whether vertices at one position are to be joined where normals are averaged: files repeat
         those at which texture coordinates or colours change. False = there are none, or the reader has joined them
+    packages : tuples of names of packages, all of one of which the reader imports beside what is required; the extra
+        `formats` brings them
     """
 
     name: str
@@ -121,6 +126,13 @@ class Format(NamedTuple):
     companions: str = ""
     up: str = "y"
     repeats_vertices: bool = True
+    packages: tuple[tuple[str, ...], ...] = ((),)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The packages that must be installed before files of the format can be read; none of them is imported."""
+        absent = [tuple(name for name in names if find_spec(name) is None) for names in self.packages]
+        return min(absent, key=len)
 
     def read(self) -> Callable:
         """Return the reader."""
@@ -129,18 +141,34 @@ class Format(NamedTuple):
 
 
 _SCENE = {"reader": "rasterizer.io.scene_file:read_scene", "is_scene": True, "companions": "models, arrays, textures"}
+_COLLADA = {"reader": "rasterizer.io.other_formats:read_dae", "packages": (("collada",),)}
 _GLTF = {"reader": "rasterizer.io.gltf:read_gltf", "companions": "buffers, textures"}
 
 FORMATS = {
     each.name: each
     for each in (
         Format(name="obj", reader="rasterizer.io.obj:read_obj", companions="material libraries (.mtl), textures"),
-        Format(name="stl", reader="rasterizer.io.stl_off:read_stl", up="z", repeats_vertices=False),
+        Format(name="stl", reader="rasterizer.io.stl:read_stl", up="z", repeats_vertices=False),
         Format(name="ply", reader="rasterizer.io.ply:read_ply", companions="textures"),
-        Format(name="off", reader="rasterizer.io.stl_off:read_off"),
+        Format(name="off", reader="rasterizer.io.other_formats:read_off"),
         Format(name="glb", **_GLTF, is_binary=True),
         Format(name="gltf", **_GLTF),
-        Format(name="3mf", reader="rasterizer.io.threemf:read_3mf", up="z", is_binary=True),
+        Format(
+            name="3mf",
+            reader="rasterizer.io.threemf:read_3mf",
+            up="z",
+            is_binary=True,
+            packages=(("lib3mf",), ("lxml", "networkx")),
+        ),
+        Format(name="dae", **_COLLADA, companions="textures"),
+        Format(name="zae", **_COLLADA, is_binary=True),
+        Format(
+            name="3dxml",
+            reader="rasterizer.io.other_formats:read_3dxml",
+            is_binary=True,
+            packages=(("lxml", "networkx"),),
+        ),
+        Format(name="xaml", reader="rasterizer.io.other_formats:read_xaml", packages=(("lxml",),)),
         Format(name="json", **_SCENE),
         Format(name="toml", **_SCENE),
     )
@@ -153,6 +181,34 @@ def register(entry: Format) -> None:
         if find(word) is not None:
             raise SceneError(f"the format '{entry.name}' can't be added: '{word}' is taken by '{find(word).name}'")
     FORMATS[entry.name] = entry
+
+
+EXTRA = "pip install 'scanline-rasterizer[formats]'"
+
+
+def formats() -> list[dict[str, Any]]:
+    """Return what is known of each format that can be loaded, one after the other.
+
+    Returns
+    -------
+    list of dict: name; suffixes; reads ("model" or "scene"); by, the package that reads it ("rasterizer", "trimesh" or
+    "lib3mf or trimesh"); needs, packages that are missing; is_readable, whether none is
+    """
+    found = []
+    for entry in FORMATS.values():
+        own = "rasterizer" if not entry.reader.startswith("rasterizer.io.other_formats:") else "trimesh"
+        missing = entry.missing
+        found.append(
+            {
+                "name": entry.name,
+                "suffixes": [f".{word}" for word in entry.suffixes or (entry.name,)],
+                "reads": "scene" if entry.is_scene else "model",
+                "by": "lib3mf or trimesh" if entry.name == "3mf" else own,
+                "needs": list(missing),
+                "is_readable": not missing,
+            }
+        )
+    return found
 
 
 def names(*, is_scene: bool | None = None) -> tuple[str, ...]:

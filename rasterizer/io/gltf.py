@@ -1,11 +1,10 @@
-"""Read GLB and glTF: triangles, and with them materials, lights and cameras, which other modules take from the same
-JSON tree.
+"""Read GLB and glTF: triangles, and with them materials, lights and cameras.
 
     bytes ─ tree ─ primitives ─ parts ─ placed by their nodes
                    buffers      each as often as nodes show it
 
-Nothing of a file is followed before it has been checked: see `gltf_arrays`. Parts share their arrays; a file may ask
-for up to `MOST_COPIES` triangles more than it holds.
+Nothing of a file is followed before it has been checked. Parts share their arrays; a file may ask for up to
+`MAX_COPIES` triangles more than it holds.
 Format: Khronos, glTF 2.0 Specification, 2021.
 """
 
@@ -28,21 +27,199 @@ from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.texture import Budget, Texture, read_picture
 from .model_file import WHITE, Contents, ModelFile, Part
 
+MAX_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
+_GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+_SPARSE_USE = 4  # times as many vertices as corners: then only those in use are taken out
+
+
+def read_gltf(model: ModelFile) -> Contents:
+    """Read the triangle meshes, lights and cameras of a GLB or glTF file.
+
+    Returns
+    -------
+    Contents whose parts are pairs (part, world_from_mesh (4, 4) float64), one for each node that shows a mesh, in the
+    order of the file's meshes
+
+    Raises
+    ------
+    ModelError : the file can't be read, or a light or camera is not legal
+
+    Warns
+    -----
+    UserWarning : a texture is missing or can't be read; the file says that it needs an extension that isn't read
+    """
+    tree, tail = _read_tree(model)
+    try:
+        _check_version_and_extensions(model, tree)
+        lights, camera = read_lights_and_camera(model, tree)
+        buffers = Buffers(model, tree, tail)
+        shown = _shown_meshes(tree)
+        _check_copies(model, tree, shown)
+        primitives = {number: _primitives(tree, number) for number, _ in shown}
+        listed = [primitive for each in primitives.values() for primitive in each]
+        used = {primitive.get("material") for primitive in listed}
+        pictures = Pictures(buffers)
+        paints = [
+            read_paint(source, pictures) if number in used else _NO_PAINT
+            for number, source in enumerate(tree.get("materials", []))
+        ]
+        parts = _make_parts(tree, primitives, buffers, paints)
+        others = (*count_points_and_lines(tree, listed), (), list_left_out(tree, listed, used))
+    except ModelError:
+        raise
+    except (TypeError, AttributeError, LookupError, ValueError, ArithmeticError, SceneError) as fault:
+        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:200]}"
+        raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
+    return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera, *others)
+
+
+def _check_version_and_extensions(model, tree) -> None:
+    """Refuse what can't be read, and warn of what may look otherwise than it should."""
+    version = str(tree.get("asset", {}).get("version", "2.0"))
+    if version.partition(".")[0] != "2":
+        raise model.error(f"glTF of version {version[:20]}; 2.0 is read")
+    required = [str(name) for name in tree.get("extensionsRequired", [])]
+    for extension in _UNREADABLE:
+        if extension in required:
+            raise model.error(f"compressed with {extension}, which can't be read; export it without compression")
+    unknown = sorted({*required} - USED)
+    if unknown:
+        names = ", ".join(name[:80] for name in unknown[:5])
+        warn_caller(f"{model.name}: the file needs {names}, which is not read: it may look otherwise than it should")
+
+
+def _primitives(tree, number) -> list[dict]:
+    """Return the primitives of a mesh; those without positions show nothing."""
+    return [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
+
+
+def _shown_meshes(tree) -> list[tuple[int, np.ndarray]]:
+    """Return the numbers of the meshes that nodes show, and their places, in the order of the meshes."""
+    places = sorted(world_matrices(tree).items(), key=lambda place: place[0])
+    found = [
+        (item(tree, "nodes", number)["mesh"], matrix) for number, matrix in places if "mesh" in tree["nodes"][number]
+    ]
+    for number, _ in found:
+        item(tree, "meshes", number)
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _check_copies(model, tree, shown) -> None:
+    """Raise ModelError where nodes and primitives repeat more triangles than may be made."""
+    accessors, wanted = {}, {}
+    for number in {number for number, _ in shown}:
+        wanted[number] = 0
+        for primitive in _primitives(tree, number):
+            source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
+            accessors[source] = item(tree, "accessors", source)["count"]
+            wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
+    asked, held = sum(wanted[number] for number, _ in shown), sum(accessors.values())
+    if asked > held + MAX_COPIES:
+        raise model.error(
+            f"its nodes and primitives ask for {asked} triangles, more than {MAX_COPIES} of them copies: too many"
+        )
+
+
+def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
+    """Return the parts of each mesh by its number, one a primitive of triangles; each gets a name of its own."""
+    parts, names = {}, {}
+    for number in sorted(primitives):
+        parts[number] = []
+        name = str(item(tree, "meshes", number).get("name", "GLTF"))
+        for primitive in primitives[number]:
+            if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
+                names[name] = names.get(name, -1) + 1
+                own = f"{name}_{names[name]}" if names[name] else name
+                part = _part(primitive, buffers, _paint_of(primitive, paints), own)
+                parts[number] += [part] if len(part["faces"]) else []
+    return parts
+
+
+def _paint_of(primitive, paints) -> "Paint":
+    """Return the paint of a primitive, the default one where it names none."""
+    number = primitive.get("material")
+    return paints[number] if isinstance(number, int) and number < len(paints) else _NO_PAINT
+
+
+def _read_tree(model):
+    """Return the JSON tree, and what follows it in a GLB file."""
+    text, tail = model.data, b""
+    if model.format == "glb":
+        if len(text) < 20:
+            raise model.error(f"not a GLB file: {len(text)} bytes")
+        magic, version, _, length, chunk = struct.unpack("<5I", text[:20])
+        if magic != _GLB_MAGIC or version != 2 or chunk != _JSON_CHUNK:
+            raise model.error("not a GLB file of version 2")
+        text, tail = text[20 : 20 + length], text[20 + length :]
+    try:
+        tree = json.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as fault:
+        raise model.error(f"not a readable glTF file ({fault})") from fault
+    if not isinstance(tree, dict):
+        raise model.error("not a glTF file: no object at its top")
+    return tree, tail
+
+
+def _part(primitive, buffers, paint, name) -> Part:
+    """Turn one primitive into a part; its vertex colours multiply its base colour."""
+    attributes = primitive["attributes"]
+    vertices = buffers.array(attributes["POSITION"])
+    n_vertex = len(vertices)
+    corners = buffers.array(primitive["indices"]) if "indices" in primitive else np.arange(n_vertex)
+    if corners.dtype.kind not in "iu" or corners.size != len(corners):
+        raise ValueError("indices must be whole numbers, one a row")
+    faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
+    wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
+    found = {key: buffers.array(attributes[source]) for key, source in wanted.items() if source in attributes}
+    arrays = {"vertices": vertices} | {key: array for key, array in found.items() if len(array) == n_vertex}
+    if n_vertex > _SPARSE_USE * faces.size > 0 and faces.max() < n_vertex:
+        used, faces = np.unique(faces, return_inverse=True)
+        faces = faces.reshape(-1, 3)
+        arrays = {key: array[used] for key, array in arrays.items()}
+    part = {"vertices": _real(arrays["vertices"], attributes["POSITION"], buffers), "faces": faces, "name": name}
+    part["material"] = paint.material
+    if np.shape(arrays.get("normals"))[1:] == (3,):
+        part["normals"] = _real(arrays["normals"], attributes["NORMAL"], buffers)
+    if np.shape(arrays.get("uv"))[1:] == (2,):
+        part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
+    if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
+        part["colors"] = linear_values(arrays["colors"])
+        part["material"] = paint.colored or paint.material
+    return part
+
+
+def _real(rows, number, buffers) -> np.ndarray:
+    """Return rows of an accessor as float64; integers that are meant as fractions become such."""
+    is_fraction = item(buffers.tree, "accessors", number).get("normalized") is True
+    with np.errstate(invalid="ignore"):  # of a signalling NaN, which Mesh refuses
+        return linear_values(rows) if is_fraction else rows.astype(np.float64)
+
+
+def _faces(corners, mode) -> np.ndarray:
+    """Return the triangles (n, 3) of a list of corners, of a strip or of a fan."""
+    if mode == _TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)  # one or two corners more make no triangle
+    if mode == _FAN:
+        return np.stack([np.broadcast_to(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+    faces[1::2] = faces[1::2, ::-1]  # every other triangle of a strip is turned round
+    return faces
+
+
 # ----------------------------------------------------------------
-# Buffers, views and accessors of a glTF file: bytes to arrays, each number of the tree checked before it is followed.
-# buffer      the binary chunk of a GLB file, a data: URI, or a file beside the model, of which byteLength bytes
-#     are
-#                 read
+# Buffers, views and accessors: bytes to arrays, each number of the tree checked before it is followed.
+#
+#     buffer      the binary chunk of a GLB file, a data: URI, or a file beside the model; byteLength bytes are read
 #     bufferView  a range of a buffer
 #     accessor    rows of numbers in a view, byteStride bytes from one to the next; without a view they are 0. A sparse
 #                 one replaces some of them
 #
 # Arrays are views of the bytes that were read: however often accessors refer to a buffer, it is there once. Rows that
-# are
-# not in a buffer could be any number of them, so together they are limited.
-# Format: Khronos, glTF 2.0 Specification, 2021, 3.6.
+# are in no buffer could be any number of them, so together they are limited. Specification, 3.6.
 
-MOST_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
+MAX_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
 _BIN_CHUNK = 0x004E4942
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -63,8 +240,8 @@ class Buffers:
         self._buffers, self._arrays = {}, {}
         self._n_made = 0  # numbers in arrays that no buffer holds
 
-    def uri(self, uri, most: int | None = None) -> bytes:
-        """Return what a URI holds or names, up to `most` bytes.
+    def uri(self, uri, max_bytes: int | None = None) -> bytes:
+        """Return what a URI holds or names, up to `max_bytes` bytes.
 
         Raises ModelError for a file that can't be read or may not be, ValueError for a data: URI that is damaged.
         """
@@ -76,13 +253,13 @@ class Buffers:
                 data = base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
             except binascii.Error as fault:
                 raise ValueError(f"a data: URI is damaged ({fault})") from fault
-            return data[:most]
+            return data[:max_bytes]
         name = uri if len(uri) <= 80 else uri[:77] + "..."
         if self.model.folder is None:
             raise self.model.error(f"needs the file '{name}', but was given without a folder")
         try:
             beside = self.model.beside
-            return beside.read_bytes(beside.find(unquote(uri)), most)
+            return beside.read_bytes(beside.find(unquote(uri)), max_bytes)
         except (OSError, ValueError) as fault:
             reason = getattr(fault, "strerror", None) or fault
             raise self.model.error(f"needs the file '{name}', which can't be read ({reason})") from fault
@@ -99,10 +276,10 @@ class Buffers:
     def _buffer(self, number) -> bytes:
         if number not in self._buffers:
             buffer = item(self.tree, "buffers", number)
-            most = whole(buffer, "byteLength")
-            data = self.uri(buffer["uri"], most) if "uri" in buffer else self._chunk()
-            if len(data) < most:
-                raise ValueError(f"buffer {number} must have {most} bytes, but has {len(data)}")
+            length = whole(buffer, "byteLength")
+            data = self.uri(buffer["uri"], length) if "uri" in buffer else self._chunk()
+            if len(data) < length:
+                raise ValueError(f"buffer {number} must have {length} bytes, but has {len(data)}")
             self._buffers[number] = data
         return self._buffers[number]
 
@@ -110,8 +287,8 @@ class Buffers:
         """Return the binary chunk of a GLB file, the first that follows the tree."""
         if len(self.tail) < 8:
             raise ValueError("a buffer has no uri, and there is no binary chunk")
-        length, kind = struct.unpack_from("<2I", self.tail)
-        if kind != _BIN_CHUNK or length > len(self.tail) - 8:
+        length, chunk = struct.unpack_from("<2I", self.tail)
+        if chunk != _BIN_CHUNK or length > len(self.tail) - 8:
             raise ValueError("the binary chunk is cut off, or of another kind")
         return self.tail[8 : 8 + length]
 
@@ -135,8 +312,8 @@ class Buffers:
         if rows is not None and "sparse" not in accessor:
             return rows
         self._n_made += count * width
-        if count < 1 or self._n_made > MOST_MADE:
-            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MOST_MADE} numbers are legal")
+        if count < 1 or self._n_made > MAX_MADE:
+            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MAX_MADE} numbers are legal")
         made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
         if "sparse" in accessor:
             self._replace(made, accessor["sparse"], label)
@@ -194,210 +371,9 @@ def whole(table, key, default=None) -> int:
 
 
 # ----------------------------------------------------------------
-# What a glTF file has and isn't used: named once a file, for those who ask.
-
-POINTS, LINES, LINE_LOOP, LINE_STRIP = range(4)  # modes of primitives without triangles
-USED = {
-    "EXT_texture_webp", "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
-    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_specular", "KHR_materials_unlit", "KHR_mesh_quantization",
-    "KHR_texture_transform",
-}  # fmt: skip
-_TEXTURES = {
-    "normalTexture": "normal textures",
-    "occlusionTexture": "occlusion textures",
-    "emissiveTexture": "emissive textures, with their emission",
-}
-
-
-def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, ...]:
-    """Return texts about what isn't used of materials, extensions and motion.
-
-    Parameters
-    ----------
-    tree : the file's JSON tree
-    primitives : those that are shown
-    used : the numbers of their materials
-    """
-    materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
-    found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
-    surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
-    if any("metallicRoughnessTexture" in surface for surface in surfaces):
-        found.append("metallic-roughness textures, but for their means")
-    if any(
-        "baseColorTexture" in surface and _has(source, "unlit")
-        for surface, source in zip(surfaces, materials, strict=True)
-    ):
-        found.append("KHR_materials_unlit of textured materials, which are lit")
-    if any(not source.get("doubleSided", False) for source in materials):
-        found.append("doubleSided = false (backs are drawn unless they are culled)")
-    extensions = {*tree.get("extensionsUsed", [])}.union(*(source.get("extensions", ()) for source in materials))
-    found += [f"the extension {name}" for name in sorted(map(str, extensions - USED))]
-    found += [what for what in ("animations", "skins") if tree.get(what)]
-    return (*found, *(["morph targets"] if any("targets" in each for each in primitives) else []))
-
-
-def count_points_and_lines(tree: dict, primitives: list[dict]) -> tuple[int, int]:
-    """Return how many points and lines primitives have that are none of triangles."""
-    n_point = n_line = 0
-    for primitive in primitives:
-        source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
-        n = item(tree, "accessors", source)["count"]
-        lines = {LINES: n // 2, LINE_LOOP: n, LINE_STRIP: n - 1}
-        mode = primitive.get("mode")
-        n_point += n if mode == POINTS else 0
-        n_line += lines.get(mode, 0)
-    return n_point, n_line
-
-
-def _has(source, name) -> bool:
-    return f"KHR_materials_{name}" in source.get("extensions", {})
-
-
-# ----------------------------------------------------------------
-# How a surface of a glTF file reflects: metallic and roughness as coefficients of Cook-Torrance's model.
-# base color c, metallic m, roughness r         F0 of the dielectric: f = ((ior - 1)/(ior + 1))² · specularColor
-#     diffuse    c·(1 - m)·(1 - f)                   0.04 where the file says nothing
-#     fresnel    f·(1 - m) + c·m                     F0 of the whole
-#     roughness  r²                                  GGX' alpha, at least 0.001
-#     ambient    diffuse + F0: light from everywhere alike, at normal incidence
-#     specular   1 + (w - 1)·(1 - m)                 w: strength of KHR_materials_specular
+# Materials: coefficients, textures with their samplers, and where on a texture a primitive lies.
 #
-# A texture multiplies diffuse and ambient at every sample. F0 and roughness are those of a whole material, so of a
-# texture of metallic and roughness the means count; and so does that of a base color texture for the F0 of metals.
-# A material without metallicFactor is a metal, but in files that trimesh has written: it leaves out what it doesn't
-# know.
-#
-#     KHR_materials_ior, _specular, _emissive_strength    as above; their textures are left out
-#     KHR_materials_unlit                   emission alone; with a texture, or colours of vertices: diffuse, lit
-#     KHR_materials_pbrSpecularGlossiness   diffuse d·(1 - F0), F0 = specular, roughness (1 - glossiness)²
-#
-# Sources: Khronos, glTF 2.0 Specification, 2021, appendix B; the extensions' texts; Schlick 1994 for F0.
-
-_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-_F0 = 0.04  # of an index of refraction of 1.5
-_LEAST_ALPHA = REFLECTION_MODELS["cook-torrance"].least_roughness
-_UNLIT, _GLOSSY = "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"
-
-
-def extension(source: dict, name: str) -> dict:
-    """Return an extension of an item of the tree, empty where it has none."""
-    return source.get("extensions", {}).get(f"KHR_materials_{name}", {})
-
-
-def base_of(source: dict) -> tuple[tuple[float, ...], dict | None]:
-    """Return the base color and alpha of a material, (4,), and the use of its texture, None where it has none."""
-    glossy = source.get("extensions", {}).get(_GLOSSY)
-    if glossy is not None:
-        return _numbers(glossy.get("diffuseFactor", (1, 1, 1, 1)), 4), glossy.get("diffuseTexture")
-    surface = source.get("pbrMetallicRoughness", {})
-    return _numbers(surface.get("baseColorFactor", (1, 1, 1, 1)), 4), surface.get("baseColorTexture")
-
-
-def emission_of(source: dict) -> tuple[float, ...]:
-    """Return what a material gives off, linear: nothing where a texture says where it does."""
-    if "emissiveTexture" in source:
-        return _BLACK
-    strength = float(extension(source, "emissive_strength").get("emissiveStrength", 1.0))
-    return tuple(strength * value for value in _numbers(source.get("emissiveFactor", _BLACK), 3))
-
-
-def is_unlit(source: dict) -> bool:
-    """Tell whether a material shows its base color whatever the light."""
-    return _UNLIT in source.get("extensions", {})
-
-
-def unlit_fields(base, is_multiplied: bool) -> dict:
-    """Return the fields of Material of an unlit surface.
-
-    Parameters
-    ----------
-    base : (3,) base color, linear
-    is_multiplied : whether a texture or colours of vertices multiply it, which do so with the diffuse coefficient only
-    """
-    diffuse, emissive = (base, _BLACK) if is_multiplied else (_BLACK, base)
-    return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
-
-
-def metallic_unless_given(tree: dict) -> float:
-    """Return the metallicFactor of materials that have none."""
-    return 0.0 if "trimesh" in str(tree.get("asset", {}).get("generator", "")) else 1.0
-
-
-def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndarray | None], metallic=1.0) -> dict:
-    """Return the fields of Material that say how a surface reflects.
-
-    Parameters
-    ----------
-    source : dict, a material of the tree
-    base : (3,) base color, linear, which the texture multiplies
-    mean_color : (3,) the mean of that texture, linear; 1 where there is none
-    mean_of : function of the use of a texture of numbers, which returns the mean (4,) of its texels, 0..1; None where
-        it is missing
-    metallic : metallicFactor of a material that has none
-    """
-    base, mean_color = np.array(base), np.array(mean_color)
-    if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
-        f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
-        smoothness = float(glossy.get("glossinessFactor", 1.0))
-        if (mean := _mean(glossy.get("specularGlossinessTexture"), mean_of)) is not None:
-            f0, smoothness = f0 * _linear_from_srgb(mean[:3]), smoothness * mean[3]
-        return _fields(base * (1.0 - f0.max()), f0, 1.0 - smoothness, 1.0)
-    surface = source.get("pbrMetallicRoughness", {})
-    metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
-    roughness = float(surface.get("roughnessFactor", 1.0))
-    if (mean := _mean(surface.get("metallicRoughnessTexture"), mean_of)) is not None:
-        metallic, roughness = metallic * mean[2], roughness * mean[1]
-    metallic = min(max(metallic, 0.0), 1.0)
-    weight, dielectric = _dielectric_of(source)
-    f0 = dielectric * (1.0 - metallic) + base * mean_color * metallic
-    diffuse = base * (1.0 - metallic) * (1.0 - weight * dielectric.max())
-    ambient = diffuse + base * metallic + weight * dielectric * (1.0 - metallic)
-    return _fields(diffuse, f0, roughness, 1.0 + (weight - 1.0) * (1.0 - metallic), ambient)
-
-
-def _dielectric_of(source) -> tuple[float, np.ndarray]:
-    """Return the strength of a material's highlight, and the F0 (3,) that it has where it isn't metal."""
-    f0 = _F0
-    if "ior" in extension(source, "ior"):
-        ior = float(extension(source, "ior")["ior"])
-        f0 = ((ior - 1.0) / (ior + 1.0)) ** 2 if ior > 0.0 else 1.0  # 0 stands for infinity: the extension's text
-    specular = extension(source, "specular")
-    color = np.array(_numbers(specular.get("specularColorFactor", _WHITE), 3))
-    return float(specular.get("specularFactor", 1.0)), np.clip(f0 * color, 0.0, 1.0)
-
-
-def _fields(diffuse, f0, roughness, specular, ambient=None) -> dict:
-    """Return fields of Material; a value that rounding, or the file, moved out of its range goes to its end."""
-    return {
-        "reflection": "cook-torrance",
-        "diffuse": tuple(diffuse.tolist()),
-        "ambient": tuple((diffuse + f0 if ambient is None else ambient).tolist()),
-        "specular": specular,
-        "fresnel": tuple(np.clip(f0, 0.0, 1.0).tolist()),
-        "roughness": min(max(float(roughness) ** 2, _LEAST_ALPHA), 1.0),
-    }
-
-
-def _mean(use, mean_of) -> np.ndarray | None:
-    return None if use is None else mean_of(use)
-
-
-def _numbers(values, n) -> tuple[float, ...]:
-    """Return so many numbers of a list; ValueError where there are more or fewer."""
-    numbers = tuple(float(value) for value in values)
-    if len(numbers) != n:
-        raise ValueError(f"a factor must have {n} numbers; given {len(numbers)}")
-    return numbers
-
-
-def _linear_from_srgb(values) -> np.ndarray:
-    """Decode sRGB within 0..1: IEC 61966-2-1."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-# ----------------------------------------------------------------
-# Materials of a glTF file: coefficients, textures with their samplers, and where on a texture a primitive lies.
-# baseColorFactor      diffuse and F0, linear, see `gltf_surface`; its alpha: see alphaMode
+#     baseColorFactor      diffuse and F0, linear, see below; its alpha: see alphaMode
 #     baseColorTexture     texture
 #     emissiveFactor       emissive, linear; with an emissiveTexture nothing
 #     alphaMode OPAQUE     opacity 1; the texture's alpha is not looked at
@@ -407,8 +383,8 @@ def _linear_from_srgb(values) -> np.ndarray:
 #     wrapS, wrapT         "repeat", "clamp" or "mirror"
 #     doubleSided          not looked at: both sides are lit and drawn, unless faces seen from behind are culled
 #
-# Textures of metallic and roughness count by their means; all others are left out.
-# Format: Khronos, glTF 2.0 Specification, 2021, 3.8 and 3.9; KHR_texture_transform.
+# Textures of metallic and roughness count by their means; all others are left out. Specification, 3.8 and 3.9;
+# KHR_texture_transform.
 
 _NEAREST, _LINEAR = 9728, 9729
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -423,8 +399,11 @@ class Paint(NamedTuple):
     colored: Material | None = None  # the one for meshes with colours of vertices; None = the same
 
 
+_NO_PAINT = Paint(Material(), colored=WHITE)  # what names no material is neutral grey here, no metal
+
+
 class Pictures:
-    """The textures of one file; each is made once for every way in which materials use it.
+    """The textures of one file; each is made once for every use that materials make of it.
 
     Parameters
     ----------
@@ -595,22 +574,162 @@ def _wrap(sampler) -> tuple[str, str]:
 
 
 # ----------------------------------------------------------------
-# Lights and cameras of a glTF file, placed by the nodes that hold them.
-# A node's matrix is that of its parents times its own; a light shines and a camera looks down -z of its node, with +y
-# up.
+# How a surface reflects: metallic and roughness as coefficients of Cook-Torrance's model.
+#
+#     base color c, metallic m, roughness r         F0 of the dielectric: f = ((ior - 1)/(ior + 1))² · specularColor
+#     diffuse    c·(1 - m)·(1 - f)                   0.04 where the file says nothing
+#     fresnel    f·(1 - m) + c·m                     F0 of the whole
+#     roughness  r²                                  GGX' alpha, at least 0.001
+#     ambient    diffuse + F0: light from everywhere alike, at normal incidence
+#     specular   1 + (w - 1)·(1 - m)                 w: strength of KHR_materials_specular
+#
+# A texture multiplies diffuse and ambient at every sample. F0 and roughness are those of a whole material, so of a
+# texture of metallic and roughness the means count; and so does that of a base color texture for the F0 of metals.
+# A material without metallicFactor is a metal, but in files that trimesh has written: it leaves out what it doesn't
+# know.
+#
+#     KHR_materials_ior, _specular, _emissive_strength    as above; their textures are left out
+#     KHR_materials_unlit                   emission alone; with a texture, or colours of vertices: diffuse, lit
+#     KHR_materials_pbrSpecularGlossiness   diffuse d·(1 - F0), F0 = specular, roughness (1 - glossiness)²
+#
+# Sources: Khronos, glTF 2.0 Specification, 2021, appendix B; the extensions' texts; Schlick 1994 for F0.
+
+_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+_F0 = 0.04  # of an index of refraction of 1.5
+_LEAST_ALPHA = REFLECTION_MODELS["cook-torrance"].least_roughness
+_UNLIT, _GLOSSY = "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"
+
+
+def extension(source: dict, name: str) -> dict:
+    """Return an extension of an item of the tree, empty where it has none."""
+    return source.get("extensions", {}).get(f"KHR_materials_{name}", {})
+
+
+def base_of(source: dict) -> tuple[tuple[float, ...], dict | None]:
+    """Return the base color and alpha of a material, (4,), and the use of its texture, None where it has none."""
+    glossy = source.get("extensions", {}).get(_GLOSSY)
+    if glossy is not None:
+        return _numbers(glossy.get("diffuseFactor", (1, 1, 1, 1)), 4), glossy.get("diffuseTexture")
+    surface = source.get("pbrMetallicRoughness", {})
+    return _numbers(surface.get("baseColorFactor", (1, 1, 1, 1)), 4), surface.get("baseColorTexture")
+
+
+def emission_of(source: dict) -> tuple[float, ...]:
+    """Return what a material gives off, linear: nothing where a texture says where it does."""
+    if "emissiveTexture" in source:
+        return _BLACK
+    strength = float(extension(source, "emissive_strength").get("emissiveStrength", 1.0))
+    return tuple(strength * value for value in _numbers(source.get("emissiveFactor", _BLACK), 3))
+
+
+def is_unlit(source: dict) -> bool:
+    """Tell whether a material shows its base color whatever the light."""
+    return _UNLIT in source.get("extensions", {})
+
+
+def unlit_fields(base, is_multiplied: bool) -> dict:
+    """Return the fields of Material of an unlit surface.
+
+    Parameters
+    ----------
+    base : (3,) base color, linear
+    is_multiplied : whether a texture or colours of vertices multiply it, which do so with the diffuse coefficient only
+    """
+    diffuse, emissive = (base, _BLACK) if is_multiplied else (_BLACK, base)
+    return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
+
+
+def metallic_unless_given(tree: dict) -> float:
+    """Return the metallicFactor of materials that have none."""
+    return 0.0 if "trimesh" in str(tree.get("asset", {}).get("generator", "")) else 1.0
+
+
+def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndarray | None], metallic=1.0) -> dict:
+    """Return the fields of Material that say how a surface reflects.
+
+    Parameters
+    ----------
+    source : dict, a material of the tree
+    base : (3,) base color, linear, which the texture multiplies
+    mean_color : (3,) the mean of that texture, linear; 1 where there is none
+    mean_of : function of the use of a texture of numbers, which returns the mean (4,) of its texels, 0..1; None where
+        it is missing
+    metallic : metallicFactor of a material that has none
+    """
+    base, mean_color = np.array(base), np.array(mean_color)
+    if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
+        f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
+        smoothness = float(glossy.get("glossinessFactor", 1.0))
+        if (mean := _mean(glossy.get("specularGlossinessTexture"), mean_of)) is not None:
+            f0, smoothness = f0 * _linear_from_srgb(mean[:3]), smoothness * mean[3]
+        return _fields(base * (1.0 - f0.max()), f0, 1.0 - smoothness, 1.0)
+    surface = source.get("pbrMetallicRoughness", {})
+    metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
+    roughness = float(surface.get("roughnessFactor", 1.0))
+    if (mean := _mean(surface.get("metallicRoughnessTexture"), mean_of)) is not None:
+        metallic, roughness = metallic * mean[2], roughness * mean[1]
+    metallic = min(max(metallic, 0.0), 1.0)
+    weight, dielectric = _dielectric_of(source)
+    f0 = dielectric * (1.0 - metallic) + base * mean_color * metallic
+    diffuse = base * (1.0 - metallic) * (1.0 - weight * dielectric.max())
+    ambient = diffuse + base * metallic + weight * dielectric * (1.0 - metallic)
+    return _fields(diffuse, f0, roughness, 1.0 + (weight - 1.0) * (1.0 - metallic), ambient)
+
+
+def _dielectric_of(source) -> tuple[float, np.ndarray]:
+    """Return the strength of a material's highlight, and the F0 (3,) that it has where it isn't metal."""
+    f0 = _F0
+    if "ior" in extension(source, "ior"):
+        ior = float(extension(source, "ior")["ior"])
+        f0 = ((ior - 1.0) / (ior + 1.0)) ** 2 if ior > 0.0 else 1.0  # 0 stands for infinity: the extension's text
+    specular = extension(source, "specular")
+    color = np.array(_numbers(specular.get("specularColorFactor", _WHITE), 3))
+    return float(specular.get("specularFactor", 1.0)), np.clip(f0 * color, 0.0, 1.0)
+
+
+def _fields(diffuse, f0, roughness, specular, ambient=None) -> dict:
+    """Return fields of Material; a value that rounding, or the file, moved out of its range goes to its end."""
+    return {
+        "reflection": "cook-torrance",
+        "diffuse": tuple(diffuse.tolist()),
+        "ambient": tuple((diffuse + f0 if ambient is None else ambient).tolist()),
+        "specular": specular,
+        "fresnel": tuple(np.clip(f0, 0.0, 1.0).tolist()),
+        "roughness": min(max(float(roughness) ** 2, _LEAST_ALPHA), 1.0),
+    }
+
+
+def _mean(use, mean_of) -> np.ndarray | None:
+    return None if use is None else mean_of(use)
+
+
+def _numbers(values, n) -> tuple[float, ...]:
+    """Return so many numbers of a list; ValueError where there are more or fewer."""
+    numbers = tuple(float(value) for value in values)
+    if len(numbers) != n:
+        raise ValueError(f"a factor must have {n} numbers; given {len(numbers)}")
+    return numbers
+
+
+def _linear_from_srgb(values) -> np.ndarray:
+    """Decode sRGB within 0..1: IEC 61966-2-1."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+# ----------------------------------------------------------------
+# Lights and cameras, placed by the nodes that hold them. A node's matrix is that of its parents times its own; a light
+# shines and a camera looks down -z of its node, with +y up.
 #
 #     KHR_lights_punctual   color · intensity is the intensity here, a plain number: candela (point, spot) and lux
 #                           (directional) are not converted; a white diffuse surface under 1 lux of directional light
-#                           has
-#                           the value 1
+#                           has the value 1
 #     point, spot           get weaker with 1/d², also nearer than 1 (`amplify`), and end at `range` where the file has
 #                           one
 #     spot                  innerConeAngle and outerConeAngle in radians, half angles
 #     camera                perspective: yfov (radians, vertical), znear, zfar; orthographic: the picture is 2·ymag
-#     high;
-#                           aspectRatio and xmag are those of the picture that is asked for
+#                           high; aspectRatio and xmag are those of the picture that is asked for
 #
-# Sources: Khronos, glTF 2.0 Specification, 2021, 3.5 and 3.10; KHR_lights_punctual.
+# Specification, 3.5 and 3.10; KHR_lights_punctual.
 
 _LIGHTS = "KHR_lights_punctual"
 _INVERSE_SQUARE = (0.0, 0.0, 1.0)
@@ -686,12 +805,12 @@ def _own_matrix(node) -> np.ndarray:
     return matrix
 
 
-def _made(model, kind, number, sources, make, matrix):
+def _made(model, word, number, sources, make, matrix):
     """Make a light or camera; its faults become errors that name it."""
     if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(sources):
-        raise model.error(f"a node refers to {kind} {number!r}; the file has {len(sources)}")
+        raise model.error(f"a node refers to {word} {number!r}; the file has {len(sources)}")
     source = sources[number]
-    label = f"{kind} {number}" + (f" '{source['name']}'" if source.get("name") else "")
+    label = f"{word} {number}" + (f" '{source['name']}'" if source.get("name") else "")
     try:
         return make(source, matrix)
     except KeyError as fault:
@@ -704,22 +823,22 @@ def _light(source, matrix):
     """Make a light of its description and its node's matrix."""
     strength = source.get("intensity", 1.0)
     color = tuple(float(component) * float(strength) for component in source.get("color", (1.0, 1.0, 1.0)))
-    way, place = tuple((-matrix[:3, 2]).tolist()), tuple(matrix[:3, 3].tolist())
-    kind = source["type"]
-    if kind == "directional":
-        return DirectionalLight(way, color)
+    direction, position = tuple((-matrix[:3, 2]).tolist()), tuple(matrix[:3, 3].tolist())
+    name = source["type"]
+    if name == "directional":
+        return DirectionalLight(direction, color)
     fall = {"attenuation": _INVERSE_SQUARE, "amplify": True, "range": source.get("range")}
-    if kind == "point":
-        return PointLight(place, color, **fall)
-    if kind == "spot":
+    if name == "point":
+        return PointLight(position, color, **fall)
+    if name == "spot":
         cone = source.get("spot", {})
         inner = math.degrees(float(cone.get("innerConeAngle", 0.0)))
         outer = float(cone.get("outerConeAngle", math.pi / 4))
         if np.float32(outer) == np.float32(math.pi / 2):  # float32 rounds the largest legal angle up
             outer = math.pi / 2
         outer = math.degrees(outer)
-        return SpotLight(place, way, color, inner, outer, **fall)
-    raise ValueError(f"its type must be directional, point or spot; given {kind!r}")
+        return SpotLight(position, direction, color, inner, outer, **fall)
+    raise ValueError(f"its type must be directional, point or spot; given {name!r}")
 
 
 def _camera(source, matrix) -> Camera:
@@ -730,193 +849,72 @@ def _camera(source, matrix) -> Camera:
         raise ValueError("its node's matrix leaves it no direction")
     # A target about as far away as the eye is from the origin keeps every digit of the direction.
     target = eye + forward / length * max(1.0, float(np.abs(eye).max()))
-    kind = source["type"]
+    name = source["type"]
     frame = {"position": eye.tolist(), "target": target.tolist(), "up": up.tolist()}
-    if kind == "perspective":
+    if name == "perspective":
         lens = source["perspective"]
         return Camera(fov=math.degrees(float(lens["yfov"])), near=lens["znear"], far=lens.get("zfar"), **frame)
-    if kind == "orthographic":
+    if name == "orthographic":
         lens = source["orthographic"]
         return Camera(height=2.0 * float(lens["ymag"]), near=lens["znear"], far=lens["zfar"], **frame)
-    raise ValueError(f"its type must be perspective or orthographic; given {kind!r}")
+    raise ValueError(f"its type must be perspective or orthographic; given {name!r}")
 
 
-MOST_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
-_GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
-_NO_PAINT = Paint(Material(), colored=WHITE)  # what names no material is neutral grey here, no metal
-_SPARSE_USE = 4  # times as many vertices as corners: then only those in use are taken out
+# ----------------------------------------------------------------
+# What a file has and isn't used: named once a file, for those who ask.
+
+POINTS, LINES, LINE_LOOP, LINE_STRIP = range(4)  # modes of primitives without triangles
+USED = {
+    "EXT_texture_webp", "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_specular", "KHR_materials_unlit", "KHR_mesh_quantization",
+    "KHR_texture_transform",
+}  # fmt: skip
+_TEXTURES = {
+    "normalTexture": "normal textures",
+    "occlusionTexture": "occlusion textures",
+    "emissiveTexture": "emissive textures, with their emission",
+}
 
 
-def read_gltf(model: ModelFile) -> Contents:
-    """Read the triangle meshes, lights and cameras of a GLB or glTF file.
+def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, ...]:
+    """Return texts about what isn't used of materials, extensions and motion.
 
-    Returns
-    -------
-    Contents whose parts are pairs (part, world_from_mesh (4, 4) float64), one for each node that shows a mesh, in the
-    order of the file's meshes
-
-    Raises
-    ------
-    ModelError : the file can't be read, or a light or camera is not legal
-
-    Warns
-    -----
-    UserWarning : a texture is missing or can't be read; the file says that it needs an extension that isn't read
+    Parameters
+    ----------
+    tree : the file's JSON tree
+    primitives : those that are shown
+    used : the numbers of their materials
     """
-    tree, tail = _read_tree(model)
-    try:
-        _check_version_and_extensions(model, tree)
-        lights, camera = read_lights_and_camera(model, tree)
-        buffers = Buffers(model, tree, tail)
-        shown = _shown_meshes(tree)
-        _check_copies(model, tree, shown)
-        primitives = {number: _primitives(tree, number) for number, _ in shown}
-        listed = [primitive for each in primitives.values() for primitive in each]
-        used = {primitive.get("material") for primitive in listed}
-        pictures = Pictures(buffers)
-        paints = [
-            read_paint(source, pictures) if number in used else _NO_PAINT
-            for number, source in enumerate(tree.get("materials", []))
-        ]
-        parts = _make_parts(tree, primitives, buffers, paints)
-        others = (*count_points_and_lines(tree, listed), (), list_left_out(tree, listed, used))
-    except ModelError:
-        raise
-    except (TypeError, AttributeError, LookupError, ValueError, ArithmeticError, SceneError) as fault:
-        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:200]}"
-        raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
-    return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera, *others)
+    materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
+    found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
+    surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
+    if any("metallicRoughnessTexture" in surface for surface in surfaces):
+        found.append("metallic-roughness textures, but for their means")
+    if any(
+        "baseColorTexture" in surface and _has(source, "unlit")
+        for surface, source in zip(surfaces, materials, strict=True)
+    ):
+        found.append("KHR_materials_unlit of textured materials, which are lit")
+    if any(not source.get("doubleSided", False) for source in materials):
+        found.append("doubleSided = false (backs are drawn unless they are culled)")
+    extensions = {*tree.get("extensionsUsed", [])}.union(*(source.get("extensions", ()) for source in materials))
+    found += [f"the extension {name}" for name in sorted(map(str, extensions - USED))]
+    found += [what for what in ("animations", "skins") if tree.get(what)]
+    return (*found, *(["morph targets"] if any("targets" in each for each in primitives) else []))
 
 
-def _check_version_and_extensions(model, tree) -> None:
-    """Refuse what can't be read, and warn of what may look otherwise than it should."""
-    version = str(tree.get("asset", {}).get("version", "2.0"))
-    if version.partition(".")[0] != "2":
-        raise model.error(f"glTF of version {version[:20]}; 2.0 is read")
-    required = [str(name) for name in tree.get("extensionsRequired", [])]
-    for extension in _UNREADABLE:
-        if extension in required:
-            raise model.error(f"compressed with {extension}, which can't be read; export it without compression")
-    unknown = sorted({*required} - USED)
-    if unknown:
-        names = ", ".join(name[:80] for name in unknown[:5])
-        warn_caller(f"{model.name}: the file needs {names}, which is not read: it may look otherwise than it should")
+def count_points_and_lines(tree: dict, primitives: list[dict]) -> tuple[int, int]:
+    """Return how many points and lines primitives have that are none of triangles."""
+    n_point = n_line = 0
+    for primitive in primitives:
+        source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
+        n = item(tree, "accessors", source)["count"]
+        lines = {LINES: n // 2, LINE_LOOP: n, LINE_STRIP: n - 1}
+        mode = primitive.get("mode")
+        n_point += n if mode == POINTS else 0
+        n_line += lines.get(mode, 0)
+    return n_point, n_line
 
 
-def _primitives(tree, number) -> list[dict]:
-    """Return the primitives of a mesh; those without positions show nothing."""
-    return [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
-
-
-def _shown_meshes(tree) -> list[tuple[int, np.ndarray]]:
-    """Return the numbers of the meshes that nodes show, and their places, in the order of the meshes."""
-    places = sorted(world_matrices(tree).items(), key=lambda place: place[0])
-    found = [
-        (item(tree, "nodes", number)["mesh"], matrix) for number, matrix in places if "mesh" in tree["nodes"][number]
-    ]
-    for number, _ in found:
-        item(tree, "meshes", number)
-    return sorted(found, key=lambda pair: pair[0])
-
-
-def _check_copies(model, tree, shown) -> None:
-    """Raise ModelError where nodes and primitives repeat more triangles than may be made."""
-    accessors, wanted = {}, {}
-    for number in {number for number, _ in shown}:
-        wanted[number] = 0
-        for primitive in _primitives(tree, number):
-            source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
-            accessors[source] = item(tree, "accessors", source)["count"]
-            wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
-    asked, held = sum(wanted[number] for number, _ in shown), sum(accessors.values())
-    if asked > held + MOST_COPIES:
-        raise model.error(
-            f"its nodes and primitives ask for {asked} triangles, more than {MOST_COPIES} of them copies: too many"
-        )
-
-
-def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
-    """Return the parts of each mesh by its number, one a primitive of triangles; each gets a name of its own."""
-    parts, names = {}, {}
-    for number in sorted(primitives):
-        parts[number] = []
-        name = str(item(tree, "meshes", number).get("name", "GLTF"))
-        for primitive in primitives[number]:
-            if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
-                names[name] = names.get(name, -1) + 1
-                own = f"{name}_{names[name]}" if names[name] else name
-                part = _part(primitive, buffers, _paint_of(primitive, paints), own)
-                parts[number] += [part] if len(part["faces"]) else []
-    return parts
-
-
-def _paint_of(primitive, paints) -> Paint:
-    """Return the paint of a primitive, the default one where it names none."""
-    number = primitive.get("material")
-    return paints[number] if isinstance(number, int) and number < len(paints) else _NO_PAINT
-
-
-def _read_tree(model):
-    """Return the JSON tree, and what follows it in a GLB file."""
-    text, tail = model.data, b""
-    if model.format == "glb":
-        if len(text) < 20:
-            raise model.error(f"not a GLB file: {len(text)} bytes")
-        magic, version, _, length, kind = struct.unpack("<5I", text[:20])
-        if magic != _GLB_MAGIC or version != 2 or kind != _JSON_CHUNK:
-            raise model.error("not a GLB file of version 2")
-        text, tail = text[20 : 20 + length], text[20 + length :]
-    try:
-        tree = json.loads(text.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as fault:
-        raise model.error(f"not a readable glTF file ({fault})") from fault
-    if not isinstance(tree, dict):
-        raise model.error("not a glTF file: no object at its top")
-    return tree, tail
-
-
-def _part(primitive, buffers, paint, name) -> Part:
-    """Turn one primitive into a part; its vertex colours multiply its base colour."""
-    attributes = primitive["attributes"]
-    vertices = buffers.array(attributes["POSITION"])
-    n_vertex = len(vertices)
-    corners = buffers.array(primitive["indices"]) if "indices" in primitive else np.arange(n_vertex)
-    if corners.dtype.kind not in "iu" or corners.size != len(corners):
-        raise ValueError("indices must be whole numbers, one a row")
-    faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
-    wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
-    found = {key: buffers.array(attributes[source]) for key, source in wanted.items() if source in attributes}
-    arrays = {"vertices": vertices} | {key: array for key, array in found.items() if len(array) == n_vertex}
-    if n_vertex > _SPARSE_USE * faces.size > 0 and faces.max() < n_vertex:
-        used, faces = np.unique(faces, return_inverse=True)
-        faces = faces.reshape(-1, 3)
-        arrays = {key: array[used] for key, array in arrays.items()}
-    part = {"vertices": _real(arrays["vertices"], attributes["POSITION"], buffers), "faces": faces, "name": name}
-    part["material"] = paint.material
-    if np.shape(arrays.get("normals"))[1:] == (3,):
-        part["normals"] = _real(arrays["normals"], attributes["NORMAL"], buffers)
-    if np.shape(arrays.get("uv"))[1:] == (2,):
-        part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
-    if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
-        part["colors"] = linear_values(arrays["colors"])
-        part["material"] = paint.colored or paint.material
-    return part
-
-
-def _real(rows, number, buffers) -> np.ndarray:
-    """Return rows of an accessor as float64; integers that are meant as fractions become such."""
-    is_fraction = item(buffers.tree, "accessors", number).get("normalized") is True
-    return linear_values(rows) if is_fraction else rows.astype(np.float64)
-
-
-def _faces(corners, mode) -> np.ndarray:
-    """Return the triangles (n, 3) of a list of corners, of a strip or of a fan."""
-    if mode == _TRIANGLES:
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)  # one or two corners more make no triangle
-    if mode == _FAN:
-        return np.stack([np.broadcast_to(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
-    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
-    faces[1::2] = faces[1::2, ::-1]  # every other triangle of a strip is turned round
-    return faces
+def _has(source, name) -> bool:
+    return f"KHR_materials_{name}" in source.get("extensions", {})

@@ -31,6 +31,7 @@ class Contents(NamedTuple):
     n_point, n_line : points and lines that the file has as elements of their own; they aren't drawn
     facts : texts, what the file says about itself, as "unit millimeter"
     left_out : texts, what else the file has and isn't used, as "normal textures"
+    up : text, the up axis that the file states; None = that of its format
     """
 
     parts: list
@@ -40,6 +41,7 @@ class Contents(NamedTuple):
     n_line: int = 0
     facts: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    up: str | None = None
 
 
 class Report(str):

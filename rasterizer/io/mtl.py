@@ -1,4 +1,4 @@
-"""Read MTL material files.
+"""Read MTL material files: those that an OBJ file names, and of them the materials that it uses.
 
 How a file's values become a `Material`; coefficients are linear, one number stands for a grey. What is marked (w) is
 warned of, with file and line; a line that can't be read (no number, not finite, negative) counts as if it weren't there
@@ -58,9 +58,10 @@ from ..scene.triangulation import listed
 from .files import OutsideError
 from .model_file import ModelFile, text_of
 
-MOST_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
+MAX_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
 LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones
-MOST_WARNINGS = 20  # lines of one file that are warned of one by one
+MAX_LIBRARIES = 256  # material files that an OBJ file may name
+MAX_WARNINGS = 20  # lines of one file that are warned of one by one
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
 _MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters of all keywords that name a picture
@@ -70,6 +71,62 @@ _OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2} | dict.fromkeys(
 )
 # Values of those options that would change what is drawn, with which they don't.
 _NEUTRAL = {"-s": [1.0, 1.0, 1.0], "-o": [0.0, 0.0, 0.0], "-t": [0.0, 0.0, 0.0], "-mm": [0.0, 1.0]}
+
+
+def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> dict[str, Material]:
+    """Read the MTL files that an OBJ file names.
+
+    Parameters
+    ----------
+    model : the OBJ file
+    libraries : what stands on its `mtllib` lines: a name, which may hold blanks, or several
+    names : those of the materials that it uses, each once
+
+    Returns
+    -------
+    dict, name to Material, of those that were found
+
+    Warns
+    -----
+    UserWarning : files or materials that are missing
+    """
+    materials, missing, maps = {}, [], Maps(model.log)
+    wanted = list(dict.fromkeys(libraries))[:MAX_LIBRARIES]
+    # A name with blanks is written like several names; what was read to find out is not read again.
+    found = {name: _library(model, name) for name in wanted if len(name) < 256}
+    named = list(dict.fromkeys(chain(*([name] if found.get(name) else name.split() for name in wanted))))
+    if len(named) > MAX_LIBRARIES:
+        warn_caller(f"{model.name}: names {len(named)} material files; the first {MAX_LIBRARIES} are looked for")
+    for name in named[:MAX_LIBRARIES]:
+        library = found[name] if name in found else _library(model, name)
+        if library is None:
+            missing.append(name)
+        else:
+            materials |= read_materials(library, set(names), maps)
+    unknown = [name for name in names if name not in materials]
+    if missing:
+        files = listed([f"'{name[:80]}'" for name in missing])
+        warn_caller(f"{model.name}: material file {files} not found; the default material is used")
+    elif unknown:
+        unknown = listed([f"'{name[:80]}'" for name in unknown])
+        warn_caller(f"{model.name}: no definition of material {unknown}; the default is used")
+    return materials
+
+
+def _library(model, name) -> ModelFile | None:
+    """Return an MTL file beside the model, or None."""
+    if len(name) > LONGEST_NAME:
+        return None
+    try:
+        path = model.beside.find_alike(name)
+        data = model.beside.read_bytes(path)
+    except OutsideError as fault:
+        if model.folder is not None:
+            warn_caller(f"{model.name}: material file '{name}' {fault}")
+        return None
+    except (OSError, ValueError):
+        return None
+    return ModelFile(str(path), "mtl", data, path.parent, model.log, model.beside.below(path.parent))
 
 
 class Doubts:
@@ -85,8 +142,8 @@ class Doubts:
     def warn(self) -> None:
         """Warn of the first ones, in the order of the lines; and of how many more there are."""
         found = sorted(self.found)
-        for k, (line, text) in enumerate(found[:MOST_WARNINGS]):
-            more = f" (and {len(found) - MOST_WARNINGS} lines more)" if k == MOST_WARNINGS - 1 < len(found) - 1 else ""
+        for k, (line, text) in enumerate(found[:MAX_WARNINGS]):
+            more = f" (and {len(found) - MAX_WARNINGS} lines more)" if k == MAX_WARNINGS - 1 < len(found) - 1 else ""
             warn_caller(f"{self.library.name}:{line}: {text}{more}")
 
 
@@ -225,15 +282,15 @@ def _value(key, rest) -> tuple[float | tuple | None, str | None]:
 def _share(key, given, doubts) -> tuple:
     """Return a coefficient of reflection, none of its components above 1."""
     color, line = given
-    most = max(color)
-    if most <= 1.0:
+    largest = max(color)
+    if largest <= 1.0:
         return color
     shown = " ".join([key.capitalize(), *(f"{component:g}" for component in color)])
-    if most <= 255.0 and all(component == int(component) for component in color):
+    if largest <= 255.0 and all(component == int(component) for component in color):
         doubts.add(line, f"'{shown}' reads as bytes; it is divided by 255")
         return tuple(component / 255.0 for component in color)
-    doubts.add(line, f"'{shown}' would reflect more light than there is; it is divided by {most:g}")
-    return tuple(component / most for component in color)
+    doubts.add(line, f"'{shown}' would reflect more light than there is; it is divided by {largest:g}")
+    return tuple(component / largest for component in color)
 
 
 def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material:
@@ -279,9 +336,9 @@ def _add_shininess(name, values, coefficients, doubts) -> None:
             f"Ns {exponent:g} would spread the highlight of '{name}' over all that is lit; it is drawn without one",
         )
         coefficients["specular"] = 0.0
-    elif exponent > MOST_SHININESS and has_highlight:
-        doubts.add(line, f"Ns {exponent:g} of '{name}' is beyond {MOST_SHININESS:g}, which is taken")
-    coefficients["shininess"] = min(max(exponent, 1.0), MOST_SHININESS)
+    elif exponent > MAX_SHININESS and has_highlight:
+        doubts.add(line, f"Ns {exponent:g} of '{name}' is beyond {MAX_SHININESS:g}, which is taken")
+    coefficients["shininess"] = min(max(exponent, 1.0), MAX_SHININESS)
 
 
 def _opacity(name, values, is_tr_opacity, doubts) -> float:
@@ -400,65 +457,3 @@ def _grey(picture) -> np.ndarray:
     """The values of a picture (h, w) float32 within 0..1, as they are, not decoded; of colours their mean."""
     colors = picture if picture.ndim == 2 else picture[..., : 1 if picture.shape[2] == 2 else 3].mean(axis=2)
     return (colors / 255.0).astype(np.float32)
-
-
-# ----------------------------------------------------------------
-# Find the material libraries (MTL files) that an OBJ file names, and the materials that it uses.
-
-MOST_LIBRARIES = 256  # material files that an OBJ file may name
-
-
-def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> dict[str, Material]:
-    """Read the MTL files that an OBJ file names.
-
-    Parameters
-    ----------
-    model : the OBJ file
-    libraries : what stands on its `mtllib` lines: a name, which may hold blanks, or several
-    names : those of the materials that it uses, each once
-
-    Returns
-    -------
-    dict, name to Material, of those that were found
-
-    Warns
-    -----
-    UserWarning : files or materials that are missing
-    """
-    materials, missing, maps = {}, [], Maps(model.log)
-    wanted = list(dict.fromkeys(libraries))[:MOST_LIBRARIES]
-    # A name with blanks is written like several names; what was read to find out is not read again.
-    found = {name: _library(model, name) for name in wanted if len(name) < 256}
-    named = list(dict.fromkeys(chain(*([name] if found.get(name) else name.split() for name in wanted))))
-    if len(named) > MOST_LIBRARIES:
-        warn_caller(f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for")
-    for name in named[:MOST_LIBRARIES]:
-        library = found[name] if name in found else _library(model, name)
-        if library is None:
-            missing.append(name)
-        else:
-            materials |= read_materials(library, set(names), maps)
-    unknown = [name for name in names if name not in materials]
-    if missing:
-        files = listed([f"'{name[:80]}'" for name in missing])
-        warn_caller(f"{model.name}: material file {files} not found; the default material is used")
-    elif unknown:
-        unknown = listed([f"'{name[:80]}'" for name in unknown])
-        warn_caller(f"{model.name}: no definition of material {unknown}; the default is used")
-    return materials
-
-
-def _library(model, name) -> ModelFile | None:
-    """Return an MTL file beside the model, or None."""
-    if len(name) > LONGEST_NAME:
-        return None
-    try:
-        path = model.beside.find_alike(name)
-        data = model.beside.read_bytes(path)
-    except OutsideError as fault:
-        if model.folder is not None:
-            warn_caller(f"{model.name}: material file '{name}' {fault}")
-        return None
-    except (OSError, ValueError):
-        return None
-    return ModelFile(str(path), "mtl", data, path.parent, model.log, model.beside.below(path.parent))

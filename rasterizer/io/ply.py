@@ -1,7 +1,6 @@
 """Read PLY, ASCII and binary: vertices, polygons, triangle strips, normals, colours, texture coordinates.
 
     header ─ elements, each with its rows and properties ─ columns of numbers, lists as (counts, items) ─ a part
-                                                            ply.py
 
 Read are of vertices `x y z`, `nx ny nz`, colours `red green blue alpha` (also `r g b`, `diffuse_red` …; bytes, 16 bits,
 or floats from 0 to 1) and texture coordinates (`s t`, `u v`, `texture_u texture_v`, `texture_s texture_t`); of faces
@@ -29,15 +28,242 @@ from ..scene.material import Material
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces
 from .text_numbers import numbers_in
 
-# ---------------------------------------------------------------- read the header and the rows of a PLY file
-# In: the bytes of the file. Out: for each element its properties as columns of numbers; lists as `List`.
+_PICTURE = re.compile(rb"^comment\s+TextureFile[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
+_DRAWN = ("vertex", "face", "tristrips")
+_INDICES = ("vertex_indices", "vertex_index")
+_COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+_WEDGES = ("texcoord", "texture_coordinates")
+_UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+
+
+def read_ply(model: ModelFile) -> Contents:
+    """Read a PLY file; one part, or none where it has no faces.
+
+    Raises
+    ------
+    ModelError : the file is broken
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
+    """
+    if model.data[:3].lower() != b"ply":
+        raise model.error("not a PLY file: it does not begin with 'ply'")
+    order, elements, start, n_line = read_header(model)
+    read = Text(model, elements, start, n_line) if order == "" else Bytes(model, start, order)
+    tables = {}
+    for element in elements:
+        tables.setdefault(element.name, read.element(element))
+    if "vertex" not in tables:
+        raise model.error("no vertices")
+    parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
+    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])]
+    for part in parts:
+        number = part.pop("picture", None)
+        part |= _with_pictures(model, names, number) if "uv" in part and names else {}
+    rows = {element.name: element.n_row for element in elements}
+    return Contents(
+        parts,
+        n_point=0 if parts else rows["vertex"],
+        n_line=rows.get("edge", 0),
+        left_out=tuple(_left_out(elements, parts[0] if parts else {})),
+    )
+
+
+def _with_pictures(model, names, number) -> dict:
+    """Return the materials of pictures by their names, and which each triangle has, (n,) int64 or None.
+
+    Those that can't be read are warned of; triangles with the number of none have a plain material.
+    """
+    from .mtl import Maps
+
+    maps = Maps(model.log)
+    textures = [maps.texture(model, f"TextureFile {k}", (name, "repeat"), None) for k, name in enumerate(names)]
+    materials = tuple(replace(WHITE, texture=texture) for texture in (*textures, None))
+    if number is None or (number == 0).all():
+        return {"material": materials[0]}
+    number = np.where((number >= 0) & (number < len(names)), number, len(names)).astype(np.int32)
+    return {"materials": materials, "face_material": number, "material": materials[0]}
+
+
+def _left_out(elements, part) -> list[str]:
+    """Name the elements and properties of the file that no part of it was made of."""
+    known = {"x", "y", "z", *_INDICES}
+    if "normals" in part:
+        known |= {"nx", "ny", "nz"}
+    if "uv" in part:
+        known |= {"texnumber", *_WEDGES}.union(*_UV)
+    if "colors" in part or "face_colors" in part:
+        known |= {"alpha", "diffuse_alpha", "a"}.union(*_COLORS)
+    found = []
+    for element in elements:
+        names = [each.name for each in element.properties if each.name not in known]
+        if element.name not in (*_DRAWN, "edge") and element.n_row:
+            found.append(f"elements '{element.name}'")
+        elif element.name in _DRAWN[:2] and names and part:
+            found.append(f"{element.name} properties {', '.join(names)}")
+    return found
+
+
+# --- what the columns mean ----------------------------------------------------------------------------------
+
+
+def _make_parts(model, elements, tables, line_of) -> list[Part]:
+    """Turn the tables of a file into a part, if it has faces or strips."""
+    vertex, face = tables["vertex"], tables.get("face", {})
+    points = _columns(vertex, [("x", "y", "z")])
+    if points is None:
+        raise model.error("the vertices have no x, y and z", elements["vertex"].line)
+    indices = _indices_of(face)
+    counts = np.empty(0, np.int64) if indices is None else indices.counts
+    corners = np.empty(0, np.int64) if indices is None else _whole(model, indices.items, "face")
+
+    def place(row):
+        line = line_of("face", row)
+        return f": face {row}" if line is None else f":{line}: the face"
+
+    check_indices(model, corners, counts, len(points), place)
+    strips = _strips(model, tables.get("tristrips", {}), len(points))
+    if counts.max(initial=0) < 3 and len(strips) == 0:
+        return []
+    points = points.astype(np.float64)
+    cut = cut_faces(model, points, corners, counts, place)
+    part = {"vertices": points, "faces": corners[cut.corners], "name": "", "material": Material()}
+    if counts.max(initial=0) > 3:
+        part["polygons"] = cut.polygons
+    part |= _vertex_attributes(vertex, elements["vertex"])
+    if len(strips):
+        part["faces"] = np.concatenate([part["faces"], strips])
+        if "polygons" in part:
+            more = np.arange(len(strips), dtype=np.int32) + len(counts)
+            part["polygons"] = np.concatenate([part["polygons"], more])
+    else:
+        part |= _face_attributes(model, face, elements["face"], cut, counts)
+    return [part]
+
+
+def _strips(model, table, n_point) -> np.ndarray:
+    """Return the triangles (n, 3) of all strips."""
+    strips = _indices_of(table)
+    if strips is None:
+        return np.empty((0, 3), np.int64)
+    triangles = _strip_triangles(_whole(model, strips.items, "tristrips"), strips.counts)
+    check_indices(model, triangles.ravel(), np.full(len(triangles), 3), n_point, lambda row: ": a triangle strip")
+    return triangles
+
+
+def _columns(table, choices) -> np.ndarray | None:
+    """Return the first choice of columns that are all there, side by side."""
+    for names in choices:
+        if all(isinstance(table.get(name), np.ndarray) for name in names):
+            return np.stack([table[name] for name in names], axis=1)
+    return None
+
+
+def _indices_of(table) -> "List | None":
+    """Return the list of vertices of faces or strips."""
+    lists = {name: column for name, column in table.items() if isinstance(column, List)}
+    named = [lists[name] for name in _INDICES if name in lists]
+    others = [column for name, column in lists.items() if name not in _WEDGES]
+    return (named or others or [None])[0]
+
+
+def _whole(model, numbers, what) -> np.ndarray:
+    """Return indices as int64."""
+    if numbers.dtype.kind == "f":
+        with np.errstate(invalid="ignore"):
+            is_bad = ~((np.abs(numbers) < 2.0**53) & (numbers == np.rint(numbers)))
+        if is_bad.any():
+            raise model.error(f"a {what} refers to vertex {numbers[int(is_bad.argmax())]}, which is no index")
+    return numbers.astype(np.int64)
+
+
+def _colors(table, element) -> np.ndarray | None:
+    """Return colours as bytes, (n, 3 or 4)."""
+    for names in _COLORS:
+        full = [*names, names[0].replace("red", "alpha") if "red" in names[0] else "a"]
+        colors = _columns(table, [full, names])
+        if colors is None:
+            continue
+        types = {each.name: each.type for each in element.properties}
+        dtype = types[names[0]]
+        if dtype[0] == "f":
+            return bytes_of(colors)
+        full_scale = np.iinfo(dtype).max if dtype in ("u2", "u4") else 255
+        return np.rint(np.clip(colors.astype(np.float64), 0, full_scale) * (255.0 / full_scale)).astype(np.uint8)
+    return None
+
+
+def _vertex_attributes(table, element) -> dict:
+    """Return normals, colours and texture coordinates of the vertices, as far as there are any."""
+    part = {}
+    normals, uv, colors = _columns(table, [("nx", "ny", "nz")]), _columns(table, _UV), _colors(table, element)
+    if normals is not None:
+        part["normals"] = normals.astype(np.float64)
+    if uv is not None:
+        part["uv"] = uv.astype(np.float64)
+    if colors is not None:
+        part |= {"colors": colors, "material": WHITE}
+    return part
+
+
+def _face_attributes(model, table, element, cut, counts) -> dict:
+    """Return colours and texture coordinates of the faces, as far as there are any."""
+    part = {}
+    colors = _colors(table, element)
+    if colors is not None:
+        part |= {"face_colors": colors[cut.polygons], "material": WHITE}
+    if isinstance(table.get("texnumber"), np.ndarray):
+        part["picture"] = _whole_numbers(table["texnumber"])[cut.polygons]
+    for name in _WEDGES:
+        wedge = table.get(name)
+        if not isinstance(wedge, List):
+            continue
+        is_there = (wedge.counts == 2 * counts)[cut.polygons]
+        if not is_there.all():
+            n = int((wedge.counts != 2 * counts).sum())
+            model.log(
+                f"{model.name}: {counted(n, 'face')} without two texture coordinates for each corner: drawn with 0, 0"
+            )
+        # The place of a corner in the list of corners, counted within its face.
+        at = cut.corners - (np.cumsum(counts) - counts)[cut.polygons][:, None]
+        place = (np.cumsum(wedge.counts) - wedge.counts)[cut.polygons][:, None] + 2 * at
+        place = np.where(is_there[:, None], place, 0)
+        if len(wedge.items) >= 2:
+            uv = np.stack([wedge.items[place], wedge.items[place + 1]], axis=2).astype(np.float64)
+            part["uv"] = np.where(is_there[:, None, None], uv, 0.0)
+    return part
+
+
+def _strip_triangles(items, counts) -> np.ndarray:
+    """Return the triangles of strips, without those that repeat a corner; -1 ends a strip, and so does its list."""
+    ends = np.cumsum(counts)
+    items = np.insert(items, ends, -1)  # so that none reaches into the next
+    triangles = np.stack([items[:-2], items[1:-1], items[2:]], axis=1)
+    is_end = items < 0
+    begin = np.maximum.accumulate(np.where(is_end, np.arange(len(items)) + 1, 0))[:-2]
+    is_odd = (np.arange(len(triangles)) - begin) % 2 == 1
+    triangles[is_odd] = triangles[is_odd][:, [1, 0, 2]]
+    is_good = (triangles >= 0).all(axis=1)
+    is_good &= (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[is_good]
+
+
+def _whole_numbers(values: NDArray) -> NDArray[np.int64]:
+    """Return the whole parts of numbers; -1 of those that are no index at all."""
+    is_index = (values >= 0) & (values < 2**31)
+    return np.where(is_index, values, -1).astype(np.int64)
+
+
+# ----------------------------------------------------------------
+# The header and the rows of a file: for each element its properties as columns of numbers; lists as `List`.
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
-MOST_PROPERTIES = 256  # of an element, and elements of a file
+MAX_PROPERTIES = 256  # of an element, and elements of a file
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -87,8 +313,8 @@ def read_header(model):
         except (IndexError, KeyError, ValueError):
             raise model.error(f"'{text.strip()[:60]}' is not a line of a PLY header", line) from None
         properties = elements[-1].properties if key == "property" else []
-        if max(len(elements), len(properties)) > MOST_PROPERTIES:
-            raise model.error(f"more than {MOST_PROPERTIES} elements or properties", line)
+        if max(len(elements), len(properties)) > MAX_PROPERTIES:
+            raise model.error(f"more than {MAX_PROPERTIES} elements or properties", line)
         if len({each.name for each in properties}) < len(properties):
             raise model.error(f"the property '{properties[-1].name}' is there twice", line)
         if elements and elements[-1].n_row < 0:
@@ -235,16 +461,16 @@ class Bytes:
     def _rows_of_one_list(self, element):
         """Return the columns of rows with one list, whatever its length: where each row begins is found row by row, the
         rest for all rows at once."""
-        kinds = [np.dtype(self.order + (each.count_type or each.type)) for each in element.properties]
+        dtypes = [np.dtype(self.order + (each.count_type or each.type)) for each in element.properties]
         number = next(k for k, each in enumerate(element.properties) if each.count_type is not None)
         one = element.properties[number]
         item = np.dtype(self.order + one.type)
-        before = sum(kind.itemsize for kind in kinds[:number])
-        starts, counts = self._list_starts(element, before, kinds, item.itemsize)
+        before = sum(dtype.itemsize for dtype in dtypes[:number])
+        starts, counts = self._list_starts(element, before, dtypes, item.itemsize)
         places = {}
-        for k, kind in enumerate(kinds):
+        for k, dtype in enumerate(dtypes):
             behind = counts * item.itemsize if k > number else 0
-            places[k] = starts + sum(each.itemsize for each in kinds[:k]) + behind, kind
+            places[k] = starts + sum(each.itemsize for each in dtypes[:k]) + behind, dtype
         found = {
             each.name: self._gather(*places[k], 1).reshape(-1)
             for k, each in enumerate(element.properties)
@@ -254,15 +480,15 @@ class Bytes:
         first = np.cumsum(counts) - counts
         for count in distinct(counts).tolist():
             rows = np.flatnonzero(counts == count)
-            begins = starts[rows] + before + kinds[number].itemsize
+            begins = starts[rows] + before + dtypes[number].itemsize
             items[first[rows, None] + np.arange(count)] = self._gather(begins, item, count)
         return found | {one.name: List(counts, items)}
 
-    def _list_starts(self, element, before, kinds, item_size):
+    def _list_starts(self, element, before, dtypes, item_size):
         """Return where each row of one list begins, and how long its list is, both (n_row,) int64."""
-        count_kind = kinds[next(k for k, each in enumerate(element.properties) if each.count_type is not None)]
-        fixed, at, data = sum(kind.itemsize for kind in kinds), self.at, self.data
-        size, signed = count_kind.itemsize, count_kind.kind == "i"
+        count_dtype = dtypes[next(k for k, each in enumerate(element.properties) if each.count_type is not None)]
+        fixed, at, data = sum(dtype.itemsize for dtype in dtypes), self.at, self.data
+        size, signed = count_dtype.itemsize, count_dtype.kind == "i"
         order = "big" if self.order == ">" else "little"
         starts, counts = array("q"), array("q")
         for row in range(element.n_row):
@@ -278,34 +504,34 @@ class Bytes:
         self.at = at
         return np.frombuffer(starts, np.int64), np.frombuffer(counts, np.int64)
 
-    def _gather(self, begins, kind, n) -> np.ndarray:
-        """Return n numbers of a kind from each of some places on, (n_place, n)."""
-        if len(begins) < n * kind.itemsize:
-            rows = [np.frombuffer(self.data, kind, n, begin) for begin in begins.tolist()]
-            return np.stack(rows) if rows else np.empty((0, n), kind)
+    def _gather(self, begins, dtype, n) -> np.ndarray:
+        """Return n numbers of a type from each of some places on, (n_place, n)."""
+        if len(begins) < n * dtype.itemsize:
+            rows = [np.frombuffer(self.data, dtype, n, begin) for begin in begins.tolist()]
+            return np.stack(rows) if rows else np.empty((0, n), dtype)
         letters = np.frombuffer(self.data, np.uint8)
-        columns = np.empty((len(begins), n * kind.itemsize), np.uint8)
-        for k in range(n * kind.itemsize):
+        columns = np.empty((len(begins), n * dtype.itemsize), np.uint8)
+        for k in range(n * dtype.itemsize):
             columns[:, k] = letters[begins + k]
-        return columns.view(kind) if n else np.empty((len(begins), 0), kind)
+        return columns.view(dtype) if n else np.empty((len(begins), 0), dtype)
 
     def _even_rows(self, element):
         """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""
         fields, at = [], self.at
         for number, each in enumerate(element.properties):
-            kind = np.dtype(self.order + each.type)
+            dtype = np.dtype(self.order + each.type)
             if each.count_type is not None:
-                count_kind = np.dtype(self.order + each.count_type)
-                if element.n_row == 0 or at + count_kind.itemsize > len(self.data):
+                count_dtype = np.dtype(self.order + each.count_type)
+                if element.n_row == 0 or at + count_dtype.itemsize > len(self.data):
                     return None
-                length = int(np.frombuffer(self.data, count_kind, 1, at)[0])
+                length = int(np.frombuffer(self.data, count_dtype, 1, at)[0])
                 if not 0 <= length <= len(self.data):
                     return None
-                fields += [(f"n{number}", count_kind), (f"p{number}", kind, (length,))]
-                at += count_kind.itemsize + length * kind.itemsize
+                fields += [(f"n{number}", count_dtype), (f"p{number}", dtype, (length,))]
+                at += count_dtype.itemsize + length * dtype.itemsize
             else:
-                fields.append((f"p{number}", kind))
-                at += kind.itemsize
+                fields.append((f"p{number}", dtype))
+                at += dtype.itemsize
         rows = np.dtype(fields)
         if element.n_row * rows.itemsize > len(self.data) - self.at:
             return None
@@ -322,17 +548,17 @@ class Bytes:
         self.at += element.n_row * rows.itemsize
         return found
 
-    def number(self, kind):
+    def number(self, dtype):
         """Return the next number; IndexError where there is none."""
-        return self.several(kind, 1)[0]
+        return self.several(dtype, 1)[0]
 
-    def several(self, kind, n):
+    def several(self, dtype, n):
         """Return the next n numbers; IndexError where there are fewer."""
-        kind = np.dtype(self.order + kind)
-        if not 0 <= n <= (len(self.data) - self.at) // kind.itemsize:
+        dtype = np.dtype(self.order + dtype)
+        if not 0 <= n <= (len(self.data) - self.at) // dtype.itemsize:
             raise IndexError
-        numbers = np.frombuffer(self.data, kind, int(n), self.at)
-        self.at += int(n) * kind.itemsize
+        numbers = np.frombuffer(self.data, dtype, int(n), self.at)
+        self.at += int(n) * dtype.itemsize
         return numbers
 
     def line_of(self, _name, _row):
@@ -370,230 +596,3 @@ def _walk(source, element, even):
         name: List(np.array(counts, np.int64), np.concatenate(items) if items else np.empty(0))
         for name, (counts, items) in lists.items()
     }
-
-
-_PICTURE = re.compile(rb"^comment\s+TextureFile[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
-_DRAWN = ("vertex", "face", "tristrips")
-_INDICES = ("vertex_indices", "vertex_index")
-_COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
-_WEDGES = ("texcoord", "texture_coordinates")
-_UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
-
-
-def read_ply(model: ModelFile) -> Contents:
-    """Read a PLY file; one part, or none where it has no faces.
-
-    Raises
-    ------
-    ModelError : the file is broken
-
-    Warns
-    -----
-    UserWarning : polygons that cross themselves
-    """
-    if model.data[:3].lower() != b"ply":
-        raise model.error("not a PLY file: it does not begin with 'ply'")
-    order, elements, start, n_line = read_header(model)
-    read = Text(model, elements, start, n_line) if order == "" else Bytes(model, start, order)
-    tables = {}
-    for element in elements:
-        tables.setdefault(element.name, read.element(element))
-    if "vertex" not in tables:
-        raise model.error("no vertices")
-    parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
-    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])]
-    for part in parts:
-        number = part.pop("picture", None)
-        part |= _with_pictures(model, names, number) if "uv" in part and names else {}
-    rows = {element.name: element.n_row for element in elements}
-    return Contents(
-        parts,
-        n_point=0 if parts else rows["vertex"],
-        n_line=rows.get("edge", 0),
-        left_out=tuple(_left_out(elements, parts[0] if parts else {})),
-    )
-
-
-def _with_pictures(model, names, number) -> dict:
-    """Return the materials of pictures by their names, and which each triangle has, (n,) int64 or None.
-
-    Those that can't be read are warned of; triangles with the number of none have a plain material.
-    """
-    from .mtl import Maps
-
-    maps = Maps(model.log)
-    textures = [maps.texture(model, f"TextureFile {k}", (name, "repeat"), None) for k, name in enumerate(names)]
-    materials = tuple(replace(WHITE, texture=texture) for texture in (*textures, None))
-    if number is None or (number == 0).all():
-        return {"material": materials[0]}
-    number = np.where((number >= 0) & (number < len(names)), number, len(names)).astype(np.int32)
-    return {"materials": materials, "face_material": number, "material": materials[0]}
-
-
-def _left_out(elements, part) -> list[str]:
-    """Name the elements and properties of the file that no part of it was made of."""
-    known = {"x", "y", "z", *_INDICES}
-    if "normals" in part:
-        known |= {"nx", "ny", "nz"}
-    if "uv" in part:
-        known |= {"texnumber", *_WEDGES}.union(*_UV)
-    if "colors" in part or "face_colors" in part:
-        known |= {"alpha", "diffuse_alpha", "a"}.union(*_COLORS)
-    found = []
-    for element in elements:
-        names = [each.name for each in element.properties if each.name not in known]
-        if element.name not in (*_DRAWN, "edge") and element.n_row:
-            found.append(f"elements '{element.name}'")
-        elif element.name in _DRAWN[:2] and names and part:
-            found.append(f"{element.name} properties {', '.join(names)}")
-    return found
-
-
-# --- what the columns mean ----------------------------------------------------------------------------------
-
-
-def _make_parts(model, elements, tables, line_of) -> list[Part]:
-    """Turn the tables of a file into a part, if it has faces or strips."""
-    vertex, face = tables["vertex"], tables.get("face", {})
-    points = _columns(vertex, [("x", "y", "z")])
-    if points is None:
-        raise model.error("the vertices have no x, y and z", elements["vertex"].line)
-    indices = _indices_of(face)
-    counts = np.empty(0, np.int64) if indices is None else indices.counts
-    corners = np.empty(0, np.int64) if indices is None else _whole(model, indices.items, "face")
-
-    def place(row):
-        line = line_of("face", row)
-        return f": face {row}" if line is None else f":{line}: the face"
-
-    check_indices(model, corners, counts, len(points), place)
-    strips = _strips(model, tables.get("tristrips", {}), len(points))
-    if counts.max(initial=0) < 3 and len(strips) == 0:
-        return []
-    points = points.astype(np.float64)
-    cut = cut_faces(model, points, corners, counts, place)
-    part = {"vertices": points, "faces": corners[cut.corners], "name": "", "material": Material()}
-    if counts.max(initial=0) > 3:
-        part["polygons"] = cut.polygons
-    part |= _vertex_attributes(vertex, elements["vertex"])
-    if len(strips):
-        part["faces"] = np.concatenate([part["faces"], strips])
-        if "polygons" in part:
-            more = np.arange(len(strips), dtype=np.int32) + len(counts)
-            part["polygons"] = np.concatenate([part["polygons"], more])
-    else:
-        part |= _face_attributes(model, face, elements["face"], cut, counts)
-    return [part]
-
-
-def _strips(model, table, n_point) -> np.ndarray:
-    """Return the triangles (n, 3) of all strips."""
-    strips = _indices_of(table)
-    if strips is None:
-        return np.empty((0, 3), np.int64)
-    triangles = _strip_triangles(_whole(model, strips.items, "tristrips"), strips.counts)
-    check_indices(model, triangles.ravel(), np.full(len(triangles), 3), n_point, lambda row: ": a triangle strip")
-    return triangles
-
-
-def _columns(table, choices) -> np.ndarray | None:
-    """Return the first choice of columns that are all there, side by side."""
-    for names in choices:
-        if all(isinstance(table.get(name), np.ndarray) for name in names):
-            return np.stack([table[name] for name in names], axis=1)
-    return None
-
-
-def _indices_of(table) -> List | None:
-    """Return the list of vertices of faces or strips."""
-    lists = {name: column for name, column in table.items() if isinstance(column, List)}
-    named = [lists[name] for name in _INDICES if name in lists]
-    others = [column for name, column in lists.items() if name not in _WEDGES]
-    return (named or others or [None])[0]
-
-
-def _whole(model, numbers, what) -> np.ndarray:
-    """Return indices as int64."""
-    if numbers.dtype.kind == "f":
-        with np.errstate(invalid="ignore"):
-            is_bad = ~((np.abs(numbers) < 2.0**53) & (numbers == np.rint(numbers)))
-        if is_bad.any():
-            raise model.error(f"a {what} refers to vertex {numbers[int(is_bad.argmax())]}, which is no index")
-    return numbers.astype(np.int64)
-
-
-def _colors(table, element) -> np.ndarray | None:
-    """Return colours as bytes, (n, 3 or 4)."""
-    for names in _COLORS:
-        full = [*names, names[0].replace("red", "alpha") if "red" in names[0] else "a"]
-        colors = _columns(table, [full, names])
-        if colors is None:
-            continue
-        types = {each.name: each.type for each in element.properties}
-        kind = types[names[0]]
-        if kind[0] == "f":
-            return bytes_of(colors)
-        most = np.iinfo(kind).max if kind in ("u2", "u4") else 255
-        return np.rint(np.clip(colors.astype(np.float64), 0, most) * (255.0 / most)).astype(np.uint8)
-    return None
-
-
-def _vertex_attributes(table, element) -> dict:
-    """Return normals, colours and texture coordinates of the vertices, as far as there are any."""
-    part = {}
-    normals, uv, colors = _columns(table, [("nx", "ny", "nz")]), _columns(table, _UV), _colors(table, element)
-    if normals is not None:
-        part["normals"] = normals.astype(np.float64)
-    if uv is not None:
-        part["uv"] = uv.astype(np.float64)
-    if colors is not None:
-        part |= {"colors": colors, "material": WHITE}
-    return part
-
-
-def _face_attributes(model, table, element, cut, counts) -> dict:
-    """Return colours and texture coordinates of the faces, as far as there are any."""
-    part = {}
-    colors = _colors(table, element)
-    if colors is not None:
-        part |= {"face_colors": colors[cut.polygons], "material": WHITE}
-    if isinstance(table.get("texnumber"), np.ndarray):
-        part["picture"] = _whole_numbers(table["texnumber"])[cut.polygons]
-    for name in _WEDGES:
-        wedge = table.get(name)
-        if not isinstance(wedge, List):
-            continue
-        is_there = (wedge.counts == 2 * counts)[cut.polygons]
-        if not is_there.all():
-            n = int((wedge.counts != 2 * counts).sum())
-            model.log(
-                f"{model.name}: {counted(n, 'face')} without two texture coordinates for each corner: drawn with 0, 0"
-            )
-        # The place of a corner in the list of corners, counted within its face.
-        at = cut.corners - (np.cumsum(counts) - counts)[cut.polygons][:, None]
-        place = (np.cumsum(wedge.counts) - wedge.counts)[cut.polygons][:, None] + 2 * at
-        place = np.where(is_there[:, None], place, 0)
-        if len(wedge.items) >= 2:
-            uv = np.stack([wedge.items[place], wedge.items[place + 1]], axis=2).astype(np.float64)
-            part["uv"] = np.where(is_there[:, None, None], uv, 0.0)
-    return part
-
-
-def _strip_triangles(items, counts) -> np.ndarray:
-    """Return the triangles of strips, without those that repeat a corner; -1 ends a strip, and so does its list."""
-    ends = np.cumsum(counts)
-    items = np.insert(items, ends, -1)  # so that none reaches into the next
-    triangles = np.stack([items[:-2], items[1:-1], items[2:]], axis=1)
-    is_end = items < 0
-    begin = np.maximum.accumulate(np.where(is_end, np.arange(len(items)) + 1, 0))[:-2]
-    is_odd = (np.arange(len(triangles)) - begin) % 2 == 1
-    triangles[is_odd] = triangles[is_odd][:, [1, 0, 2]]
-    is_good = (triangles >= 0).all(axis=1)
-    is_good &= (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return triangles[is_good]
-
-
-def _whole_numbers(values: NDArray) -> NDArray[np.int64]:
-    """Return the whole parts of numbers; -1 of those that are no index at all."""
-    is_index = (values >= 0) & (values < 2**31)
-    return np.where(is_index, values, -1).astype(np.int64)

@@ -41,7 +41,7 @@ _PRIMARIES = {  # XYZ under D50, as the profiles that the ICC publishes for sRGB
 _ADAPTATION = (1.047882, 0.022919, -0.050217, 0.029587, 0.990463, -0.017075, -0.009254, 0.015060, 0.752068)
 # y = (a x + b)^g from d on, else c x.
 _CURVE = (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
-_SEGMENTS = 3  # number of that kind of curve
+_SEGMENTS = 3  # number of that type of curve
 _HEADER_BYTES, _ENTRY_BYTES = 128, 12
 
 
@@ -66,9 +66,9 @@ def srgb_profile() -> bytes:
 
 def _header(n_byte: int) -> bytes:
     """Return the header of a profile of `n_byte` bytes."""
-    kind = struct.pack(">I4sI4s4s4s", n_byte, bytes(4), 0x04400000, b"mntr", b"RGB ", b"XYZ ")
+    types = struct.pack(">I4sI4s4s4s", n_byte, bytes(4), 0x04400000, b"mntr", b"RGB ", b"XYZ ")
     date = struct.pack(">6H", 2022, 5, 1, 0, 0, 0)  # that of the specification: a file does not depend on the day
-    return (kind + date + b"acsp" + bytes(28) + _fixed(*_D50)).ljust(_HEADER_BYTES, b"\0")
+    return (types + date + b"acsp" + bytes(28) + _fixed(*_D50)).ljust(_HEADER_BYTES, b"\0")
 
 
 def _fixed(*numbers: float) -> bytes:

@@ -1,7 +1,7 @@
 """A whole scene in one file: JSON or TOML.
 
     file ─ text ─ tables, duplicate keys refused ─ meshes, materials, lights, camera ─ Scene
-           utf-8  json, tomllib                    scene_file_meshes, scene_file_parts
+           utf-8  json, tomllib
 
     meshes      list: {file = "part.obj", transform, material, ...}, {vertices, faces, ...} or
                 {arrays = "x.npz", mesh = 0, ...}
@@ -12,7 +12,7 @@
     depth_cue   a number, or {scale, start, color}
 
 Names of files are relative to the folder of the scene file; which are read is said in `files.py`. `scene_file_write`
-writes what is read here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files
+writes what is read here. Text may be MAX_JSON or MAX_TOML bytes long: the arrays of large meshes go into .npz files
 beside it.
 """
 
@@ -43,13 +43,22 @@ from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
-from .files import Folder, read_named
-from .gltf import MOST_COPIES
+from .files import Folder, check_member, read_named
+from .gltf import MAX_COPIES
 from .loader import keep_quiet, load_model
 from .model_file import MeshSettings
 
-# ----------------------------------------------------------------
-# What a scene file holds; who loads a model imports this alone, and no reader of scene files.
+_OWN_SETTINGS = MeshSettings()  # of the file, that is
+MAX_JSON, MAX_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
+MAX_DOTS = (
+    100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
+)
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
+# The fields of Options, which this side of the package doesn't import; a test holds that.
+OPTIONS = (
+    "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
+    "threads", "edges", "edge_color", "edge_width", "ground",
+)  # fmt: skip
 
 
 class SceneFile(NamedTuple):
@@ -79,10 +88,196 @@ class SceneFile(NamedTuple):
         return replace(self.scene, camera=camera)
 
 
+def read_scene(
+    source,
+    folder=None,
+    log=None,
+    *,
+    format: str | None = None,
+    mesh_settings: MeshSettings = _OWN_SETTINGS,
+    allow_outside: bool = False,
+    files_read: list | None = None,
+) -> SceneFile:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    source : path, bytes, or file object
+    folder : path to which the names of files are relative; None = that of the path, for bytes the current one
+    log : function of one text, called with facts about the files; None = nobody wants them
+    format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
+    mesh_settings : those of all meshes; where they are not None they are taken in place of the file's
+    allow_outside : bool, read also files outside the folder; see `files.py`
+    files_read : list that gets the paths of all files that are read
+
+    Returns
+    -------
+    SceneFile
+
+    Raises
+    ------
+    ModelError : a file that can't be read or is no JSON or TOML, duplicate keys, a mesh that is not legal
+    SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
+    """
+    name, data, own_folder = _read(source)
+    files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
+    own = mesh_settings
+    context = Context(files, log or keep_quiet, own.crease_angle, own.drop_bad_faces, own.weighting)
+    with one_file(name):
+        entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
+        return _read_tables(Entry(_parse(data, entry.name, name), name), context)
+
+
+def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict | None]:
+    """Read the camera of a scene file, or a file that holds a camera alone.
+
+    Parameters
+    ----------
+    path : of a JSON or TOML file: a scene, of which only its camera is looked at, or a table of a camera's fields
+
+    Returns
+    -------
+    Camera, or None; and a dict of arguments of `Camera.framing`, or None: one of both is there
+
+    Raises
+    ------
+    ModelError : a file that can't be read or is no JSON or TOML
+    SceneError : no camera, or one that is not legal
+    """
+    name, data, _ = _read(path)
+    with one_file(name):
+        entry = formats.format_of(name, Path(name).suffix or "json", is_scene=True)
+        value = _parse(data, entry.name, name)
+        if isinstance(value, dict) and "camera" in value:
+            return read_camera(Entry(value["camera"], f"{name}: camera"))
+        if isinstance(value, dict) and "meshes" in value:
+            raise SceneError(f"{name}: the scene has no camera")
+        return read_camera(Entry(value, name))
+
+
+def _read_tables(root, context) -> SceneFile:
+    """Read the tables of a scene file."""
+    top = root.table(KEYS, ("meshes",))
+    if "materials" in top:
+        for key, entry in top["materials"].names().items():
+            context.materials[key] = read_material(entry, context, key)
+    meshes, up = read_meshes(top["meshes"], context)
+    settings = {"up": up}
+    unshadowed = ()
+    if "lights" in top:
+        settings["lights"], unshadowed = read_lights(top["lights"])
+    camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
+    if "background" in top and top["background"].value is not None:
+        settings["background"] = read_color(top["background"])
+    if "depth_cue" in top and top["depth_cue"].value is not None:
+        settings["depth_cue"] = read_depth_cue(top["depth_cue"])
+    if "up" in top:
+        settings["up"] = top["up"].text()
+    scene = root.call(Scene, meshes, camera=camera, **settings)
+    if framing is not None:
+        top["camera"].call(Camera.framing, scene.meshes[0], up=scene.up, **framing)
+    return SceneFile(scene, _options(top.get("options")), framing, unshadowed)
+
+
+def _options(entry) -> dict:
+    """The options of a picture; lists become tuples, the values are looked at where the picture is made."""
+    if entry is None:
+        return {}
+    items = entry.table(OPTIONS).items()
+    for size in [item for key, item in items if key == "size" and item.value is not None]:
+        size.call(picture_size, size.value if isinstance(size.value, list) else (size.value, size.value))
+    values = {key: item.value for key, item in items if item.value is not None}
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+
+
+# --- text to tables -----------------------------------------------------------------------------------------
+
+
+def _read(source) -> tuple[str, bytes, Path]:
+    """Return name, bytes and folder of a source."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        return "scene", bytes(source), Path()
+    try:
+        if hasattr(source, "read"):
+            label = getattr(source, "name", None)
+            name = label if isinstance(label, str) else "scene"
+            data = source.read()
+            return (
+                name,
+                data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data),
+                Path(name).parent,
+            )
+        path = Path(os.fsdecode(source))
+        return str(path), read_named(path), path.parent
+    except FileNotFoundError:
+        raise ModelError(f"{path}: no such file") from None
+    except (OSError, ValueError, TypeError) as fault:
+        what = source if isinstance(source, (str, os.PathLike)) else shown(source)
+        raise ModelError(f"{what}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+
+
+def _parse(data, format, name):
+    """Parse the text of a scene file."""
+    if not data.strip():
+        raise ModelError(f"{name}: the file is empty")
+    most = MAX_TOML if format == "toml" else MAX_JSON
+    if len(data) > most:
+        raise ModelError(
+            f"{name}: {len(data)} bytes; one in {format.upper()} may have {most}: arrays go into .npz files"
+        )
+    try:
+        text = data.decode("utf-8-sig")
+        if format == "toml":
+            _check_names(text, name)
+            return _toml(name).loads(text.replace("\r\n", "\n"))
+        return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
+    except UnicodeDecodeError as fault:
+        raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
+    except RecursionError as fault:
+        raise ModelError(f"{name}: lists or tables are nested too deeply") from fault
+    except ValueError as fault:  # those of json and tomllib, and too many digits
+        raise ModelError(f"{name}: is not legal {format.upper()}: {' '.join(str(fault).split())[:200]}") from fault
+
+
+def _check_names(text, name) -> None:
+    """Raise ModelError for dotted names of TOML that are so long that parsing them would take minutes."""
+    for piece in re.split(r"[\n,=\[\]{}]", text):
+        if piece.count(".") > MAX_DOTS:
+            raise ModelError(f"{name}: a name or text in TOML may have up to {MAX_DOTS} dots; given {shown(piece)}")
+
+
+def _without_duplicates(pairs) -> dict:
+    """Make a table of JSON, whose keys may be there once only; of two, json itself would drop one silently."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        seen = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))
+        raise ValueError(f"duplicate key {shown(twice)}")
+    return table
+
+
+def _refuse(word):
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _toml(name):
+    """The parser of TOML: Python's own from 3.11 on, else its elder copy."""
+    try:
+        import tomllib  # new in Python 3.11
+    except ImportError:
+        try:
+            import tomli as tomllib  # an optional package
+        except ImportError:
+            raise ModelError(
+                f"{name}: TOML needs Python 3.11, or tomli: pip install tomli; JSON needs neither"
+            ) from None
+    return tomllib
+
+
 # ----------------------------------------------------------------
 # A value of a scene file with the place where it stands, so that every fault names file, place and what is legal.
 
-_KINDS = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
+_TYPE_NAMES = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
 
 
 class Entry:
@@ -92,36 +287,36 @@ class Entry:
     ----------
     value : what JSON or TOML has there
     file : text, the file's name
-    where : text, the way to the value, such as lights[2].color; empty for the whole file
+    where : text, the path to the value, such as lights[2].color; empty for the whole file
     """
 
     def __init__(self, value, file, where=""):
         self.value, self.file, self.where = value, file, where
 
-    def fault(self, text, kind=SceneError) -> Exception:
+    def fault(self, text, error=SceneError) -> Exception:
         """Return the error that says what is wrong here."""
-        return kind(f"{self.file}: {self.where}: {text}" if self.where else f"{self.file}: {text}")
+        return error(f"{self.file}: {self.where}: {text}" if self.where else f"{self.file}: {text}")
 
-    def _of_kind(self, kind):
-        if type(self.value) is not kind:
-            raise self.fault(f"must be {_KINDS[kind]}; given {shown(self.value)}")
+    def _of_type(self, type_):
+        if type(self.value) is not type_:
+            raise self.fault(f"must be {_TYPE_NAMES[type_]}; given {shown(self.value)}")
         return self.value
 
     def text(self) -> str:
         """Return the value, which must be text."""
-        return self._of_kind(str)
+        return self._of_type(str)
 
     def flag(self) -> bool:
         """Return the value, which must be true or false."""
-        return self._of_kind(bool)
+        return self._of_type(bool)
 
     def items(self) -> list["Entry"]:
         """Return the entries of a list."""
-        return [Entry(value, self.file, f"{self.where}[{i}]") for i, value in enumerate(self._of_kind(list))]
+        return [Entry(value, self.file, f"{self.where}[{i}]") for i, value in enumerate(self._of_type(list))]
 
     def names(self) -> dict[str, "Entry"]:
         """Return the entries of a table whose keys are up to the writer."""
-        return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_kind(dict).items()}
+        return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_type(dict).items()}
 
     def table(self, legal, needed=()) -> dict[str, "Entry"]:
         """Return the entries of a table.
@@ -135,7 +330,7 @@ class Entry:
         ------
         SceneError : no table, a key that is unknown or missing
         """
-        for key in self._of_kind(dict):
+        for key in self._of_type(dict):
             if key not in legal:
                 place = Entry(None, self.file, self._below(key))
                 raise place.fault(f"unknown key; legal are {', '.join(legal)}")
@@ -161,91 +356,6 @@ class Entry:
             field = next((match[match.lastindex] for match in named if match[match.lastindex] in self.value), None)
             place = self if field is None else Entry(None, self.file, self._below(field))
             raise place.fault(str(fault), type(fault)) from fault
-
-
-# ----------------------------------------------------------------
-# Arrays of a .npz file, looked at before they are unpacked: a file of some kilobytes may hold gigabytes.
-# .npz   a zip file of .npy files: a header, which tells shape and dtype, and the numbers
-
-MOST_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, packed or not
-MOST_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MOST_UNPACKED
-# What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
-_FAULTS = (
-    OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError,
-    AttributeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
-)  # fmt: skip
-
-
-class Arrays(Mapping):
-    """Map the names of a .npz file's arrays to the arrays, each unpacked when it is first asked for; no object is ever
-    made.
-
-    Parameters
-    ----------
-    stream : binary file object, or path
-    name : text, what messages call it
-
-    Raises
-    ------
-    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than MOST_UNPACKED bytes and
-        MOST_RATIO times its size; also when an array is asked for that is damaged or holds objects
-    """
-
-    def __init__(self, stream, name: str):
-        self._name, self._found = name, {}
-        try:
-            self._archive = zipfile.ZipFile(stream)
-            members = self._archive.infolist()
-            self._archive.fp.seek(0, os.SEEK_END)
-            limit = max(MOST_UNPACKED, MOST_RATIO * self._archive.fp.tell())
-        except _FAULTS as fault:
-            raise self._fault(fault) from fault
-        total = sum(member.file_size for member in members)
-        if total > limit:
-            raise ModelError(f"{name}: its arrays would take {total} bytes; an .npz file of its size may have {limit}")
-        self.n_byte = total  # of all arrays
-        self._members = {member.filename.removesuffix(".npy"): member for member in members}
-
-    def _fault(self, fault) -> ModelError:
-        reason = " ".join(str(fault).split())[:200] or type(fault).__name__
-        return ModelError(f"{self._name}: can't be read as .npz ({reason})")
-
-    def __len__(self) -> int:
-        return len(self._members)
-
-    def __iter__(self):
-        return iter(self._members)
-
-    def __contains__(self, key) -> bool:
-        return key in self._members
-
-    def __getitem__(self, key) -> np.ndarray:
-        if key not in self._found:
-            try:
-                self._found[key] = self._read(self._members[key])
-            except _FAULTS as fault:
-                raise self._fault(fault) from fault
-        return self._found[key]
-
-    def _read(self, member) -> np.ndarray:
-        """Unpack one array, whose header must ask for what the member holds, and no more."""
-        if member.flag_bits & 1:
-            raise ValueError(f"{member.filename} is encrypted")
-        with self._archive.open(member) as stream:
-            version = npy.read_magic(stream)
-            read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-            shape, is_fortran, dtype = read_header(stream)
-            if dtype.hasobject or dtype.names or dtype.kind not in "biuf":
-                raise ValueError(f"{member.filename} holds no numbers, but {str(dtype)[:40]}")
-            length = math.prod(shape) * dtype.itemsize
-            if min(shape, default=0) < 0 or length > member.file_size:
-                raise ValueError(
-                    f"{member.filename} must hold {length} bytes for its shape, and has {member.file_size}"
-                )
-            data = stream.read(length)
-            if len(data) < length:
-                raise ValueError(f"{member.filename} is cut off")
-        return np.frombuffer(data, dtype).reshape(shape, order="F" if is_fortran else "C")
 
 
 # ----------------------------------------------------------------
@@ -300,7 +410,7 @@ class Context:
                 f"{path}: can't be read ({getattr(fault, 'strerror', None) or fault})", ModelError
             ) from fault
 
-    def arrays(self, entry) -> Arrays:
+    def arrays(self, entry) -> "Arrays":
         """Return the arrays of a .npz file, read once."""
         path = self.path(entry)
         if path not in self._arrays:
@@ -516,8 +626,7 @@ def keeping_normals(mesh, normals):
 
 
 # ----------------------------------------------------------------
-# Meshes of a scene file: models in files of their own, arrays beside it, or numbers in it; and where they are.
-# placed.
+# Meshes of a scene file: models in files of their own, arrays beside it, or numbers in it; and where they are placed.
 
 # In the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
@@ -589,9 +698,9 @@ def _load_once(path, entry, crease_angle, weighting, context):
     if key in context.models:
         scene = context.models[key]
         context.n_copy += scene.n_face
-        if context.n_copy > MOST_COPIES:
+        if context.n_copy > MAX_COPIES:
             raise entry.fault(
-                f"this model has been used so often that it makes more than {MOST_COPIES} triangles", ModelError
+                f"this model has been used so often that it makes more than {MAX_COPIES} triangles", ModelError
             )
         return scene
     context.files.read.append(str(path))
@@ -654,9 +763,9 @@ def _read_arrays(entry, context) -> Mesh:
         stored = context.arrays(table["arrays"])
         arrays = {key: table["arrays"].call(stored.__getitem__, start + key) for key in ARRAYS if start + key in stored}
         context.n_copy += len(arrays["faces"]) if arrays["faces"].ndim else 0
-        if context.n_copy > MOST_COPIES + stored.n_byte:
+        if context.n_copy > MAX_COPIES + stored.n_byte:
             raise entry.fault(
-                f"its arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError
+                f"its arrays have been used for more than {MAX_COPIES} triangles beyond those stored", ModelError
             )
     settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
     if (weighting := _weighting(table, context)) is not None:
@@ -743,200 +852,85 @@ def _rotation(entry) -> np.ndarray:
     return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
 
 
-_OWN_SETTINGS = MeshSettings()  # of the file, that is
-MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
-MOST_DOTS = (
-    100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
-)
-KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
-# The fields of Options, which this side of the package doesn't import; a test holds that.
-OPTIONS = (
-    "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
-    "threads", "edges", "edge_color", "edge_width", "ground",
+# ----------------------------------------------------------------
+# Arrays of a .npz file, looked at before they are unpacked: a file of some kilobytes may hold gigabytes.
+# .npz   a zip file of .npy files: a header, which tells shape and dtype, and the numbers
+
+MAX_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, packed or not
+MAX_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MAX_UNPACKED
+# What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
+_FAULTS = (
+    OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError,
+    AttributeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
 )  # fmt: skip
 
 
-def read_scene(
-    source,
-    folder=None,
-    log=None,
-    *,
-    format: str | None = None,
-    mesh_settings: MeshSettings = _OWN_SETTINGS,
-    allow_outside: bool = False,
-    files_read: list | None = None,
-) -> SceneFile:
-    """Read a scene file.
+class Arrays(Mapping):
+    """Map the names of a .npz file's arrays to the arrays, each unpacked when it is first asked for; no object is ever
+    made.
 
     Parameters
     ----------
-    source : path, bytes, or file object
-    folder : path to which the names of files are relative; None = that of the path, for bytes the current one
-    log : function of one text, called with facts about the files; None = nobody wants them
-    format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
-    mesh_settings : those of all meshes; where they are not None they are taken in place of the file's
-    allow_outside : bool, read also files outside the folder; see `files.py`
-    files_read : list that gets the paths of all files that are read
-
-    Returns
-    -------
-    SceneFile
+    stream : binary file object, or path
+    name : text, what messages call it
 
     Raises
     ------
-    ModelError : a file that can't be read or is no JSON or TOML, duplicate keys, a mesh that is not legal
-    SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
+    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than MAX_UNPACKED bytes and
+        MAX_RATIO times its size; also when an array is asked for that is damaged or holds objects
     """
-    name, data, own_folder = _read(source)
-    files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
-    own = mesh_settings
-    context = Context(files, log or keep_quiet, own.crease_angle, own.drop_bad_faces, own.weighting)
-    with one_file(name):
-        entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
-        return _read_tables(Entry(_parse(data, entry.name, name), name), context)
 
-
-def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict | None]:
-    """Read the camera of a scene file, or a file that holds a camera alone.
-
-    Parameters
-    ----------
-    path : of a JSON or TOML file: a scene, of which only its camera is looked at, or a table of a camera's fields
-
-    Returns
-    -------
-    Camera, or None; and a dict of arguments of `Camera.framing`, or None: one of both is there
-
-    Raises
-    ------
-    ModelError : a file that can't be read or is no JSON or TOML
-    SceneError : no camera, or one that is not legal
-    """
-    name, data, _ = _read(path)
-    with one_file(name):
-        entry = formats.format_of(name, Path(name).suffix or "json", is_scene=True)
-        value = _parse(data, entry.name, name)
-        if isinstance(value, dict) and "camera" in value:
-            return read_camera(Entry(value["camera"], f"{name}: camera"))
-        if isinstance(value, dict) and "meshes" in value:
-            raise SceneError(f"{name}: the scene has no camera")
-        return read_camera(Entry(value, name))
-
-
-def _read_tables(root, context) -> SceneFile:
-    """Read the tables of a scene file."""
-    top = root.table(KEYS, ("meshes",))
-    if "materials" in top:
-        for key, entry in top["materials"].names().items():
-            context.materials[key] = read_material(entry, context, key)
-    meshes, up = read_meshes(top["meshes"], context)
-    settings = {"up": up}
-    unshadowed = ()
-    if "lights" in top:
-        settings["lights"], unshadowed = read_lights(top["lights"])
-    camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
-    if "background" in top and top["background"].value is not None:
-        settings["background"] = read_color(top["background"])
-    if "depth_cue" in top and top["depth_cue"].value is not None:
-        settings["depth_cue"] = read_depth_cue(top["depth_cue"])
-    if "up" in top:
-        settings["up"] = top["up"].text()
-    scene = root.call(Scene, meshes, camera=camera, **settings)
-    if framing is not None:
-        top["camera"].call(Camera.framing, scene.meshes[0], up=scene.up, **framing)
-    return SceneFile(scene, _options(top.get("options")), framing, unshadowed)
-
-
-def _options(entry) -> dict:
-    """The options of a picture; lists become tuples, the values are looked at where the picture is made."""
-    if entry is None:
-        return {}
-    items = entry.table(OPTIONS).items()
-    for size in [item for key, item in items if key == "size" and item.value is not None]:
-        size.call(picture_size, size.value if isinstance(size.value, list) else (size.value, size.value))
-    values = {key: item.value for key, item in items if item.value is not None}
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
-
-
-# --- text to tables -----------------------------------------------------------------------------------------
-
-
-def _read(source) -> tuple[str, bytes, Path]:
-    """Return name, bytes and folder of a source."""
-    if isinstance(source, (bytes, bytearray, memoryview)):
-        return "scene", bytes(source), Path()
-    try:
-        if hasattr(source, "read"):
-            label = getattr(source, "name", None)
-            name = label if isinstance(label, str) else "scene"
-            data = source.read()
-            return (
-                name,
-                data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data),
-                Path(name).parent,
-            )
-        path = Path(os.fsdecode(source))
-        return str(path), read_named(path), path.parent
-    except FileNotFoundError:
-        raise ModelError(f"{path}: no such file") from None
-    except (OSError, ValueError, TypeError) as fault:
-        what = source if isinstance(source, (str, os.PathLike)) else shown(source)
-        raise ModelError(f"{what}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
-
-
-def _parse(data, format, name):
-    """Parse the text of a scene file."""
-    if not data.strip():
-        raise ModelError(f"{name}: the file is empty")
-    most = MOST_TOML if format == "toml" else MOST_JSON
-    if len(data) > most:
-        raise ModelError(
-            f"{name}: {len(data)} bytes; one in {format.upper()} may have {most}: arrays go into .npz files"
-        )
-    try:
-        text = data.decode("utf-8-sig")
-        if format == "toml":
-            _check_names(text, name)
-            return _toml(name).loads(text.replace("\r\n", "\n"))
-        return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
-    except UnicodeDecodeError as fault:
-        raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
-    except RecursionError as fault:
-        raise ModelError(f"{name}: lists or tables are nested too deeply") from fault
-    except ValueError as fault:  # those of json and tomllib, and too many digits
-        raise ModelError(f"{name}: is not legal {format.upper()}: {' '.join(str(fault).split())[:200]}") from fault
-
-
-def _check_names(text, name) -> None:
-    """Raise ModelError for dotted names of TOML that are so long that parsing them would take minutes."""
-    for piece in re.split(r"[\n,=\[\]{}]", text):
-        if piece.count(".") > MOST_DOTS:
-            raise ModelError(f"{name}: a name or text in TOML may have up to {MOST_DOTS} dots; given {shown(piece)}")
-
-
-def _without_duplicates(pairs) -> dict:
-    """Make a table of JSON, whose keys may be there once only; of two, json itself would drop one silently."""
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        seen = set()
-        twice = next(key for key, _ in pairs if key in seen or seen.add(key))
-        raise ValueError(f"duplicate key {shown(twice)}")
-    return table
-
-
-def _refuse(word):
-    raise ValueError(f"{word} is no number of JSON")
-
-
-def _toml(name):
-    """The parser of TOML: Python's own from 3.11 on, else its elder copy."""
-    try:
-        import tomllib  # new in Python 3.11
-    except ImportError:
+    def __init__(self, stream, name: str):
+        self._name, self._found = name, {}
         try:
-            import tomli as tomllib  # an optional package
-        except ImportError:
-            raise ModelError(
-                f"{name}: TOML needs Python 3.11, or tomli: pip install tomli; JSON needs neither"
-            ) from None
-    return tomllib
+            self._archive = zipfile.ZipFile(stream)
+            members = self._archive.infolist()
+            self._archive.fp.seek(0, os.SEEK_END)
+            limit = max(MAX_UNPACKED, MAX_RATIO * self._archive.fp.tell())
+        except _FAULTS as fault:
+            raise self._fault(fault) from fault
+        total = sum(member.file_size for member in members)
+        if total > limit:
+            raise ModelError(f"{name}: its arrays would take {total} bytes; an .npz file of its size may have {limit}")
+        self.n_byte = total  # of all arrays
+        self._members = {member.filename.removesuffix(".npy"): member for member in members}
+
+    def _fault(self, fault) -> ModelError:
+        reason = " ".join(str(fault).split())[:200] or type(fault).__name__
+        return ModelError(f"{self._name}: can't be read as .npz ({reason})")
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    def __iter__(self):
+        return iter(self._members)
+
+    def __contains__(self, key) -> bool:
+        return key in self._members
+
+    def __getitem__(self, key) -> np.ndarray:
+        if key not in self._found:
+            try:
+                self._found[key] = self._read(self._members[key])
+            except _FAULTS as fault:
+                raise self._fault(fault) from fault
+        return self._found[key]
+
+    def _read(self, member) -> np.ndarray:
+        """Unpack one array, whose header must ask for what the member holds, and no more."""
+        check_member(member)
+        with self._archive.open(member) as stream:
+            version = npy.read_magic(stream)
+            read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+            shape, is_fortran, dtype = read_header(stream)
+            if dtype.hasobject or dtype.names or dtype.kind not in "biuf":
+                raise ValueError(f"{member.filename} holds no numbers, but {str(dtype)[:40]}")
+            length = math.prod(shape) * dtype.itemsize
+            if min(shape, default=0) < 0 or length > member.file_size:
+                raise ValueError(
+                    f"{member.filename} must hold {length} bytes for its shape, and has {member.file_size}"
+                )
+            data = stream.read(length)
+            if len(data) < length:
+                raise ValueError(f"{member.filename} is cut off")
+        return np.frombuffer(data, dtype).reshape(shape, order="F" if is_fortran else "C")

@@ -45,14 +45,14 @@ def report(n_done: int, n: int, what: str) -> None:
 
 
 LEAD = 24  # so that the eight letters before the end of a word are there, three times
-MOST_DIGITS = 18  # of a whole number within int64
+MAX_DIGITS = 18  # of a whole number within int64
 BLANK, NEWLINE = b" \n"
 _BLANKS = bytes.maketrans(b"\t\n\v\f\r", b" " * 5)  # what C's isspace calls so
 _BLOCK = 1 << 18  # letters read in one go: their arrays stay in the cache
 _SHORT = 1 << 8  # letters of a text whose words are sooner read one by one
 _DIGIT, _PLUS, _MINUS, _POINT = b"0+-."
 _NEVER = re.compile(rb"[+-]?nan\(.*\)", re.IGNORECASE)  # what C libraries write for what is no number
-_POWERS = 10 ** np.arange(MOST_DIGITS + 1)
+_POWERS = 10 ** np.arange(MAX_DIGITS + 1)
 _BYTES = 0x0101010101010101
 # The highest bit of a byte is set above 9 once 0x76 is added, if it wasn't before.
 _ZEROS, _TO_HIGH, _HIGH = (np.uint64(byte * _BYTES) for byte in (_DIGIT, 0x76, 0x80))
@@ -99,7 +99,7 @@ def divide(words: Words, separator: bytes) -> Words:
 
 
 def read_integers(words: Words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Read words as whole numbers, with or without a sign, of up to MOST_DIGITS digits; an empty word is 0.
+    """Read words as whole numbers, with or without a sign, of up to MAX_DIGITS digits; an empty word is 0.
 
     Returns
     -------
@@ -186,8 +186,8 @@ def _read_digits(letters, ends, n_digit, n_tail=None) -> tuple[NDArray[np.int64]
     values : (n,) int64, and is_whole : (n,) bool, False for what has another letter than a digit, or too many
     """
     eights = np.ndarray(len(letters) - 7, "<u8", letters, 0, (1,))  # the eight letters from each place on
-    values, is_whole = np.zeros(len(ends), np.int64), n_digit <= MOST_DIGITS
-    for done in range(0, min(int(n_digit.max(initial=0)), MOST_DIGITS), 8):
+    values, is_whole = np.zeros(len(ends), np.int64), n_digit <= MAX_DIGITS
+    for done in range(0, min(int(n_digit.max(initial=0)), MAX_DIGITS), 8):
         places = ends - (done + 8)
         eight = eights[places]
         if n_tail is not None:  # what stands before the point moves up by one letter

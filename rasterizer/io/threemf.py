@@ -1,63 +1,49 @@
-"""Read 3MF: a zip file with a model in XML.
+"""Read 3MF by lib3mf, the reference implementation of its consortium: meshes, placed, with colours and materials.
 
-    _rels/.rels          names the part to begin with, as a rule this one:
-    3D/3dmodel.model     resources: objects, each a mesh or a list of components (other objects, placed)
-                         build: objects, placed
-    the part of a path   a component may name an object of another .model part of the file (production extension)
+    bytes ─ zip members, counted ─ lib3mf ─ build items ─ components ─ meshes, each as often as it is built
+                                                                       └ properties: a look for each triangle
 
-Matrices have 12 numbers, the columns of the affine one: the first three are where x goes. Colours, materials and
-textures: see `threemf_properties`. Lengths are in the file's unit, which is said.
-The zip's directory tells how large each part is before one is unpacked; a document type (entities) is refused, and
-objects may be repeated for up to `gltf.MOST_COPIES` triangles more than the file holds.
-Format: 3MF Consortium, Core Specification 1.3, 2021.
+What a triangle looks like is a property of a group:
+
+    base materials       a name and a display colour each: a material; its alpha is the opacity
+    colours              one for each corner of a triangle
+    texture coordinates  of a picture
+    composites           mixtures of base materials: the mean of their colours, weighted by their shares
+    multi-properties     layers of the others: colours are mixed by the upper one's alpha, or multiplied; the first of
+                         a picture counts alone
+
+lib3mf is strict, and it isn't everywhere: without it, or where it refuses a file, trimesh reads the shapes alone, which
+is said. Lengths are in the file's unit, which is said, too. Objects may be repeated for up to `MAX_COPIES` triangles
+more than the file holds.
+Formats: 3MF Consortium, Core Specification 1.3, 2021; Materials and Properties Extension 1.2, 2021.
 """
 
-import zipfile
-import zlib
-from array import array
+import re
 from io import BytesIO
 from typing import NamedTuple
-from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ModelError
-from .gltf import MOST_COPIES
-from .model_file import Contents, ModelFile, Part
-from .threemf_properties import UNSET, PropertyGroups, paint
+from ..errors import ModelError, warn_caller
+from ..scene.color import linear_from_srgb_bytes
+from ..scene.material import Material
+from ..scene.texture import Budget, Texture, read_picture
+from . import formats
+from .gltf import MAX_COPIES
+from .model_file import WHITE, Contents, ModelFile, Part
+from .other_formats import DEEPEST, check_3mf, cut, most_steps, read_by_trimesh, unpacked
 
-MOST_UNPACKED = 2**28  # bytes of XML of any file
-MOST_RATIO = 40  # of bytes of XML to bytes of the file, beyond MOST_UNPACKED: text of numbers packs to a tenth
-_DEEPEST = 100  # components within components
-_IGNORED = ("beamlattice", "slicestack", "displacementmesh", "booleans", "volumetricstack", "levelset")
-_FAULTS = (
-    ValueError,
-    LookupError,
-    TypeError,
-    OSError,
-    RuntimeError,
-    EOFError,
-    ArithmeticError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-
-
-class _Item(NamedTuple):
-    """An object that is placed: by a component or by the build."""
-
-    part: str
-    number: str
-    matrix: np.ndarray  # (4, 4)
-
-
-class _Object:
-    """An object: its own triangles, and other objects."""
-
-    def __init__(self, attributes):
-        self.name, self.attributes = attributes.get("name", ""), attributes
-        self.vertices, self.corners, self.components = array("d"), array("q"), []
-        self.marks = array("q")  # of triangles with properties of their own: triangle, group, a property a corner
+_LEAST_UNPACKED = 2**25  # bytes that the members of any file may have
+# Without one of these, nothing in a model is shown twice and no entity stands for others; zeros are those of UTF-16.
+_LOOKED_AT = (b"component", b"<!DOCTYPE", b"\0")
+_MIXED = re.compile(rb"""matindices\s*=\s*["']([^"']*)""")
+_UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
+_WRAPS = ("repeat", "mirror", "clamp", "clamp")
+_NEAREST = 2
+_MULTIPLY = 1  # what lib3mf 2.5 returns, though its own list of names says 2
+_BASE, _TEXTURE, _COLORS, _COMPOSITE, _MULTI = 1, 2, 3, 4, 5  # lib3mf's types of properties
+_MAX_LAYERED = 2**20  # colours in the layers of all multi-properties, or in all composites
+_NO_LOOK = 0  # lib3mf's number of no group
 
 
 def read_3mf(model: ModelFile) -> Contents:
@@ -67,205 +53,271 @@ def read_3mf(model: ModelFile) -> Contents:
     -------
     Contents whose parts are pairs (part, world_from_object (4, 4) float64), one for each time that a mesh is built
 
-    Raises ModelError for a file that is damaged, or asks for too much.
+    Raises
+    ------
+    ModelError : a file that is damaged, or asks for too much; or no package is there that reads it
+
+    Warns
+    -----
+    UserWarning : colours are left out, or a texture can't be read
     """
+    members = unpacked(model, _LEAST_UNPACKED)
+    if any(word in text for text in members.values() for word in _LOOKED_AT):
+        check_3mf(model, members)
     try:
-        with zipfile.ZipFile(BytesIO(model.data)) as archive:
-            parts = _unpack(archive, len(model.data))
-            main, left_out = _find_start(archive, parts), set()
-
-            def read(name):
-                return _read_member(archive, name)
-
-            readers = {
-                name: _Reader(name, text, PropertyGroups(read, left_out, model.name)) for name, text in parts.items()
-            }
-            placed = _placed(readers, main)
-    except expat.ExpatError as fault:
-        raise model.error(f"not a readable 3MF file (its XML: {fault})") from fault
-    except ModelError as fault:
-        raise model.error(str(fault)) from fault
-    except _FAULTS as fault:
-        reason = " ".join(str(fault).split())[:200] or type(fault).__name__
-        raise model.error(f"not a readable 3MF file ({reason})") from fault
-    others = sorted({f"'{word}' elements" for reader in readers.values() for word in reader.ignored})
-    unit = readers[main].unit
-    return Contents(placed, facts=(f"unit {unit}",), left_out=(*sorted(left_out), *others))
-
-
-def _read_member(archive, name) -> bytes:
-    """Return a file in the zip file, whatever the case of its name."""
-    member = next((each for each in archive.infolist() if each.filename.lower() == name.lower()), None)
-    if member is None:
-        raise LookupError(f"there is no '{name[:80]}' in it")
-    if member.file_size > MOST_UNPACKED:
-        raise ValueError(f"'{name[:80]}' would take {member.file_size} bytes; {MOST_UNPACKED} are the most")
-    return archive.read(member)
-
-
-def _unpack(archive, length) -> dict[str, bytes]:
-    """Return the .model parts by name, once their sizes have been looked at."""
-    members = [member for member in archive.infolist() if member.filename.lower().endswith(".model")]
-    total, limit = sum(member.file_size for member in members), max(MOST_UNPACKED, MOST_RATIO * length)
-    if total > limit:
-        raise ValueError(f"its models would take {total} bytes; a file of its size may have {limit}")
-    if any(member.flag_bits & 1 for member in members):
-        raise ValueError("it is encrypted")
-    return {member.filename: archive.read(member) for member in members}
-
-
-def _find_start(archive, parts) -> str:
-    """Return the name of the part to begin with: what the file's relationships say, or the usual name.
-
-    Format: ISO/IEC 29500-2, Open Packaging Conventions, 2021, 6.5.
-    """
-    targets = []
-
-    def take(tag, attributes):
-        if tag.rpartition("|")[2] == "Relationship" and attributes.get("Type", "").endswith("/3dmodel"):
-            targets.append(attributes.get("Target", "").lstrip("/"))
-
-    try:
-        _parse(_read_member(archive, "_rels/.rels"), take)
-    except LookupError:
-        pass  # it should be there; the model is found without it
-    names = {name.lower(): name for name in parts}
-    usual = [name for name in names if name.endswith("3dmodel.model")]
-    for name in (*(target.lower() for target in targets), *usual):
-        if name in names:
-            return names[name]
-    raise ValueError(f"there is no {targets[0][:80] if targets else '3D/3dmodel.model'} in it")
-
-
-def _parse(text, start, end=None) -> None:
-    """Read XML: call `start` with the name of each element and its attributes, and `end` with its name."""
-
-    def begin(tag, attributes):
+        from lib3mf import Lib3MF, get_wrapper
+    except (ImportError, OSError):  # there may be no binary for this system
+        reason = f"lib3mf is missing ({formats.EXTRA})"
+    else:
+        loaded = get_wrapper().CreateModel()
         try:
-            start(tag, attributes)
-        except KeyError as fault:
-            raise ValueError(f"a '{tag.rpartition('|')[2][:40]}' element has no {fault}") from fault
+            loaded.QueryReader("3mf").ReadFromBuffer(model.data)
+            return _contents_of(model, loaded, members)
+        except Lib3MF.ELib3MFException as fault:
+            reason = f"lib3mf refuses the file ({cut(fault)})"
+        except ValueError as fault:
+            raise model.error(cut(fault)) from fault
+    contents = read_by_trimesh(model, members)
+    if contents.left_out:
+        warn_caller(f"{model.name}: {', '.join(contents.left_out)} are left out: {reason}")
+    return contents
 
-    parser = expat.ParserCreate(namespace_separator="|")
-    parser.StartElementHandler, parser.EndElementHandler, parser.StartDoctypeDeclHandler = begin, end, _refuse
-    parser.Parse(text, True)
 
-
-def _refuse(*_):
-    raise ValueError("a document type is not legal in 3MF")
-
-
-class _Reader:
-    """Read the objects, properties and build of one .model part."""
-
-    def __init__(self, name, text, properties):
-        self.name, self.objects, self.build, self._open = name, {}, [], None
-        self.properties, self.groups, self.unit, self.ignored = properties, [], "millimeter", set()
-        self._numbers = {}  # of the groups that triangles name, in `groups`
-        _parse(text, self._start, self._end)
-
-    def _start(self, tag, attributes):
-        word = tag.rpartition("|")[2]
-        if word == "vertex" and self._open:
-            self._open.vertices.extend(float(attributes[key]) for key in "xyz")
-        elif word == "triangle" and self._open:
-            self._open.corners.extend(int(attributes[key]) for key in ("v1", "v2", "v3"))
-            if "p1" in attributes or "pid" in attributes:
-                self._mark(attributes)
-        elif word == "object":
-            self._open = self.objects[attributes["id"]] = _Object(attributes)
-        elif word == "component" and self._open:
-            self._open.components.append(self._item(attributes))
-        elif word == "item":
-            self.build.append(self._item(attributes))
-        elif word == "model":
-            self.unit = attributes.get("unit", self.unit)[:20]
-        elif word in _IGNORED:
-            self.ignored.add(word)
+def _contents_of(model, loaded, members) -> Contents:
+    """Follow what lib3mf has read from the build down to the meshes."""
+    looks, parts, placed = _Looks(model, loaded, members), {}, []
+    waiting = [(item, np.eye(4), 0) for item in _listed(loaded.GetBuildItems())]
+    n_step = n_copy = 0
+    while waiting:
+        item, matrix, depth = waiting.pop()
+        thing, number = item.GetObjectResource(), item.GetObjectResourceID()
+        n_step += 1
+        if depth > DEEPEST or n_copy > MAX_COPIES or n_step > most_steps(model):
+            raise ValueError(f"its components are nested more than {DEEPEST} deep, or repeat too many objects")
+        has_matrix = item.HasTransform() if depth else item.HasObjectTransform()
+        if has_matrix:
+            own = item.GetTransform() if depth else item.GetObjectTransform()
+            matrix = matrix @ _matrix(own)
+        if thing.IsComponentsObject():
+            whole = loaded.GetComponentsObjectByID(number)
+            children = [whole.GetComponent(k) for k in range(whole.GetComponentCount())]
+            waiting += [(child, matrix, depth + 1) for child in reversed(children)]
+        elif thing.IsMeshObject():
+            mesh = loaded.GetMeshObjectByID(number)
+            if number in parts:
+                n_copy += len(parts[number]["faces"])
+            else:
+                parts[number] = _part(mesh, looks)
+            placed.append((parts[number], matrix))
         else:
-            self.properties.start(word, attributes)
-
-    def _mark(self, attributes):
-        """Note the properties of a triangle; what it doesn't say, its object does."""
-        own = self._open.attributes
-        first = int(attributes.get("p1", own.get("pindex", 0)))
-        others = (int(attributes.get(key, first)) for key in ("p2", "p3"))
-        group = self.number_of(attributes.get("pid", own.get("pid")))
-        self._open.marks.extend((len(self._open.corners) // 3 - 1, group, first, *others))
-
-    def number_of(self, group) -> int:
-        """Return the number by which triangles know a group of properties; UNSET for none."""
-        if group is None:
-            return UNSET
-        if group not in self._numbers:
-            self._numbers[group] = len(self.groups)
-            self.groups.append(group)
-        return self._numbers[group]
-
-    def _end(self, tag):
-        word = tag.rpartition("|")[2]
-        if word == "object":
-            self._open = None
-        self.properties.end(word)
-
-    def _item(self, attributes) -> _Item:
-        path = next(
-            (value.lstrip("/") for key, value in attributes.items() if key.rpartition("|")[2] == "path"), self.name
-        )
-        return _Item(path, attributes["objectid"], _matrix(attributes.get("transform")))
+            looks.left_out.add("level sets")
+    placed = [(part, matrix) for part, matrix in placed if len(part["faces"])]
+    return Contents(placed, facts=(f"unit {_UNITS[int(loaded.GetUnit())]}",), left_out=tuple(sorted(looks.left_out)))
 
 
-def _matrix(text) -> np.ndarray:
-    """Return the matrix (4, 4) of a transform as it is written."""
+def _listed(iterator) -> list:
+    """Return what an iterator of lib3mf goes through, last first."""
+    found = []
+    while iterator.MoveNext():
+        found.append(iterator.GetCurrent())
+    return found[::-1]
+
+
+def _matrix(transform) -> np.ndarray:
+    """Return the matrix (4, 4) of a transform: the columns of the affine one, where x goes first."""
     matrix = np.eye(4)
-    if text is not None:
-        numbers = np.array([float(word) for word in text.split()])
-        if numbers.size != 12 or not np.isfinite(numbers).all():
-            raise ValueError(f"a transform must have 12 finite numbers; given {text[:60]!r}")
-        matrix[:3] = numbers.reshape(4, 3).T
+    matrix[:3] = np.frombuffer(transform.Fields, np.float32).reshape(4, 3).T
     return matrix
 
 
-def _placed(readers, main) -> list[tuple[Part, np.ndarray]]:
-    """Follow the build down to the meshes."""
-    parts, placed, n_copy = {}, [], 0
-    names = {name.lower(): name for name in readers}
-    waiting = [(item, np.eye(4), 0) for item in reversed(readers[main].build)]
-    n_step = 0
-    while waiting:
-        item, matrix, depth = waiting.pop()
-        reader = readers.get(names.get(item.part.lower(), ""))
-        if reader is None:
-            raise ValueError(f"there is no part '{item.part[:80]}' in it")
-        if item.number not in reader.objects:
-            raise ValueError(f"there is no object '{item.number[:40]}' in '{reader.name[:80]}'")
-        thing = reader.objects[item.number]
-        n_step += 1
-        n_copy += len(thing.corners) // 3 if (item.part, item.number) in parts else 0
-        if depth > _DEEPEST or n_copy > MOST_COPIES or n_step > MOST_COPIES // 64:
-            raise ValueError(f"its components are nested more than {_DEEPEST} deep, or repeat too many objects")
-        with np.errstate(all="ignore"):
-            matrix = matrix @ item.matrix
-        if thing.corners:
-            key = (item.part, item.number)
-            if key not in parts:
-                parts[key] = _part(thing, reader)
-            placed.append((parts[key], matrix))
-        waiting += [(each, matrix, depth + 1) for each in reversed(thing.components)]
-    return placed
+def _part(mesh, looks) -> Part:
+    """Make the part of a mesh object."""
+    vertices = np.frombuffer(b"".join(mesh.GetVertices()), np.float32).reshape(-1, 3).astype(np.float64)
+    faces = np.frombuffer(b"".join(mesh.GetTriangleIndices()), np.uint32).reshape(-1, 3).astype(np.int64)
+    part = {"vertices": vertices, "faces": faces, "name": mesh.GetName()}
+    group, own, has_own = mesh.GetObjectLevelProperty()
+    marks = np.frombuffer(b"".join(mesh.GetAllTriangleProperties()), np.uint32).reshape(-1, 4).astype(np.int64)
+    if len(marks) != len(faces):
+        marks = np.zeros((len(faces), 4), np.int64)
+    if has_own:
+        marks[marks[:, 0] == _NO_LOOK] = (group, own, own, own)
+    return part | _paint(looks, marks[:, 0], marks[:, 1:])
 
 
-def _part(thing, reader) -> Part:
-    """Make the part of an object's own triangles."""
-    vertices = np.frombuffer(thing.vertices, np.float64) if thing.vertices else np.empty(0)
-    faces = np.frombuffer(thing.corners, np.int64).reshape(-1, 3)
-    own = thing.attributes
-    groups = np.full(len(faces), reader.number_of(own.get("pid")))
-    indices = np.full((len(faces), 3), int(own.get("pindex", 0)))
-    if thing.marks:
-        marks = np.frombuffer(thing.marks, np.int64).reshape(-1, 5)
-        groups[marks[:, 0]], indices[marks[:, 0]] = marks[:, 1], marks[:, 2:]
-    used = [number for number in np.unique(groups).tolist() if number != UNSET]
-    properties = {number: reader.properties.find(reader.groups[number]) for number in used}
-    look = paint(len(faces), properties, groups, indices)
-    return {"vertices": vertices.reshape(-1, 3), "faces": faces, "name": thing.name, **look}
+class _Properties(NamedTuple):
+    """Some properties of a group."""
+
+    colors: np.ndarray  # (n, 4) uint8, sRGB and alpha
+    names: tuple[str, ...] = ()  # of base materials
+    uv: np.ndarray | None = None  # (n, 2) of a texture
+    texture: Texture | None = None
+
+
+class _Looks:
+    """The groups of properties of a file.
+
+    Parameters
+    ----------
+    model : ModelFile, for warnings
+    loaded : model of lib3mf
+    members : the bytes of the files in the zip file, by name
+
+    Attributes
+    ----------
+    left_out : set of texts, what isn't used
+    """
+
+    def __init__(self, model, loaded, members) -> None:
+        self.model, self.left_out = model, set()
+        self._loaded, self._members = loaded, {name.lower(): data for name, data in members.items()}
+        self._textures, self._budget, self._n_layered = {}, Budget(), 0
+        # lib3mf 2.5 takes the first materials of a group, whichever a composite names.
+        mixed = {words for text in members.values() for words in _MIXED.findall(text)}
+        self._are_mixes_right = all(words.split() == [b"%d" % k for k in range(len(words.split()))] for words in mixed)
+
+    def find(self, group: int, numbers: list[int]) -> _Properties | None:
+        """Return properties of a group by lib3mf's numbers of them; None for a group of a type that isn't read."""
+        found = int(self._loaded.GetPropertyTypeByID(group))
+        if found == _BASE:
+            source = self._loaded.GetBaseMaterialGroupByID(group)
+            return _Properties(_rows(map(source.GetDisplayColor, numbers)), tuple(map(source.GetName, numbers)))
+        if found == _COLORS:
+            colors = _rows(map(self._loaded.GetColorGroupByID(group).GetColor, numbers))
+            if (colors[:, 3] < 255).any():
+                self.left_out.add("the alpha of colors")
+            return _Properties(colors)
+        if found == _TEXTURE:
+            source = self._loaded.GetTexture2DGroupByID(group)
+            places = [source.GetTex2Coord(number) for number in numbers]
+            uv = np.array([(place.U, place.V) for place in places]).reshape(-1, 2)
+            white = np.full((len(numbers), 4), 255, np.uint8)
+            return _Properties(white, uv=uv, texture=self._texture(source.GetTexture2D()))
+        if found == _COMPOSITE and self._are_mixes_right:
+            return self._composites(self._loaded.GetCompositeMaterialsByID(group), numbers)
+        if found == _MULTI:
+            return self._layers(self._loaded.GetMultiPropertyGroupByID(group), numbers)
+        self.left_out.add(f"the group of properties {group}")
+        return None
+
+    def _count(self, n: int) -> None:
+        """Count colours that are there because groups name others; ValueError where there are too many."""
+        self._n_layered += n
+        if self._n_layered > _MAX_LAYERED:
+            raise ValueError(f"its composites and layers mix more than {_MAX_LAYERED} colours")
+
+    def _composites(self, source, numbers) -> _Properties:
+        base, mixed = source.GetBaseMaterialGroup(), []
+        for number in numbers:
+            shares = source.GetComposite(number)
+            self._count(len(shares))
+            colors = _rows(base.GetDisplayColor(share.PropertyID) for share in shares)
+            linear = np.concatenate([linear_from_srgb_bytes(colors[:, :3]), colors[:, 3:] / 255.0], axis=1)
+            weights = np.array([share.MixingRatio for share in shares])
+            mixed.append(weights @ linear / weights.sum() if weights.sum() > 0.0 else np.ones(4))
+        return _Properties(_encoded(np.array(mixed)))
+
+    def _layers(self, source, numbers) -> _Properties | None:
+        layers = [source.GetLayer(k) for k in range(source.GetLayerCount())]
+        self._count(len(numbers) * len(layers))
+        # lib3mf 2.5 asks for room, though it is asked how much it needs.
+        rows = [source.GetMultiProperty(number, [0] * len(layers)) for number in numbers]
+        found = None
+        for k, layer in enumerate(layers):
+            above = self.find(layer.ResourceID, [row[k] for row in rows])
+            if found is None or above is None:
+                found = found or above
+            elif found.texture is not None or above.texture is not None:
+                self.left_out.add("layers over or under pictures")
+            else:
+                found = _Properties(_blended(found.colors, above.colors, layer.TheBlendMethod == _MULTIPLY))
+        return found
+
+    def _texture(self, source) -> Texture | None:
+        """Return the picture of a texture; None, and a UserWarning, where it can't be read."""
+        number = source.GetUniqueResourceID()
+        if number not in self._textures:
+            name = source.GetAttachment().GetPath().lstrip("/")
+            try:
+                data = self._members.get(name.lower())
+                if data is None:
+                    raise ModelError(f"there is no '{name[:80]}' in it")
+                pixels = read_picture(BytesIO(data), f"texture '{name[:80]}'", self._budget)
+                self._budget.take(pixels.shape[0] * pixels.shape[1], f"texture '{name[:80]}'")
+                wraps = tuple(_WRAPS[int(style)] for style in source.GetTileStyleUV())
+                filtered = "nearest" if int(source.GetFilter()) == _NEAREST else "trilinear"
+                self._textures[number] = Texture(pixels, filter=filtered, wrap=wraps, name=name[:80])
+            except ModelError as fault:
+                warn_caller(f"{self.model.name}: the texture can't be read ({fault}); its triangles are drawn white")
+                self._textures[number] = None
+        return self._textures[number]
+
+
+def _paint(looks: _Looks, groups: np.ndarray, numbers: np.ndarray) -> Part:
+    """Return the fields of a part that say what its triangles look like.
+
+    Parameters
+    ----------
+    groups : (n_face,) int64, number of each triangle's group, _NO_LOOK where it has none
+    numbers : (n_face, 3) int64, the property at each corner
+    """
+    n_face = len(groups)
+    palette, face_material = {}, np.zeros(n_face, np.int32)
+    colors, uv = np.full((n_face, 3, 3), 255, np.uint8), None
+
+    def number_of(material):
+        return palette.setdefault(material, len(palette))
+
+    order = np.argsort(groups, kind="stable")
+    for faces in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1) if n_face else ():
+        group = int(groups[faces[0]])
+        used, rows = np.unique(numbers[faces], return_inverse=True)
+        rows = rows.reshape(-1, 3)
+        found = None if group == _NO_LOOK else looks.find(group, used.tolist())
+        if found is None:
+            face_material[faces] = number_of(Material())
+        elif found.names:  # one for the whole triangle
+            kept, which = np.unique(rows[:, 0], return_inverse=True)
+            face_material[faces] = np.array([number_of(_base(found, row)) for row in kept.tolist()])[which.reshape(-1)]
+        elif found.uv is not None:
+            uv = np.zeros((n_face, 3, 2)) if uv is None else uv
+            face_material[faces] = number_of(Material(diffuse=1.0, texture=found.texture))
+            uv[faces] = found.uv[rows]
+        else:
+            face_material[faces] = number_of(WHITE)
+            colors[faces] = found.colors[rows, :3]
+    part = {"material": next(iter(palette), Material())}
+    if len(palette) > 1:
+        part = {"materials": tuple(palette), "face_material": face_material}
+    if uv is not None:
+        part["uv"] = uv
+    if (colors < 255).any():
+        is_even = (colors == colors[:, :1]).all()
+        part |= {"face_colors": colors[:, 0]} if is_even else {"colors": colors}
+    return part
+
+
+def _base(found, row) -> Material:
+    """Return the material that a base material is."""
+    diffuse = linear_from_srgb_bytes(found.colors[row : row + 1, :3])[0]
+    return Material(diffuse=tuple(diffuse.tolist()), opacity=float(found.colors[row, 3]) / 255.0, name=found.names[row])
+
+
+def _rows(colors) -> np.ndarray:
+    """Return colours of lib3mf as (n, 4) uint8."""
+    return np.frombuffer(b"".join(colors), np.uint8).reshape(-1, 4)
+
+
+def _blended(below, above, is_product) -> np.ndarray:
+    """Put colours (n, 4) above others."""
+    below, above = below.astype(np.float64), above.astype(np.float64)
+    alpha = above[:, 3:] / 255.0
+    found = below * above / 255.0 if is_product else below + (above - below) * alpha
+    found[:, 3] = below[:, 3] if is_product else np.maximum(below[:, 3], above[:, 3])
+    return np.rint(found).astype(np.uint8)
+
+
+def _encoded(linear) -> np.ndarray:
+    """Return linear colours (n, 4) within 0..1 as sRGB bytes: IEC 61966-2-1."""
+    srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)
+    srgb[:, 3] = linear[:, 3]
+    return np.rint(255.0 * np.clip(srgb, 0.0, 1.0)).astype(np.uint8)

@@ -118,12 +118,12 @@ def _unique_bits(bits, mixed) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     if np.array_equal(bits[found[0]][found[1]], bits):
         return found
     # Two different rows share a hash.
-    _, first, kinds, counts = np.unique(bits, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    return _in_order(first, np.argsort(kinds.reshape(-1), kind="stable"), counts)
+    _, first, numbers, counts = np.unique(bits, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    return _in_order(first, np.argsort(numbers.reshape(-1), kind="stable"), counts)
 
 
 def _in_order(first, order, counts) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Number kinds of rows by their first row; `order` lists the rows kind by kind, `counts` says how many each has."""
+    """Number different rows by the first of each; `order` lists equal rows together, `counts` how many there are."""
     is_first = np.zeros(len(order), bool)
     is_first[first] = True
     rank = np.cumsum(is_first, dtype=np.uint32)

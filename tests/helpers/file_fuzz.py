@@ -42,7 +42,9 @@ from helpers.model_bytes import (
     metal_gltf,
     rich_gltf,
     threemf,
+    zipped,
 )  # fmt: skip
+from helpers.other_models import XAML, dae, threedxml
 from rasterizer.io.scene_file import read_scene
 from rasterizer.scene.texture import ENVIRONMENT
 
@@ -378,6 +380,10 @@ def seeds() -> dict[str, list[bytes]]:
         "glb": [GLB, exported(trimesh.Scene([box(), colored]), "glb")],
         "gltf": [gltf_with(lambda tree, primitive: None), rich_gltf(), metal_gltf()],
         "3mf": [threemf(), threemf(COLORED_THREEMF, **{"3D/a.png": picture()})],
+        "dae": [dae().encode(), dae(diffuse="<color>1 0 0 1</color>").encode()],
+        "zae": [zipped({"a.dae": dae(), "wood.png": picture()})],
+        "3dxml": [threedxml()],
+        "xaml": [XAML.encode()],
     }  # fmt: skip
 
 
@@ -460,6 +466,13 @@ def _xml(random):
     return "m.3mf", {"m.3mf": threemf(text, **{"3D/a.png": picture()})}
 
 
+def _rep(random):
+    """A 3DXML file with a damaged document."""
+    name = ("Manifest.xml", "p.3dxml", "a.3DRep")[int(random.integers(0, 3))]
+    with zipfile.ZipFile(io.BytesIO(threedxml())) as archive:
+        return "m.3dxml", {"m.3dxml": threedxml(**{name: damaged(random, archive.read(name))})}
+
+
 def _scene_files():
     return {"a.npz": npz(arrays()), "wood.png": picture(), "part.obj": OBJ, "a.mtl": MTL}
 
@@ -497,12 +510,14 @@ def _npz(random):
     return "m.json", {"m.json": json.dumps(scene).encode(), "a.npz": data}
 
 
-MAKERS = {format: _plain(format) for format in ("stl", "ply", "off", "glb", "gltf", "3mf")} | {
+_PLAIN = ("stl", "ply", "off", "glb", "gltf", "3mf", "dae", "zae", "3dxml", "xaml")
+MAKERS = {format: _plain(format) for format in _PLAIN} | {
+    "rep": _rep,
     "obj": _obj, "lines": _lines, "mtl": _mtl, "texture": _texture, "tree": _tree, "chunk": _chunk, "xml": _xml,
     "json": _json,
     "json text": _json_text, "toml": _toml, "npz": _npz,
 }  # fmt: skip
-WEIGHTS = {"stl": 0.5, "glb": 0.5, "3mf": 0.5, "json text": 0.5, "json": 2.0, "tree": 2.0}
+WEIGHTS = {"stl": 0.5, "glb": 0.5, "3mf": 0.5, "zae": 0.3, "3dxml": 0.3, "json text": 0.5, "json": 2.0, "tree": 2.0}
 
 
 if __name__ == "__main__":

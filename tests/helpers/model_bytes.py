@@ -120,22 +120,24 @@ def metal_gltf() -> bytes:
     return gltf_with(change)
 
 
-COLORED_THREEMF = """<model unit="inch"><resources>
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+MATERIALS = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
+COLORED_THREEMF = f"""<model unit="inch" xmlns="{CORE}" xmlns:m="{MATERIALS}"><resources>
 <basematerials id="1"><base name="a" displaycolor="#805020"/><base name="b" displaycolor="#FFFFFF80"/></basematerials>
-<colorgroup id="2"><color color="#FF0000"/><color color="#00ff0080"/></colorgroup>
-<texture2d id="3" path="/3D/a.png" contenttype="image/png" tilestyleu="mirror"/>
-<texture2dgroup id="4" texid="3"><tex2coord u="0" v="0"/><tex2coord u="1" v="0.5"/></texture2dgroup>
-<compositematerials id="5" matid="1" matindices="0 1"><composite values="1 2"/></compositematerials>
-<multiproperties id="6" pids="2 5" blendmethods="multiply"><multi pindices="1 0"/></multiproperties>
+<m:colorgroup id="2"><m:color color="#FF0000"/><m:color color="#00ff0080"/></m:colorgroup>
+<m:texture2d id="3" path="/3D/a.png" contenttype="image/png" tilestyleu="mirror"/>
+<m:texture2dgroup id="4" texid="3"><m:tex2coord u="0" v="0"/><m:tex2coord u="1" v="0.5"/></m:texture2dgroup>
+<m:compositematerials id="5" matid="1" matindices="0 1"><m:composite values="0.25 0.75"/></m:compositematerials>
+<m:multiproperties id="6" pids="5 2" blendmethods="multiply"><m:multi pindices="0 1"/></m:multiproperties>
 <object id="9" pid="1" pindex="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
 <vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
-<triangle v1="0" v2="1" v3="3" pid="2" p1="0" p2="1" p3="0"/><triangle v1="1" v2="2" v3="3" pid="4" p1="0" p2="1"/>
-<triangle v1="2" v2="0" v3="3" pid="5" p1="0"/><triangle v1="2" v2="0" v3="3" pid="6" p1="0"/></triangles></mesh>
-</object></resources><build><item objectid="9"/></build></model>
+<triangle v1="0" v2="1" v3="3" pid="2" p1="0" p2="1" p3="0"/><triangle v1="1" v2="2" v3="3" pid="4" p1="0" p2="1"
+p3="1"/><triangle v1="2" v2="0" v3="3" pid="5" p1="0"/><triangle v1="2" v2="0" v3="3" pid="6" p1="0"/></triangles>
+</mesh></object></resources><build><item objectid="9"/></build></model>
 """
 
-THREEMF = """<?xml version="1.0" encoding="UTF-8"?>
-<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
+THREEMF = f"""<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xmlns="{CORE}"><resources>
 <object id="1" name="tip" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
 <vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
 <triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh>
@@ -144,14 +146,42 @@ THREEMF = """<?xml version="1.0" encoding="UTF-8"?>
 </resources><build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 10 0"/><item objectid="1"/></build></model>
 """
 
+_TYPES = (
+    '<?xml version="1.0" encoding="UTF-8"?>'
+    '<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
+    '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
+    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>'
+    '<Default Extension="png" ContentType="image/png"/></Types>'
+)
 
-def threemf(text=THREEMF, name="3D/3dmodel.model", **others) -> bytes:
-    """Return a 3MF file of one model part, and of other files by name."""
+
+def relationships(**targets) -> str:
+    """Return the relationships of a 3MF file: names of types, and what they point to."""
+    start = "http://schemas.microsoft.com/3dmanufacturing/2013/01/"
+    links = "".join(
+        f'<Relationship Target="{target}" Id="r{k}" Type="{start}{name}"/>'
+        for k, (name, target) in enumerate(targets.items())
+    )
+    names = "http://schemas.openxmlformats.org/package/2006/relationships"
+    return f'<?xml version="1.0" encoding="UTF-8"?><Relationships xmlns="{names}">{links}</Relationships>'
+
+
+def zipped(contents: dict, method=zipfile.ZIP_DEFLATED) -> bytes:
+    """Return a zip file of contents by name, of a fixed date."""
     stream = BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path, content in {"[Content_Types].xml": "<Types/>", name: text, **others}.items():
-            archive.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)  # of a fixed date
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        for path, content in contents.items():
+            archive.writestr(zipfile.ZipInfo(path), content, method)
     return stream.getvalue()
+
+
+def threemf(text=THREEMF, name="3D/3dmodel.model", *, method=zipfile.ZIP_DEFLATED, **others) -> bytes:
+    """Return a 3MF file of one model part, and of other files by name; its textures are pictures among them."""
+    pictures = [each for each in others if each.endswith(".png")]
+    usual = {"[Content_Types].xml": _TYPES, "_rels/.rels": relationships(**{"3dmodel": f"/{name}"}), name: text}
+    if pictures:
+        usual["3D/_rels/3dmodel.model.rels"] = relationships(**{"3dtexture": f"/{pictures[0]}"})
+    return zipped(usual | others, method)
 
 
 GLB = exported(trimesh.Scene(box()), "glb", include_normals=False)

@@ -16,8 +16,8 @@ from helpers.refusals import assert_refused
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.io.gltf import MOST_COPIES
-from rasterizer.io.scene_file import MOST_DOTS, MOST_TOML, read_scene
+from rasterizer.io.gltf import MAX_COPIES
+from rasterizer.io.scene_file import MAX_DOTS, MAX_TOML, read_scene
 from rasterizer.scene.texture import ENVIRONMENT, Texture, read_picture
 
 
@@ -206,9 +206,9 @@ def test_arrays_that_are_used_again_and_again_are_counted(tmp_path):
     n = 2**19
     arrays = {"mesh0_vertices": np.eye(3), "mesh0_faces": np.tile(np.arange(3, dtype=np.uint8), (n, 1))}
     (tmp_path / "a.npz").write_bytes(npz(arrays))
-    most = (MOST_COPIES + 3 * n) // n
+    most = (MAX_COPIES + 3 * n) // n
     table = {"meshes": [{"arrays": "a.npz", "mesh": 0}] * (most + 4)}
-    with pytest.raises(rz.ModelError, match=f"used for more than {MOST_COPIES} triangles"):
+    with pytest.raises(rz.ModelError, match=f"used for more than {MAX_COPIES} triangles"):
         read_scene(json.dumps(table).encode(), tmp_path)
 
 
@@ -229,13 +229,13 @@ def test_large_numbers_of_polygons_and_groups_take_no_room():
 
 
 def test_text_that_would_take_long_is_refused(tmp_path):
-    dots = f"up to {MOST_DOTS} dots"
+    dots = f"up to {MAX_DOTS} dots"
     nested = "nested too deeply|not legal JSON"
     texts = {
         "a key of many dots": ("x.toml", ".".join(["a"] * 100_000) + " = 1", dots),
         "a table of many dots": ("x.toml", "[" + " . ".join(["a"] * 100_000) + "]", dots),
         "an inline table of many dots": ("x.toml", "t = {" + ".".join(['"a"'] * 50_000) + " = 1}", dots),
-        "a long TOML": ("x.toml", "#" * (MOST_TOML + 1), f"one in TOML may have {MOST_TOML}"),
+        "a long TOML": ("x.toml", "#" * (MAX_TOML + 1), f"one in TOML may have {MAX_TOML}"),
         "a deep TOML": ("x.toml", "x = " + "[" * 100_000, "nested too deeply"),
         "a deep list": ("x.json", "[" * 10**6, nested),
         "a deep table": ("x.json", '{"a":' * 10**6, nested),
@@ -279,7 +279,7 @@ def test_chains_and_rings_of_nodes_are_followed_once():
 
 def test_copies_of_a_mesh_are_counted_before_they_are_made():
     assert loaded([{"mesh": 0}] * 10, range(10)).n_face == 120
-    with pytest.raises(rz.ModelError, match=f"ask for {2**24} triangles, more than {MOST_COPIES} of them copies"):
+    with pytest.raises(rz.ModelError, match=f"ask for {2**24} triangles, more than {MAX_COPIES} of them copies"):
         loaded([{"mesh": 0}] * 16, range(16), count=3 * 2**20)
 
 

@@ -14,7 +14,7 @@ from rasterizer.io.png import encode_png
 from rasterizer.pipeline.threads import Workers
 
 GALLERY = sorted((ROOT / "models/pictures").glob("*.png"))[::4]
-MOST_GROWTH = 1.25  # of a file, as a multiple of Pillow's default, in the mean
+MAX_GROWTH = 1.25  # of a file, as a multiple of Pillow's default, in the mean
 
 
 def noise(height, width, n_channel, seed=0) -> np.ndarray:
@@ -125,4 +125,4 @@ def test_files_of_the_gallery_are_hardly_larger_than_those_of_pillow():
         growth.append(len(data) / len(stream.getvalue()))
     assert len(growth) > 10
     mean = sum(growth) / len(growth)
-    assert mean <= MOST_GROWTH, f"{mean:.3f} > {MOST_GROWTH} of the bytes that Pillow's files have"
+    assert mean <= MAX_GROWTH, f"{mean:.3f} > {MAX_GROWTH} of the bytes that Pillow's files have"

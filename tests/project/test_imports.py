@@ -23,7 +23,7 @@ UNUSED = (
     "engine.edge_overlay", "engine.kernels_of_plan", "engine.point_lighting", "engine.probe",
     "engine.shadow_maps", "engine.shadow_views",
     "geometry.ears", "geometry.subdivide",
-    "io.animation", "io.array_files", "io.gif", "io.gltf", "io.material_libraries", "io.mtl", "io.other_formats",
+    "io.animation", "io.array_files", "io.gltf", "io.mtl", "io.other_formats",
     "io.ply", "io.scene_file", "io.threemf",
     "scene.cie_tables", "scene.orbit", "scene.spectrum",
 )  # fmt: skip
@@ -72,7 +72,7 @@ def test_a_picture_loads_only_what_it_uses(suffix, tmp_path):
     modules = modules_after(program)
     if "numba" in modules:  # kernels were missing in the store; where there is none, numba imports what it likes
         modules = modules_after(program) if STORE.is_kept else pytest.skip("there is no store of kernels")
-    unused = (*UNUSED, "io.obj" if suffix == "stl" else "io.stl_off")
+    unused = (*UNUSED, "io.obj" if suffix == "stl" else "io.stl")
     strays = {
         name for name in own_among(modules) if any(f"{name}.".startswith((f"{each}.", f"{each}_")) for each in unused)
     }

@@ -1,0 +1,116 @@
+"""Read STL. What its header promises is compared with the file before memory is spent."""
+
+import codecs
+import re
+
+import numpy as np
+
+from ..errors import counted
+from ..scene.material import Material
+from .model_file import WHITE, ModelFile, Part, text_of
+from .text_numbers import numbers_in
+from .weld import weld_triangles
+
+_STL_HEADER, _STL_FACE = 84, 50  # bytes
+_STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def read_stl(model: ModelFile) -> list[Part]:
+    """Read binary or ASCII STL; its triangles share the vertices that are equal.
+
+    A binary file may begin with 'solid', too. One that holds whole faces, though not as many as it says, is read as far
+    as it goes; what stands behind the last face is left out. Both are reported.
+    """
+    data, length = model.data, len(model.data)
+    n_face = int.from_bytes(data[80:84], "little")
+    expected = _STL_HEADER + _STL_FACE * n_face
+    is_text = (
+        data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid"
+        and length != expected
+        and b"\0" not in data[:4096]
+    )
+    if is_text:
+        return _read_ascii_stl(model)
+    if length < _STL_HEADER:
+        raise model.error(
+            f"not an STL file: {length} bytes, a binary one has at least {_STL_HEADER}, "
+            "an ASCII one begins with 'solid'"
+        )
+    n_found, rest = divmod(length - _STL_HEADER, _STL_FACE)
+    if length < expected and rest:
+        raise model.error(f"binary STL of {counted(n_face, 'face')} must have {expected} bytes, the file has {length}")
+    if length != expected:
+        n_face = n_found if rest == 0 else n_face
+        model.log(f"{model.name}: binary STL of another length than its header says; {counted(n_face, 'face')} read")
+    if n_face == 0:
+        return []
+    rows = np.frombuffer(data, _STL_ROW, n_face, _STL_HEADER)
+    part = _soup(rows["corners"], "")
+    return [part | _stl_colors(data[:80], rows["attribute"])]
+
+
+def _soup(corners, name) -> Part:
+    """Make a part of triangles (n, 3, 3)."""
+    vertices, faces = weld_triangles(corners)
+    return {"vertices": vertices, "faces": faces, "name": name, "material": Material()}
+
+
+def _read_ascii_stl(model) -> list[Part]:
+    """Read the solids of an ASCII file, keywords in any case."""
+    text = text_of(model.data).replace("\r\n", "\n").replace("\r", "\n")
+    lower = text.lower()  # of ASCII letters alone, so that places stay the same
+    if len(lower) != len(text):
+        lower = "".join(letter.lower() if letter.isascii() else letter for letter in text)
+    if "endsolid" not in lower:
+        raise model.error("ASCII STL without 'endsolid': the file is cut off")
+    parts, begin = [], 0
+    for end in re.finditer(r"endsolid[^\n]*", lower):
+        solid = lower[begin : end.start()]
+        rows = re.findall(r"\bvertex ([^\n]*)", solid.replace("\t", " "))
+        numbers = numbers_in(" ".join(rows)) if rows else np.empty(0)
+        if numbers is None or len(numbers) != 3 * len(rows) or len(rows) % 3 or len(rows) != 3 * solid.count("endloop"):
+            raise _stl_fault(model, lower, begin, end.start())
+        first = text[begin : begin + len(solid)].lstrip().split("\n", 1)[0].split(None, 1)
+        name = first[1].strip() if len(first) == 2 and first[0].lower() == "solid" else ""
+        if len(rows):
+            parts.append(_soup(numbers.reshape(-1, 3, 3), name))
+        begin = end.end()
+    return parts
+
+
+def _stl_fault(model, text, begin, end):
+    """Return the error for the first line at fault between two places."""
+    n_before, n_in_loop = text.count("\n", 0, begin), 0
+    for line, row in enumerate(text[begin:end].split("\n"), n_before + 1):
+        words = row.split()
+        if words[:1] == ["vertex"]:
+            n_in_loop += 1
+            if len(words) != 4 or numbers_in(" ".join(words[1:])) is None:
+                return model.error(f"'{row.strip()[:60]}' is not a vertex of three numbers", line)
+        elif words[:1] == ["endloop"]:
+            if n_in_loop != 3:
+                return model.error(f"a facet has {n_in_loop} vertices, 3 are needed", line)
+            n_in_loop = 0
+    return model.error("ASCII STL whose last facet is cut off", text.count("\n", 0, end) + 1)
+
+
+def _stl_colors(header: bytes, attributes) -> dict:
+    """Decode the colours that two conventions keep in the 16 attribute bits of a binary STL face.
+
+    VisCAM and SolidView: bit 15 set where the face has a colour, then red, green, blue from the high bits
+    down, 5 bits each. Materialise Magics: the header holds `COLOR=` and the part's RGBA, bit 15 *clear* where
+    the face has its own, red lowest.
+    """
+    is_own = attributes >= 0x8000
+    start = header.find(b"COLOR=")
+    has_common = 0 <= start <= 70
+    if not has_common and not is_own.any():
+        return {}
+    red, green, blue = ((attributes >> shift) & 31 for shift in (10, 5, 0))
+    common = (255, 255, 255)
+    if has_common:
+        red, blue, is_own = blue, red, ~is_own
+        common = tuple(header[start + 6 : start + 9])
+    own = np.stack([red, green, blue], axis=1) * 255 // 31
+    colors = np.where(is_own[:, None], own, np.array(common))
+    return {"face_colors": colors.astype(np.uint8), "material": WHITE}

@@ -1,0 +1,267 @@
+"""What trimesh reads: OFF, COLLADA, 3DXML and XAML. What arrives, which files are read beside them, and what is refused
+before trimesh gets it."""
+
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+from helpers.model_bytes import THREEMF, box, exported, threemf, zipped
+from helpers.other_models import INSTANCE, RED, REP, SHOWN, XAML, dae, png, threedxml
+from helpers.refusals import assert_refused
+
+import rasterizer as rz
+from rasterizer.io import formats
+from rasterizer.io.formats import FORMATS
+from rasterizer.io.loader import load
+
+pytest.importorskip("collada", reason="the extra formats is not installed")
+pytest.importorskip("lxml", reason="the extra formats is not installed")
+
+ELL = "0 0 0\n8 0 0\n8 2 0\n2 2 0\n2 8 0\n0 8 0\n"
+
+
+def one(data, format, **options):
+    (mesh,) = load(data if isinstance(data, bytes) else data.encode(), format=format, **options).meshes
+    return mesh
+
+
+# --- what arrives -----------------------------------------------------------------------------------------------------
+
+
+def test_boxes_that_trimesh_writes_come_back():
+    colored = box()
+    colored.visual.vertex_colors = np.arange(32, dtype=np.uint8).reshape(8, 4) * 8
+    for format in ("off", "dae", "3mf"):
+        mesh = one(exported(colored, format), format)
+        assert mesh.n_face == 12 and np.allclose(mesh.bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]]), format
+        assert rz.render(mesh, 16, samples=1).stats.covered, format
+    mesh = one(exported(colored, "dae"), "dae")
+    corner = mesh.colors[np.argmin(np.abs(mesh.vertices - colored.vertices[5]).sum(axis=1)), :3]
+    whole = rz.Mesh(colored.vertices, colored.faces, colors=colored.visual.vertex_colors[:, :3]).colors[5]
+    assert np.allclose(corner, whole, atol=1e-3)
+
+
+def test_off_heads_comments_and_polygons():
+    heads = (
+        "OFF\n6 1 0\n",
+        "OFF 6 1 0\n",
+        "# c OFF\nOFF # d\n# e\n6 1 # f\n",
+        "OFF\r\n\r\n6 1 0\r\n",
+        " \n\tOFF 6 1 0\n",
+    )
+    for head in heads:
+        mesh = one(head + ELL + "6 0 1 2 3 4 5\n", "off")
+        corners = mesh.vertices[mesh.faces]
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+        assert mesh.n_face == 4 and abs(area - 28) < 1e-12, head
+    facts = []
+    mesh = one("NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n", "off", log=facts.append)
+    assert mesh.normals is None and facts[0].endswith("not used: normals")
+
+
+def test_off_says_that_colours_are_left_out():
+    for head, row, face in (("COFF", " 255 0 0 255", "3 0 1 2"), ("OFF", "", "3 0 1 2 255 0 0")):
+        rows = "".join(f"{k} {k * k} 0{row}\n" for k in range(3))
+        with pytest.warns(UserWarning, match="its colours are left out"):
+            assert one(f"{head}\n3 1 0\n{rows}{face}\n", "off").n_face == 1
+
+
+def test_off_that_is_none_is_refused():
+    head = "OFF\n6 1 0\n"
+    assert_refused(lambda text: one(text, "off"), [
+        ("6 1 0\n" + ELL + "6 0 1 2 3 4 5\n", "'OFF' is missing"),
+        ("OFF\n3 -1 0\n0 0 0\n", "'3 -1 0' does not say how many"),
+        ("OFF\n", "does not say how many"),
+        ("OFF\n999999999 999999999 0\n0 0 0\n", "the header promises 999999999 vertices"),
+        ("OFF\n6 2 0\n" + ELL + "3 0 1 2\n", "promises 6 vertices and 2 faces, the file has 6 and 1"),
+        (head + ELL + "3 0 1 6\n", "outside the range"),
+        (head + ELL + "3 0 1 two\n", "not a readable off file"),
+        (head + ELL.replace("8 2 0", "8 y 0") + "3 0 1 2\n", "not a readable off file"),
+        (head + ELL.replace("8 2 0", "nan 2 0") + "3 0 1 2\n", "1 of 6 vertices"),
+        (head + ELL + "3 0 1 1\n", "zero area"),
+        ("OFF\n6 0 0\n" + ELL, "a point cloud: 6 points, no faces"),
+        ("4OFF\n3 1 0\n", "4OFF, which is not read"),
+        ("nOFF\n3 3 1 0\n", "nOFF, which is not read"),
+        ("OFF BINARY\n\0\0\0", "binary OFF, which is not read"),
+    ], rz.ModelError, "model: ")  # fmt: skip
+
+
+def test_collada_materials_textures_nodes_and_units(tmp_path):
+    (tmp_path / "a.dae").write_text(dae())
+    (tmp_path / "wood.png").write_bytes(png())
+    facts, read = [], []
+    scene = load(tmp_path / "a.dae", log=facts.append, files_read=read)
+    (mesh,) = scene.meshes
+    assert scene.up == "z" and mesh.bounds.tolist() == [[0, 0, 5], [4, 2, 5]]
+    assert mesh.material.texture.image[0, 0, :3].tolist() == [0, 1, 0] and mesh.material.emissive == (0.1, 0, 0)
+    assert read == [str(tmp_path / "wood.png")] and "unit 0.0254 meter" in facts[0]
+    frame = rz.render(scene, 24, samples=1)
+    assert frame.rgb[frame.alpha > 0][:, 1].min() > frame.rgb[frame.alpha > 0][:, 2].max(), "green"
+    plain = one(dae(diffuse=RED, asset="", more="<library_lights/>"), "dae")
+    red, green, blue = plain.material.diffuse
+    assert red > 7 * green == 7 * blue and plain.material.texture is None
+    assert load(dae(diffuse=RED, asset="").encode(), format="dae").up == "y"
+
+
+def test_zae_is_packed_collada():
+    mesh = one(zipped({"a/b.dae": dae(image="../pictures/Wood.png"), "pictures/wood.png": png((255, 0, 0))}), "zae")
+    assert mesh.material.texture.image[0, 0, :3].tolist() == [1, 0, 0]
+    assert_refused(lambda data: one(data, "zae"), [
+        (zipped({"a.txt": "x"}), "there is no .dae file in it"),
+        (b"PK\x03\x04 and nothing else", "not a readable zae file"),
+        (zipped({"a.dae": "<COLLADA"}), "its XML: "),
+    ], rz.ModelError, "model: ")  # fmt: skip
+
+
+def test_3dxml_places_coloured_faces():
+    scene = load(threedxml(), format="3dxml")
+    assert [mesh.bounds[0, 0] for mesh in scene.meshes] == [0, 3]
+    mesh = scene.meshes[0]
+    assert mesh.n_face == 2 and mesh.face_colors[0].tolist() == [1, 0, 0] and mesh.normals is not None
+    assert_refused(lambda data: load(data, format="3dxml"), [
+        (threedxml(**{"Manifest.xml": "<Manifest/>"}), "not a readable 3dxml file"),
+        (threedxml(**{"a.3DRep": REP.replace("2 1 0,0", "2 one 0,0")}), "not a readable 3dxml file"),
+        (threedxml(**{"p.3dxml": "<!DOCTYPE x><x/>"}), "document type"),
+    ], rz.ModelError, "model: ")  # fmt: skip
+
+
+def test_xaml_has_a_colour_a_mesh():
+    mesh = one(XAML, "xaml")
+    assert mesh.bounds.tolist() == [[7, 0, 0], [9, 1, 0]] and mesh.face_colors.tolist() == [[0, 1, 0]]
+    assert_refused(lambda text: one(text, "xaml"), [
+        ("<Viewport3D", "its XML: "),
+        (XAML.replace("<MeshGeometry3D", "<Other"), "its XML|not a readable xaml file"),
+        (XAML.replace("0 1 2", "0 1 9"), "refers to vertex 9|not a readable xaml"),
+        (XAML.replace("2,0,0", "2,zero,0"), "not a readable xaml file"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]>' + XAML, "document type"),
+    ], rz.ModelError, "model: ")  # fmt: skip
+
+
+# --- which files are read ---------------------------------------------------------------------------------------------
+
+
+def test_textures_are_found_by_the_rules_of_paths(tmp_path):
+    folder = tmp_path / "models"
+    folder.mkdir()
+    (tmp_path / "secret.png").write_bytes(png())
+    (folder / "wood.png").write_bytes(png())
+    (folder / "link.png").symlink_to(tmp_path / "secret.png")
+    for name in ("wood.png", "./WOOD.PNG", "w%6fod.png", "file:///C:/Users/x/wood.png", r"C:\x\wood.png"):
+        (folder / "a.dae").write_text(dae(image=name))
+        assert load(folder / "a.dae").meshes[0].material.texture is not None, name
+    cases = (
+        ("../secret.png", "outside the folder"), ("link.png", "outside the folder"), (str(tmp_path / "secret.png"), ""),
+        ("/dev/zero", ""), ("http://127.0.0.1/x.png", ""), ("none.png", "no such file"),
+    )  # fmt: skip
+    for name, said in cases:
+        (folder / "a.dae").write_text(dae(image=name))
+        read = []
+        with pytest.warns(UserWarning, match=f"a.dae: texture .*{said}.*; its materials keep their plain colour"):
+            scene = load(folder / "a.dae", files_read=read)
+        assert scene.meshes[0].material.texture is None and not read, name
+    (folder / "a.dae").write_text(dae(image="../secret.png"))
+    assert load(folder / "a.dae", allow_outside=True).meshes[0].material.texture is not None
+    with pytest.warns(UserWarning, match="keep their plain colour"):
+        load(dae().encode(), format="dae")  # given without a folder
+    (folder / "wood.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n")
+    (folder / "a.dae").write_text(dae())
+    with pytest.warns(UserWarning, match="is none of PNG"):
+        load(folder / "a.dae")
+
+
+# --- what is refused before trimesh gets it ---------------------------------------------------------------------------
+
+
+def test_members_packed_without_a_limit_are_refused():
+    for method in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
+        files = {
+            "zae": zipped({"a.dae": dae()}, method),
+            "3dxml": threedxml(method=method),
+            "3mf": threemf(method=method),
+        }
+        for format, data in files.items():
+            with pytest.raises(rz.ModelError, match="is packed by method 1[24], not by deflate"):
+                load(data, format=format)
+
+
+def test_what_unpacks_to_much_is_refused():
+    zeros = " " * 2**26
+    files = {
+        "zae": zipped({"a.dae": dae(more=zeros)}), "3dxml": threedxml(**{"x.bin": zeros}),
+        "3mf": threemf(THREEMF + zeros),
+    }  # fmt: skip
+    for format, data in files.items():
+        assert len(data) < 2**20
+        with pytest.raises(rz.ModelError, match="it unpacks to more than .* bytes"):
+            load(data, format=format)
+    elements = "<a/>" * 2**21
+    for format, data in (("zae", zipped({"a.dae": dae(more=elements)})), ("3dxml", threedxml(x=f"<x>{elements}</x>"))):
+        with pytest.raises(rz.ModelError, match="its XML would take some .* MB"):
+            load(data, format=format)
+
+
+def test_nodes_that_show_each_other_are_counted():
+    twice = "".join(f'<node id="k{k}">{f"""<instance_node url="#k{k - 1}"/>""" * 2}</node>' for k in range(1, 40))
+    more = f'<library_nodes><node id="k0">{SHOWN}</node>{twice}</library_nodes>'
+    instances = "".join(
+        INSTANCE.format(id=f"{k}i{n}", above="1" if k == 39 else f"r{k + 1}", below="2" if k == 0 else f"r{k}", x=0)
+        for k in range(40) for n in range(2)
+    ) + "".join(f'<Reference3D id="r{k}" name="r"/>' for k in range(1, 40))  # fmt: skip
+    assert_refused(lambda pair: load(pair[1], format=pair[0]), [
+        (("dae", dae('<node><instance_node url="#k39"/></node>', more=more).encode()), "repeat too many others"),
+        (("dae", dae('<node id="r"><instance_node url="#r"/></node>').encode()), "nested more than 100 deep"),
+        (("3dxml", threedxml(instances)), "repeat too many others"),
+        (("xaml", XAML.replace("<GeometryModel3D>", "<GeometryModel3D><GeometryModel3D/>").encode()), "within another"),
+    ], rz.ModelError, "model: ")  # fmt: skip
+    few = "".join(f'<node id="k{k}">{f"""<instance_node url="#k{k - 1}"/>""" * 2}</node>' for k in range(1, 4))
+    more = f'<library_nodes><node id="k0">{SHOWN}</node>{few}</library_nodes>'
+    scene = load(dae('<node><instance_node url="#k3"/></node>', diffuse=RED, more=more).encode(), format="dae")
+    assert scene.n_face == 16
+
+
+# --- packages ---------------------------------------------------------------------------------------------------------
+
+
+def test_formats_whose_packages_are_missing_say_what_brings_them(monkeypatch):
+    table = {each["name"]: each for each in formats.formats()}
+    assert list(table) == list(FORMATS) and all(each["is_readable"] for each in table.values())
+    assert (
+        table["obj"]["by"] == "rasterizer" and table["dae"]["by"] == "trimesh" and table["dae"]["suffixes"] == [".dae"]
+    )
+    monkeypatch.setattr(sys, "meta_path", [])  # nothing can be found
+    monkeypatch.setattr(sys, "modules", {name: sys.modules[name] for name in ("sys",)})
+    table = {each["name"]: each for each in formats.formats()}
+    assert [name for name, each in table.items() if not each["is_readable"]] == ["3mf", "dae", "zae", "3dxml", "xaml"]
+    assert table["3mf"]["needs"] == ["lib3mf"] and table["3dxml"]["needs"] == ["lxml", "networkx"]
+    monkeypatch.undo()
+    lacking = FORMATS["dae"]._replace(packages=(("no_such_package",),))
+    monkeypatch.setitem(FORMATS, "dae", lacking)
+    said = r"dae files are read by packages that are missing, no_such_package: pip install .*\[formats\]'"
+    with pytest.raises(rz.ModelError, match=said):
+        load(dae().encode(), format="dae")
+
+
+def test_the_readers_of_the_required_trimesh_are_known():
+    """A format that trimesh learns to read should be looked at: it is added, or named among those that are left."""
+    from trimesh.exchange.load import mesh_loaders
+
+    own = {"obj", "stl", "stl_ascii", "ply", "glb", "gltf"}
+    left = {"ctm", "step", "stp", "xyz"}
+    found = {name for name in mesh_loaders if name in own | left or name in FORMATS}
+    from trimesh.exchange.misc import _meshio_loaders
+
+    assert set(mesh_loaders) - set(_meshio_loaders) <= found, set(mesh_loaders) - found
+    assert trimesh.__version__ >= "5.1"
+
+
+def test_trimesh_is_imported_only_for_what_it_reads(tmp_path):
+    files = {"a.obj": exported(box(), "obj"), "a.3mf": threemf(), "a.off": exported(box(), "off")}
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    code = "import sys, rasterizer as rz\nfor name in sys.argv[1:]:\n    rz.load(name); print('trimesh' in sys.modules)"
+    paths = [str(tmp_path / name) for name in files]
+    done = subprocess.run([sys.executable, "-c", code, *paths], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False", "True"]

@@ -1,0 +1,79 @@
+"""STL: every type of file that others write, and errors that name the line."""
+
+import struct
+
+import numpy as np
+import pytest
+from helpers.model_bytes import box, exported
+from helpers.refusals import assert_refused
+
+from rasterizer.errors import ModelError
+from rasterizer.io.loader import load
+
+FACET = "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 0 1 0\n endloop\nendfacet\n"
+
+
+def binary_stl(n, promised=None, head=b""):
+    rows = b"".join(struct.pack("<12fH", 0, 0, 1, 0, 0, k, 1, 0, k, 0, 1, k, 0) for k in range(n))
+    return head.ljust(80, b" ") + struct.pack("<I", n if promised is None else promised) + rows
+
+
+def load_stl(data, **options):
+    return load(data, format="stl", **options)
+
+
+def test_a_binary_file_may_begin_with_solid_or_have_a_wrong_number_of_faces():
+    assert load_stl(binary_stl(3, head=b"solid exported")).n_face == 3
+    assert load_stl(binary_stl(3, promised=7, head=b"solid exported\0")).n_face == 3
+    wrong = [binary_stl(4, promised) for promised in (0, 2, 7, 2**32 - 1)]
+    for data in (*wrong, binary_stl(4) + b"trailing"):
+        facts = []
+        assert load_stl(data, log=facts.append).n_face == 4
+        assert any("another length than its header says; 4 faces" in fact for fact in facts), facts
+    said = "binary STL of 4294967295 faces must have 214748364834 bytes, the file has 97"
+    assert_refused(load_stl, [(binary_stl(0, 2**32 - 1) + bytes(13), said)], ModelError)  # costs no memory
+
+
+def test_triangles_share_vertices_and_solids_stay_apart():
+    (mesh,) = load_stl(exported(box(), "stl")).meshes
+    assert mesh.n_vertex == 8
+    one = exported(box(), "stl_ascii").decode()
+    assert [mesh.n_face for mesh in load_stl((one.replace("solid", "solid a") + one).encode()).meshes] == [12, 12]
+
+
+@pytest.mark.parametrize("convention", ["viscam", "magics"])
+def test_stl_colors(convention):
+    data, is_viscam = bytearray(exported(box(), "stl")), convention == "viscam"
+    for face in range(12):
+        red, green, blue = (31, 0, 10)[:: 1 if is_viscam else -1]
+        bits = red << 10 | green << 5 | blue | (0x8000 if is_viscam else 0)
+        data[84 + 50 * face + 48 : 84 + 50 * face + 50] = bits.to_bytes(2, "little")
+    if not is_viscam:
+        data[:10] = b"COLOR=\xff\x00\x00\xff"
+        data[84 + 48 : 84 + 50] = b"\x00\x80"  # the first face has the colour of the part
+    (mesh,) = load_stl(bytes(data)).meshes
+    np.testing.assert_allclose(mesh.face_colors[1:, :3], [(1, 0, 0.084376)] * 11, atol=1e-6)
+    assert is_viscam or mesh.face_colors[0, :3].tolist() == [1, 0, 0]
+    assert mesh.material.diffuse == (1.0, 1.0, 1.0)
+
+
+def test_ascii_in_any_spelling():
+    windows, tabs = (lambda text: text.replace("\n", "\r\n")), (lambda text: text.replace(" ", "\t"))
+    for spell in (str, str.upper, str.title, windows, tabs):
+        text = spell("solid part one\n" + FACET * 2 + "endsolid part one\n")
+        (mesh,) = load_stl(text.encode()).meshes
+        assert mesh.n_face == 2, f"{text}: {mesh.n_face} != 2"
+        assert mesh.name.lower().replace("\t", " ") == "part one", text
+
+
+def test_stl_faults_name_the_line():
+    assert_refused(lambda text: load_stl(text.encode()), [
+        ("solid\n" + FACET.replace("1 0 0", "1 x 0") + "endsolid\n", ":5: 'vertex 1 x 0' is not a vertex of three"),
+        ("solid\n" + FACET + FACET.replace("  vertex 0 1 0\n", "") + "endsolid\n",
+         ":13: a facet has 2 vertices, 3 are needed"),
+        ("solid\n" + FACET.replace(" endloop\nendfacet\n", "") + "endsolid\n", "last facet is cut off"),
+        ("solid\n" + FACET, "cut off"),
+        ("solid\nendsolid\n", "no faces"),
+    ], ModelError, "model")  # fmt: skip
+    said = "binary STL of 12 faces must have 684 bytes, the file has 674"
+    assert_refused(load_stl, [(exported(box(), "stl")[:-10], said)], ModelError)
