@@ -55,7 +55,7 @@ class _ListFormats(argparse.Action):
         for entry in formats.formats():
             suffixes, packages = " ".join(entry["suffixes"]), ", ".join(entry["needs"])
             line = f"{entry['name']:<6} {suffixes:<14} {entry['reads']:<6} read by {entry['by']}"
-            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else ""), False)
+            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n", False)
         parser.exit()
 
 

@@ -13,6 +13,7 @@ from helpers.model_bytes import gltf_with
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.io.formats import formats
 
 pytestmark = pytest.mark.usefixtures("folder")
 MODELS = ROOT / "models"
@@ -88,6 +89,14 @@ def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
     assert found[1]["faces"] == 12 and found[2]["error"] == "empty.obj: the file is empty"
     assert_refused(capsys, [(["nope.stl"], "raster: error: nope.stl: no such file\n")], "info", code=3)
     assert_refused(capsys, [([], "MODEL"), (["-"], "--input-format")], "info")
+
+
+def test_the_formats_that_can_be_loaded_are_listed(capsys):
+    with pytest.raises(SystemExit) as end:
+        raster("info", "--formats")
+    lines = capsys.readouterr().out.splitlines()
+    assert end.value.code == 0 and [line.split()[0] for line in lines] == [each["name"] for each in formats()]
+    assert all("pip install" in line for line, each in zip(lines, formats(), strict=True) if not each["is_readable"])
 
 
 def test_a_model_comes_from_stdin_and_is_called_so(capsys, monkeypatch):
