@@ -26,7 +26,7 @@ from bench.ray_truth import RayTruth, draw_by_rays, only
 from rasterizer.analysis.ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
-from rasterizer.engine.shadow_maps import MOST_NUMBERS
+from rasterizer.engine.shadow_maps import MAX_TEXELS
 from rasterizer.renderer import Renderer
 from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, Shadow, SpotLight, with_shadow_fields
 from rasterizer.scene.lights import Light as Lamp
@@ -216,7 +216,7 @@ def _fits(scene: Scene) -> bool:
         if shadow is not None:
             n_cell = math.prod(getattr(light, "resolution", (1, 1)))
             n_texel += n_cell * shadow.size**2 * (1 if isinstance(light, (DirectionalLight, SpotLight)) else 6)
-    return n_texel <= 0.9 * MOST_NUMBERS  # the rest is for what stands beside the texels
+    return n_texel <= 0.9 * MAX_TEXELS  # the rest is for what stands beside the texels
 
 
 def _shadow_axis(scene: Scene, name: str, variants: Iterable[Variant]) -> Axis | None:

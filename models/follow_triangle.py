@@ -18,8 +18,9 @@ from rasterizer.engine.attributes import light_all, make_coding, make_encoding, 
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
 from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
+from rasterizer.engine.plan import ViewPlans
+from rasterizer.engine.scene_tables import tabulate
 from rasterizer.engine.uniforms import make_lighting
-from rasterizer.engine.view_plans import ViewPlans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
@@ -64,7 +65,7 @@ class Way(NamedTuple):
 
 def go(scene) -> Way:
     """Send the triangle through the stages."""
-    geometry, view = gather_geometry(scene, OPTIONS.is_flat), scene.camera.view()
+    geometry, view = gather_geometry(scene.meshes, OPTIONS.is_flat), scene.camera.view()
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
     screen = screen_of(scene.camera, view, OPTIONS.size, OPTIONS.factor, geometry, bounds)
     render_pass = make_pass(scene, geometry, bounds, view, screen)
@@ -87,7 +88,7 @@ def go(scene) -> Way:
 
 def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
-    plan = ViewPlans(scene, OPTIONS, geometry, bounds).plan_for(view, screen).plan
+    plan = ViewPlans(tabulate(scene, OPTIONS), OPTIONS, geometry).plan_for(view, screen).plan
     lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),

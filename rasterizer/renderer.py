@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
-from .engine.plan_summary import PlanSummary, summarize
-from .engine.prepared import Clock, PreparedScene, check_memory, checked_out
+from .engine.draw import Clock
+from .engine.memory import check_memory, checked_out
+from .engine.plan_summary import PlanSummary
+from .engine.prepared import PreparedScene
+from .engine.scene_tables import tabulate
 from .errors import SceneError, checked_keywords, counted, shown
 from .frame import Frame, Stats
 from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, scene_of
@@ -174,12 +177,13 @@ class Renderer:
         if ground:
             lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
             self.scene = replace(self.scene, lights=lights)
-        # The background lies behind the shadow.
-        drawn = replace(self.scene, background=None) if ground else self.scene
-        with compiling_ahead(lambda: list_kernels_of(drawn, self.options)):
-            self._prepared = PreparedScene(drawn, self.options)
+        tables = tabulate(self.scene, self.options)
+        if ground:
+            tables = tables._replace(background=None)  # which lies behind the shadow
+        with compiling_ahead(lambda: list_kernels_of(tables, self.options, self.scene.camera_for(self.options.size))):
+            self._prepared = PreparedScene(tables, self.options)
         self._ground = self._make_ground() if ground else None
-        self._plan = summarize(self._prepared.view_plans.plan)
+        self._plan = self._prepared.summary_of(self._prepared.view_plans.plan)
         self._is_closed = False
 
     @property
@@ -274,13 +278,14 @@ class Renderer:
 
     def _list_kernels(self, camera: Camera) -> list[Job]:
         """List the kernels of a picture through a camera."""
-        return list_kernels_of(self._prepared.scene, self.options, camera, self._prepared.plan_for(camera).plan)
+        prepared = self._prepared
+        return list_kernels_of(prepared.tables, self.options, camera, prepared.plan_for(camera).plan)
 
     def _make_ground(self) -> Any:
         """Draw the shadow on the ground."""
         from .engine.ground_shadow import GroundShadow, masks_of
 
-        with compiling_ahead(lambda: list_kernels_of(*masks_of(self.scene))):
+        with compiling_ahead(lambda: list_kernels_of(*masks_of(self.scene), self.scene.framed(1.0))):
             return GroundShadow(self.scene, threads=self.options.threads)
 
     def _framed_from(self, azimuth: float | None = None, elevation: float | None = None) -> Camera:
@@ -311,7 +316,7 @@ class Renderer:
         arrays, rgba, counts, view_plan, buffers, screen = {}, None, None, None, None, None
         if "color" in outputs or "rgb" in outputs:
             rgba, color, alpha, counts, view_plan, buffers, screen = prepared.draw_picture(camera, clock, out)
-            self._plan = view_plan.summary._replace(ways=counts.ways)
+            self._plan = prepared.summary_of(view_plan.plan, counts.paths)
             linear = (color, alpha) if "color" in outputs else (None, None)
             if self.options.edges:
                 prepared.draw_edges(camera, rgba, *linear)

@@ -108,25 +108,25 @@ class Brightness(NamedTuple):
         return self._replace(diffuse=times(self.diffuse, strengths), specular=times(self.specular, strengths))
 
 
-def compute_brightness(materials, lights, ambient, most_albedo: float, products=None) -> Brightness:
+def compute_brightness(materials, lights, ambient, max_albedo: float, products=None) -> Brightness:
     """Compute how bright each light makes each material at most, where its strength is 1.
 
     Parameters
     ----------
     ambient : (3,) float64, the sum of the ambient lights
-    most_albedo : largest component of the colours that multiply what materials reflect, textures' included
+    max_albedo : largest component of the colours that multiply what materials reflect, textures' included
     products : those of spectra (engine/plan.py), in which the exposure is included, or None
     """
-    undirected = np.array([max(m.ambient) * ambient.max() * most_albedo + max(m.emissive) for m in materials])
+    undirected = np.array([max(m.ambient) * ambient.max() * max_albedo + max(m.emissive) for m in materials])
     colors = np.array([max(light.color) for light in lights], float)
     diffuse = np.array([max(m.diffuse) for m in materials])[:, None] * colors
     specular = np.array([max(m.specular) for m in materials])[:, None] * colors
     if products is not None:
-        undirected = np.abs(products.ambient).max(axis=1) * most_albedo + np.abs(products.emissive).max(axis=1)
+        undirected = np.abs(products.ambient).max(axis=1) * max_albedo + np.abs(products.emissive).max(axis=1)
         diffuse = np.abs(products.diffuse).max(axis=2)
         specular = (np.abs(products.specular) + np.abs(products.grazing)).max(axis=2)
     heights = np.array([reflection_table.highlight_height(material) for material in materials])
-    return Brightness(undirected, diffuse * most_albedo, specular * heights[:, None], tuple(materials), tuple(lights))
+    return Brightness(undirected, diffuse * max_albedo, specular * heights[:, None], tuple(materials), tuple(lights))
 
 
 # ---------------------------------------------------------------- what rounding adds
@@ -195,7 +195,7 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     return error
 
 
-def position_reach(screen: Screen, furthest: float, is_lit_per_sample: bool) -> float:
+def position_shift(screen: Screen, furthest: float, is_lit_per_sample: bool) -> float:
     """Return how far beside its triangle a sample's point may lie, scene units: vertices are rounded to 1/256 px, so by
     √2/512 px at its depth at most; 0 where vertices or centroids are lit."""
     if not is_lit_per_sample:

@@ -34,7 +34,7 @@ class EdgeOverlay:
 
     def __init__(self, prepared: "PreparedScene") -> None:
         self._prepared = prepared
-        self._edges = join_edges(prepared.scene.meshes)
+        self._edges = join_edges(prepared.tables.meshes)
 
     def draw_over(self, camera: Camera, rgba: NDArray[np.uint8], color: NDArray | None, alpha: NDArray | None) -> None:
         """Draw the edges that the options ask for over a picture.
@@ -68,7 +68,7 @@ class EdgeOverlay:
         lines = place_lines(segments, sides[is_left], width)
         draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, depth, share)
         share = average(share, factor)
-        has_background = prepared.scene.background is not None
+        has_background = prepared.tables.background is not None
         return share, np.ones(share.shape) if has_background else average(depth < np.inf, factor)
 
 

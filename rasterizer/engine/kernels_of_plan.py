@@ -13,7 +13,6 @@ import numpy as np
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
 from ..geometry import creases, ears, surfaces
-from ..geometry.points import number_materials
 from ..geometry.polygons import fill_means
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
@@ -37,12 +36,12 @@ from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_sc
 from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture, make_workspace
 from ..scene.camera import Camera
-from ..scene.scene import Scene
 from . import lights as light_table
 from .attributes import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
 from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
-from .plan import Plan, list_lights, make_plan
+from .plan import Plan, make_plan
+from .scene_tables import SceneTables
 from .shadow_maps import corners_of, leaves_casters_out
 from .uniforms import list_materials, used_functions
 
@@ -71,26 +70,24 @@ class KernelList:
         return iter(self._found)
 
 
-def list_kernels(scene: Scene, options: Options, camera: Camera | None = None, plan: Plan | None = None) -> list[Job]:
-    """List the kernels that draw a picture of a scene.
+def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Plan | None = None) -> list[Job]:
+    """List the kernels that draw a picture of a scene through a camera.
 
     Parameters
     ----------
-    camera : None = the scene's own
     plan : None = the one that the scene will have in most views, before anything of it is prepared
     """
-    found, camera = KernelList(), scene.camera_for(options.size) if camera is None else camera
-    plan = plan_of(scene, options, camera) if plan is None else plan
-    add_geometry(found, scene, options, plan, camera)
+    found, plan = KernelList(), plan_ahead(tables, options, camera) if plan is None else plan
+    add_geometry(found, tables, options, plan, camera)
     names = [name for name in options.outputs if name not in ("color", "rgb")]
     if len(names) < len(options.outputs):
-        add_picture(found, scene, options, plan, camera)
+        add_picture(found, tables, options, plan, camera)
     if names:
         # Entries of normals hold what buffers look for: no triangles are drawn for these.
         is_shared = len(names) < len(options.outputs) and options.factor == 1 and plan.is_lit_per_sample
-        add_buffers(found, scene, options, names, camera, is_shared and plan.opacity is None)
+        add_buffers(found, tables, options, names, camera, is_shared and plan.opacity is None)
     if options.edges:
-        add_edges(found, scene, options, camera)
+        add_edges(found, tables, options, camera)
     return list(found)
 
 
@@ -104,27 +101,25 @@ def list_mesh_kernels() -> list[Job]:
     return list(found)
 
 
-def plan_of(scene: Scene, options: Options, camera: Camera) -> Plan:
+def plan_ahead(tables: SceneTables, options: Options, camera: Camera) -> Plan:
     """The plan of a scene whose surfaces aren't known yet: lights are as far away as from the nearest vertex."""
-    colors = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in scene.meshes]
+    colors = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in tables.meshes]
     rows = [np.empty((0, 3)), *(each[..., :3].reshape(-1, 3) for each in colors if each is not None)]
-    materials, numbers = number_materials(scene.meshes)
-    lights = list_lights(scene)[0]
-    clearances = np.full((len(materials), len(lights)), np.inf)
-    for mesh, of_mesh in zip(scene.meshes, numbers, strict=True):
+    clearances, view = np.full(tables.is_lit.shape, np.inf), camera.view()
+    for mesh, of_mesh in zip(tables.meshes, tables.palettes, strict=True):
 
         def distance(position, vertices=mesh.vertices):
             return float(np.linalg.norm(vertices - np.asarray(position), axis=1).min(initial=np.inf))
 
-        of_lights = [light_table.entry_of(light).clearance(light, camera.view(), distance) for light in lights]
+        of_lights = [light_table.entry_of(light).clearance(light, view, distance) for light in tables.lights]
         clearances[of_mesh] = np.minimum(clearances[of_mesh], of_lights)
-    return make_plan(scene, options, np.concatenate(rows), 0.5 * clearances)
+    return make_plan(tables, options, np.concatenate(rows), 0.5 * clearances)
 
 
 # ---------------------------------------------------------------- before the first picture
 
 
-def add_geometry(found: KernelList, scene: Scene, options: Options, plan: Plan, camera: Camera) -> None:
+def add_geometry(found: KernelList, tables: SceneTables, options: Options, plan: Plan, camera: Camera) -> None:
     """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""
     vertices, faces, of_faces = np.empty((0, 3)), np.empty((0, 3), np.uint32), np.empty(0, np.uint32)
     columns, corners = np.empty((3, 0)), np.empty((3, 0), np.uint32)
@@ -132,7 +127,7 @@ def add_geometry(found: KernelList, scene: Scene, options: Options, plan: Plan, 
         found.add(creases.sum_by_polygon, vertices, faces, of_faces, vertices, np.empty(0))
     else:
         found.add(surfaces.flag_inverted, columns, columns, corners, np.empty(0, np.uint8))
-        if any(mesh.normals is None or mesh.crease_angle is not None for mesh in scene.meshes):
+        if any(mesh.normals is None or mesh.crease_angle is not None for mesh in tables.meshes):
             rule = creases.CreaseRule(np.empty(0, np.int32), 0.0, 0)
             split = creases.SplitVertices(of_faces, vertices)
             found.add(creases.list_corners, of_faces, of_faces, of_faces)
@@ -196,9 +191,9 @@ def add_stages(found: KernelList, parts: Parts, with_deferred=False) -> None:
               workspace.records, deferred)  # fmt: skip
 
 
-def add_clipping(found: KernelList, scene: Scene, camera: Camera, screen: Screen) -> None:
+def add_clipping(found: KernelList, tables: SceneTables, camera: Camera, screen: Screen) -> None:
     """Add what clips, where a mesh's box reaches beyond the clip planes."""
-    depths = depths_of_boxes(camera.view(), np.stack([mesh.bounds for mesh in scene.meshes]))
+    depths = depths_of_boxes(camera.view(), tables.bounds)
     (near, far), far_clip = fit_depth_range(camera, depths)
     positions, corners, faces = np.empty((3, 0)), np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
     scratch, parts = clip.make_clip_scratch(), np.empty((0, 3, clip.N_CORNER_COLUMN))
@@ -212,7 +207,7 @@ def add_clipping(found: KernelList, scene: Scene, camera: Camera, screen: Screen
 # ---------------------------------------------------------------- the picture
 
 
-def add_picture(found: KernelList, scene: Scene, options: Options, plan: Plan, camera: Camera) -> None:
+def add_picture(found: KernelList, tables: SceneTables, options: Options, plan: Plan, camera: Camera) -> None:
     """Add what draws the colours of a picture."""
     factor, is_lit = options.factor, plan.is_lit_per_sample
     once = factor if options.antialias == "shade-once" and factor > 1 and (is_lit or plan.textures) else 0
@@ -222,19 +217,19 @@ def add_picture(found: KernelList, scene: Scene, options: Options, plan: Plan, c
     coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
     parts = Parts(screen, coding, make_workspace(kind, 1), no_drawables(), factor)
     add_stages(found, parts, with_deferred=plan.opacity is not None)
-    add_clipping(found, scene, camera, screen)
-    add_lights(found, scene, plan, camera)
+    add_clipping(found, tables, camera, screen)
+    add_lights(found, tables, plan, camera)
     if plan.packed_textures is not None:
         add_packing(found)
-    (add_lit if is_lit else add_interpolated)(found, scene, plan, parts)
+    (add_lit if is_lit else add_interpolated)(found, tables, plan, parts)
     if plan.cue is not None:
         found.add(fade, parts.band.uncoded(), coding.depths, True, plan.cue, parts.workspace.radiance)
     if plan.opacity is not None:
         add_layers(found, plan, parts)
-    add_resolve(found, options, plan, scene, parts)
+    add_resolve(found, options, plan, tables, parts)
 
 
-def add_lights(found: KernelList, scene: Scene, plan: Plan, camera: Camera) -> None:
+def add_lights(found: KernelList, tables: SceneTables, plan: Plan, camera: Camera) -> None:
     """Add the functions of lights and reflection models, and what draws shadow maps."""
     for dtype in plan.dtypes:
         functions = {function for row in used_functions(plan, dtype) for function in row}
@@ -244,7 +239,7 @@ def add_lights(found: KernelList, scene: Scene, plan: Plan, camera: Camera) -> N
             found.add_batch_function(shadow_lookup.occlude, dtype)
             add_shadow_map(found, dtype)
     if plan.has_shadows:
-        corners = corners_of(np.stack([mesh.bounds for mesh in scene.meshes]))
+        corners = corners_of(tables.bounds)
         if leaves_casters_out(plan.reflected_lights, corners, camera.view()):
             codes, faces = np.empty(0, np.uint8), np.empty(0, np.uint32)
             found.add(compute_outcodes, np.empty((3, 0)), np.empty(3), np.empty((0, 3)), codes)
@@ -259,7 +254,7 @@ def add_shadow_map(found: KernelList, dtype: np.dtype) -> None:
     found.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
 
 
-def add_lit(found: KernelList, scene: Scene, plan: Plan, parts: Parts) -> None:
+def add_lit(found: KernelList, tables: SceneTables, plan: Plan, parts: Parts) -> None:
     """Add what lights every sample: Phong's method."""
     workspace, tangents = parts.workspace, 0 if plan.has_tangents else None
     textures = plan.textures and Texturing(plan.textures, workspace.lookup_batch, workspace.double_batch,
@@ -275,7 +270,7 @@ def add_lit(found: KernelList, scene: Scene, plan: Plan, parts: Parts) -> None:
         add_points(found, parts, plan)
 
 
-def add_interpolated(found: KernelList, scene: Scene, plan: Plan, parts: Parts) -> None:
+def add_interpolated(found: KernelList, tables: SceneTables, plan: Plan, parts: Parts) -> None:
     """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
     workspace = parts.workspace
     columns, tangents = np.empty((3, 0)), np.empty((3, 0)) if plan.has_tangents else None
@@ -284,7 +279,7 @@ def add_interpolated(found: KernelList, scene: Scene, plan: Plan, parts: Parts) 
         batch = workspace.batch if dtype == SINGLE else workspace.double_batch
         lighting, out = lighting_without_functions(plan, dtype), np.empty((0, 1), dtype)
         found.add(light_points, points, (0, 0), parts.screen, 0, lighting, 0, batch, out)
-    if any(mesh.polygons is not None for mesh in scene.meshes) and not plan.is_flat:
+    if any(mesh.polygons is not None for mesh in tables.meshes) and not plan.is_flat:
         for is_double in set(plan.of_materials.reads_double.tolist()):
             out, rows = np.empty((0, 1), DOUBLE if is_double else SINGLE), np.empty(0, np.int64)
             found.add(fill_means, out, 0, rows, rows, 0, 0)
@@ -359,10 +354,10 @@ def add_layers(found: KernelList, plan: Plan, parts: Parts) -> None:
     found.add(buffers.clear_band, workspace.visibility, 0)
 
 
-def add_resolve(found: KernelList, options: Options, plan: Plan, scene: Scene, parts: Parts) -> None:
+def add_resolve(found: KernelList, options: Options, plan: Plan, tables: SceneTables, parts: Parts) -> None:
     """Add what makes pixels of samples."""
     workspace, factor, with_color = parts.workspace, options.factor, "color" in options.outputs
-    encoding, grid = make_encoding(plan, scene.background, options.color_range), make_grid(factor)
+    encoding, grid = make_encoding(plan, tables.background, options.color_range), make_grid(factor)
     picture = make_picture(SIZE, with_color or options.color_range == "global")
     radiance, visibility, batch = workspace.radiance, workspace.visibility, workspace.pixels
     if workspace.points is not None and (plan.is_lit_per_sample or plan.textures is not None):
@@ -377,7 +372,7 @@ def add_resolve(found: KernelList, options: Options, plan: Plan, scene: Scene, p
         found.add(
             resolve.resolve_translucent, visibility, radiance, translucent, (0, 0), grid, encoding, batch, picture
         )
-    if options.color_range == "global" or scene.background is not None:
+    if options.color_range == "global" or tables.background is not None:
         found.add(encode_picture, np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32), encoding, picture.rgba)
 
 
@@ -385,7 +380,7 @@ def add_resolve(found: KernelList, options: Options, plan: Plan, scene: Scene, p
 
 
 def add_buffers(
-    found: KernelList, scene: Scene, options: Options, names: Collection[str], camera: Camera, is_shared: bool
+    found: KernelList, tables: SceneTables, options: Options, names: Collection[str], camera: Camera, is_shared: bool
 ) -> None:
     """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
     screen = screen_of_no_scene(camera, 1)
@@ -395,7 +390,7 @@ def add_buffers(
     parts = Parts(screen, coding, workspace, no_drawables())
     if not is_shared:
         add_stages(found, parts)
-        add_clipping(found, scene, camera, screen)
+        add_clipping(found, tables, camera, screen)
         found.add(buffers.clear_band, workspace.visibility, 0)
     surfaces = buffers.VisibleSurfaces(
         workspace.visibility, workspace.records, parts.drawables, np.empty(0, np.uint32), coding.depths,
@@ -422,8 +417,8 @@ def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) 
         found.add(buffer.write, surfaces, band, out)
 
 
-def add_edges(found: KernelList, scene: Scene, options: Options, camera: Camera) -> None:
+def add_edges(found: KernelList, tables: SceneTables, options: Options, camera: Camera) -> None:
     """Add what draws edges over a picture, and the depths that hide them."""
-    add_buffers(found, scene, options, ("depth",), camera, is_shared=False)
+    add_buffers(found, tables, options, ("depth",), camera, is_shared=False)
     samples, lines = np.empty((0, 0), np.float32), np.empty((0, 3))
     found.add(draw_edges, np.empty((0, 6)), lines, float(options.edge_width), True, samples, samples)

@@ -27,7 +27,7 @@ from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, forget_extents,
 from ..pipeline.workspace import Workspace, WorkspaceKind, WorkspacePool
 from .passes import Pass
 
-MOST_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
+MAX_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
 
 
 class Memory(NamedTuple):
@@ -96,7 +96,7 @@ def scan_by_index(task: Task):
     They decide which of two surfaces at equal depth has the lower one.
     """
     band, drawn, render_pass, (workspace, pool, kind) = task
-    second = pool.acquire(kind, render_pass.most_records(len(band.faces)))
+    second = pool.acquire(kind, render_pass.max_records(len(band.faces)))
     records = second.records._replace(clipped_planes=workspace.records.clipped_planes)
     coding, deferred = render_pass.coding, make_deferred(len(band.faces), second.extents)
     coding = coding._replace(ways=np.where(coding.ways == IN_ENTRIES, np.uint8(IN_PLANES), coding.ways))
@@ -157,13 +157,13 @@ def rows_of(lists: FragmentLists, a_buffer: ABuffer) -> Rows:
 
 
 def split_rows(rows: Rows, a_buffer: ABuffer):
-    """Divide rows of a band into strips, as many at a time as have MOST_SHADED samples."""
+    """Divide rows of a band into strips, as many at a time as have MAX_SHADED samples."""
     strip, first_samples = 1 << STRIP_SHIFT, a_buffer.first_samples
-    if first_samples[rows.y_end] - first_samples[rows.y_start] <= MOST_SHADED:
+    if first_samples[rows.y_end] - first_samples[rows.y_start] <= MAX_SHADED:
         yield Rows(rows.y_start // strip * strip, rows.y_end)
         return
     widest = int(np.diff(first_samples[rows.y_start : rows.y_end + 1]).max())
-    n_row = max(MOST_SHADED // widest // strip, 1) * strip
+    n_row = max(MAX_SHADED // widest // strip, 1) * strip
     for y in range(rows.y_start // strip * strip, rows.y_end, n_row):
         yield Rows(y, min(y + n_row, rows.y_end))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 
-from rasterizer.engine.plan import list_textures
+from rasterizer.engine.scene_tables import list_textures
 from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline.texture_packing import first_texel
 from rasterizer.reference.texture import sample_texture
