@@ -19,7 +19,7 @@ from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
 from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
 from rasterizer.engine.plan import ViewPlans
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
@@ -88,7 +88,7 @@ def go(scene) -> Way:
 
 def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
-    plan = ViewPlans(tabulate(scene, OPTIONS), OPTIONS, geometry).plan_for(view, screen).plan
+    plan = ViewPlans(SceneTables(scene, OPTIONS), OPTIONS, geometry).plan_for(view, screen).plan
     lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,9 @@ from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Sample
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.memory import check_memory, checked_out
-from .engine.plan_summary import PlanSummary
+from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared import PreparedScene
-from .engine.scene_tables import tabulate
+from .engine.scene_tables import SceneTables
 from .errors import SceneError, checked_keywords, counted, shown
 from .frame import Frame, Stats
 from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, scene_of
@@ -177,13 +177,11 @@ class Renderer:
         if ground:
             lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
             self.scene = replace(self.scene, lights=lights)
-        tables = tabulate(self.scene, self.options)
-        if ground:
-            tables = tables._replace(background=None)  # which lies behind the shadow
-        with compiling_ahead(lambda: list_kernels_of(tables, self.options, self.scene.camera_for(self.options.size))):
-            self._prepared = PreparedScene(tables, self.options)
-        self._ground = self._make_ground() if ground else None
-        self._plan = self._prepared.summary_of(self._prepared.view_plans.plan)
+        # The background lies behind the shadow on the ground.
+        drawn = replace(self.scene, background=None) if ground else self.scene
+        self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options)
+        with compiling_ahead(self._list_kernels):
+            self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
 
     @property
@@ -251,7 +249,7 @@ class Renderer:
         if azimuth is not None or elevation is not None:
             camera = self._framed_from(azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_kernels(camera)):
+        with self._prepared.threads.turn, compiling_ahead(partial(self._list_kernels, camera)):
             return self._render(camera, words)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
@@ -276,17 +274,20 @@ class Renderer:
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)
 
-    def _list_kernels(self, camera: Camera) -> list[Job]:
-        """List the kernels of a picture through a camera."""
-        prepared = self._prepared
-        return list_kernels_of(prepared.tables, self.options, camera, prepared.plan_for(camera).plan)
+    def _list_kernels(self, camera: Camera | None = None) -> list[Job]:
+        """List the kernels of a picture through a camera; None = of the first one, before anything is prepared."""
+        if camera is None:
+            return self._prepared.list_kernels(self.scene.camera_for(self.options.size))
+        return self._prepared.list_kernels(camera, self._prepared.plan_for(camera).plan)
 
-    def _make_ground(self) -> Any:
-        """Draw the shadow on the ground."""
-        from .engine.ground_shadow import GroundShadow, masks_of
+    @cached_property
+    def _ground(self) -> Any:
+        """The shadow on the ground, drawn for the first picture; None without a ground."""
+        if not self.options.ground:
+            return None
+        from .engine.ground_shadow import GroundShadow
 
-        with compiling_ahead(lambda: list_kernels_of(*masks_of(self.scene), self.scene.framed(1.0))):
-            return GroundShadow(self.scene, threads=self.options.threads)
+        return GroundShadow(self.scene, threads=self.options.threads)
 
     def _framed_from(self, azimuth: float | None = None, elevation: float | None = None) -> Camera:
         """Return the camera that frames the scene, with the shadow on its ground."""
@@ -319,7 +320,7 @@ class Renderer:
             self._plan = prepared.summary_of(view_plan.plan, counts.paths)
             linear = (color, alpha) if "color" in outputs else (None, None)
             if self.options.edges:
-                prepared.draw_edges(camera, rgba, *linear)
+                prepared.edges.draw_over(camera, rgba, *linear)
                 clock.lap("edges")
             if self._ground is not None:
                 self._ground.lay_under(camera, rgba, *linear, self.scene.background)
@@ -348,13 +349,6 @@ class Renderer:
             plan=self._plan,
             error_bounds=bounds,
         )
-
-
-def list_kernels_of(*arguments: Any) -> list[Job]:
-    """Return what `list_kernels` does, which is imported where a kernel is missing."""
-    from .engine.kernels_of_plan import list_kernels
-
-    return list_kernels(*arguments)
 
 
 def _arguments_of(options: Options) -> dict:

@@ -17,7 +17,7 @@ from ..choices import BUFFERS
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
 from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
-from ..engine.scene_tables import tabulate
+from ..engine.scene_tables import SceneTables
 from ..errors import OutputError
 from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
@@ -125,7 +125,7 @@ def list_all_kernels() -> list[kernels.Job]:
     for scene, settings in _pictures():
         for tolerance in (0.0, DEFAULT_TOLERANCE):
             options = Options(size=SIZE, tolerance=tolerance, threads=1, **settings)
-            found |= dict.fromkeys(list_kernels(tabulate(scene, options), options, scene.camera_for(options.size)))
+            found |= dict.fromkeys(list_kernels(SceneTables(scene, options), options, scene.camera_for(options.size)))
     return list(found)
 
 

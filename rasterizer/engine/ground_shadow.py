@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import Output
+from ..compiler.kernels import Job, compiling_ahead
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_from_srgb, srgb_from_linear
@@ -29,7 +30,7 @@ from ..scene.lights import AmbientLight
 from ..scene.scene import Scene
 from .draw import NO_CLOCK
 from .prepared import PreparedScene
-from .scene_tables import SceneTables, tabulate
+from .scene_tables import SceneTables
 
 HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
@@ -186,7 +187,7 @@ def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None =
     output: Output = "mask" if is_opaque else "rgb"
     casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
     options = Options(size=size, shading="flat", outputs=(output,), samples=1, threads=threads)
-    return tabulate(casters, options), options
+    return SceneTables(casters, options), options
 
 
 def faded(size: tuple[int, int]) -> NDArray[np.float32]:
@@ -270,13 +271,17 @@ def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> N
             prepared.threads.close()
         return covered
 
-    if n_batch == 1:
-        covered = draw_batch(0)
-    else:
-        from concurrent.futures import ThreadPoolExecutor
+    def list_kernels() -> list[Job]:
+        return PreparedScene(casters, options).list_kernels(_camera_at(ground, 0.0, 0.0))
 
-        with ThreadPoolExecutor(n_batch) as pool:
-            covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
+    with compiling_ahead(list_kernels):
+        if n_batch == 1:
+            covered = draw_batch(0)
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            with ThreadPoolExecutor(n_batch) as pool:
+                covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
     return covered.astype(np.float32) / np.float32(n if is_opaque else 255 * n)
 
 

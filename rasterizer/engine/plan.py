@@ -365,17 +365,17 @@ class ViewPlans:
         if self._is_lit_per_sample and self.plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
             self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
 
-    def plan_for(self, view, screen, shadow_shift: Callable[[View], float] | None = None) -> ViewPlan:
+    def plan_for(self, view, screen, shadow_shift: Callable[[], float] | None = None) -> ViewPlan:
         """The plan for a view, or one with float64 where float32 has too few digits for it.
 
         Parameters
         ----------
-        shadow_shift : returns how far float32 moves what shadows are asked for in a view, scene units, and infinity
-            where float32 can't be taken; None where no light casts shadows
+        shadow_shift : returns how far float32 moves what shadows are asked for in this view, scene units, and infinity
+            where float32 can't be taken; it is called where that counts
         """
         shift = 0.0
         if shadow_shift is not None and self.plan.has_shadows and not self.plan.of_materials.is_double.all():
-            shift = shadow_shift(view)
+            shift = shadow_shift()
         distances = self._measure(view, screen, shift)
         arrays = {name: getattr(distances, name).tobytes() for name in ("furthest", "clearances")}
         key = distances._replace(**arrays), screen.is_perspective

@@ -18,7 +18,7 @@ from ..scene.lights import Light, checked_lights
 from ..scene.material import Material
 from ..scene.validate import VectorLike, plain_array, unit3, vector3
 from .plan import make_plan
-from .scene_tables import common_color, tabulate
+from .scene_tables import SceneTables, common_color
 from .uniforms import make_lighting
 
 
@@ -76,7 +76,7 @@ def illuminate(
     lights = _checked_lights(lights, isinstance(viewer, Camera))
     options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
     meshes = (SimpleNamespace(palette=(material,)),)
-    tables = tabulate(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
+    tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
     plan = make_plan(tables, options, np.empty((0, 3)))
     lighting = make_lighting(plan, view, plan.dtype)
     # Of a screen lighting reads the eye and the axis along which it looks.

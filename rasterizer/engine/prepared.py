@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.points import gather_geometry
+from ..compiler.kernels import Job
+from ..geometry.points import Geometry, gather_geometry
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.encode import Encoding, encode_picture
@@ -70,27 +71,53 @@ class PreparedScene:
 
     def __init__(self, tables: SceneTables, options: Options) -> None:
         self.tables, self.options = tables, options
-        self.threads = Workers(options.n_thread)
-        self.bounds = tables.bounds
-        check_extent(self.bounds)
-        self.geometry = gather_geometry(tables.meshes, options.is_flat)
-        self.view_plans = ViewPlans(tables, options, self.geometry)
-        self.normals = NormalAttributes(self.geometry)
-        self.buffer_tables = BufferTables(tables, self.geometry)
-        self.shadows: Any = self._make_shadows() if self.view_plans.plan.has_shadows else None
-        self._edges: Any = None  # made for the first picture that shows edges
-        self.workspaces = WorkspacePool()
+        self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         self._lightings: dict[tuple, Lighting] = {}  # what is the same in all views, by type and features
         self._plan_parts: PlanParts | None = None  # those of the last picture
 
-    def _make_shadows(self):
+    @cached_property
+    def geometry(self) -> Geometry:
+        """All meshes as one set of arrays."""
+        check_extent(self.tables.bounds)
+        return gather_geometry(self.tables.meshes, self.options.is_flat)
+
+    @cached_property
+    def view_plans(self) -> ViewPlans:
+        """What each view needs."""
+        return ViewPlans(self.tables, self.options, self.geometry)
+
+    @cached_property
+    def _normals(self) -> NormalAttributes:
+        return NormalAttributes(self.geometry)
+
+    @cached_property
+    def _buffer_tables(self) -> BufferTables:
+        return BufferTables(self.tables, self.geometry)
+
+    @cached_property
+    def _shadows(self) -> Any:
+        """The shadow maps of a scene that has some."""
         from .shadow_maps import Shadows
 
-        return Shadows(self.geometry, self.bounds, self.view_plans.plan)
+        return Shadows(self.geometry, self.tables.bounds, self.view_plans.plan)
+
+    @cached_property
+    def edges(self) -> Any:
+        """The edges over its pictures."""
+        from .edges import EdgeOverlay
+
+        return EdgeOverlay(self)
+
+    def list_kernels(self, camera: Camera, plan: Plan | None = None) -> list[Job]:
+        """List the kernels of a picture through a camera; see kernels_of_plan.py, which is imported where one is
+        missing."""
+        from .kernels_of_plan import list_kernels
+
+        return list_kernels(self.tables, self.options, camera, plan)
 
     def screen_for(self, camera: Camera, view: View, factor: int) -> Screen:
         """Return the screen of a camera, with `factor` samples a pixel along each axis; `view` is the camera's."""
-        return screen_of(camera, view, self.options.size, factor, self.geometry, self.bounds)
+        return screen_of(camera, view, self.options.size, factor, self.geometry, self.tables.bounds)
 
     def plan_for(self, camera: Camera) -> ViewPlan:
         """Return the plan for a view, before anything is drawn."""
@@ -99,7 +126,7 @@ class PreparedScene:
 
     def _plan_on(self, view: View, screen: Screen) -> ViewPlan:
         """The plan for a view, on the screen of its picture."""
-        return self.view_plans.plan_for(view, screen, None if self.shadows is None else self.shadows.shift)
+        return self.view_plans.plan_for(view, screen, lambda: self._shadows.shift(view))
 
     def summary_of(self, plan: Plan, paths: PathCounts | None = None) -> PlanSummary:
         """Return a plan in words, with how many triangles took which path."""
@@ -138,7 +165,7 @@ class PreparedScene:
         options, parts = self.options, self._parts_of(plan)
         maps: dict[np.dtype, Any] = dict.fromkeys(plan.dtypes, ())
         if plan.has_shadows:
-            maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
+            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
         lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in plan.dtypes}
         shared = {
@@ -153,8 +180,8 @@ class PreparedScene:
             "is_shaded_once": options.antialias == "shade-once",
         }
         if plan.is_lit_per_sample:
-            attributes = self.normals.of(plan)
-            face_table = FaceTable(self.shadows.shapes if plan.has_shadows else NO_SHAPES)
+            attributes = self._normals.of(plan)
+            face_table = FaceTable(self._shadows.shapes if plan.has_shadows else NO_SHAPES)
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
@@ -181,16 +208,8 @@ class PreparedScene:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = self.shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
+        normal_offsets = self._shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
-
-    def draw_edges(self, camera: Camera, rgba, color, alpha) -> None:
-        """Draw the edges that are asked for over a picture; parameters are those of `EdgeOverlay.draw_over`."""
-        if self._edges is None:
-            from .edges import EdgeOverlay
-
-            self._edges = EdgeOverlay(self)
-        self._edges.draw_over(camera, rgba, color, alpha)
 
     def paths_at(self, camera: Camera, pixel: tuple[int, int]) -> list[str]:
         """Return the paths that the samples of a pixel took from the vertices, sorted; none where nothing is visible.
@@ -232,10 +251,10 @@ class PreparedScene:
         """
         options = self.options
         if "depth" in names:
-            check_depths(camera, view, self.bounds)
+            check_depths(camera, view, self.tables.bounds)
         normals, size = NONE, (options.size[0] * factor, options.size[1] * factor)
         if any(BUFFER_TABLE[name].needs_normals for name in names):
-            normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.normals()
+            normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.normals()
         return BufferPass(
             attributes=normals,
             coding=make_buffer_coding(screen, normals.double.shape[2]),
@@ -243,7 +262,7 @@ class PreparedScene:
             is_culled=options.cull == "back",
             screen=screen,
             buffers={name: BUFFER_TABLE[name].make(size) for name in names},
-            tables={name: (make(self.buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
+            tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
         )
 
     def draw_buffers(
@@ -286,10 +305,10 @@ class PreparedScene:
             found |= {"color": error} if "color" in outputs else {}
             found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
             if view_plan.plan.has_shadows:
-                found["shadows"] = self.shadows.list_bounds(view_plan.plan, view)
+                found["shadows"] = self._shadows.list_bounds(view_plan.plan, view)
         shortest = 1.0 if {"normal", "normal_camera"}.isdisjoint(outputs) else self._shortest_normal
-        nearest = depths_of_boxes(view, self.bounds)[0]
-        found |= bound_buffers(outputs, screen, furthest_of(self.bounds, view.eye), nearest, shortest)
+        nearest = depths_of_boxes(view, self.tables.bounds)[0]
+        found |= bound_buffers(outputs, screen, furthest_of(self.tables.bounds, view.eye), nearest, shortest)
         return ErrorBounds(**found)
 
     @cached_property

@@ -9,6 +9,7 @@ their illumination, as arrays that the pipeline reads, and the tint that one cha
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,29 +27,117 @@ from . import lights as light_table
 from .reflections import has_colored_fresnel, has_highlight
 
 
-class SceneTables(NamedTuple):
-    """What a scene is made of, under the options of a picture."""
+class SceneTables:
+    """What a scene is made of, under the options of a picture; each table is made when it is asked for first.
 
-    meshes: tuple[Mesh, ...]
-    materials: tuple  # the different ones of all meshes
-    palettes: list[NDArray[np.int64]]  # for each mesh the numbers of its materials
-    lights: tuple  # without ambient and black ones; those of an area light one by one
-    n_black: int  # lights that are black
-    ambient: NDArray[np.float64]  # (3,), the sum of the ambient lights
-    products: "Products | None"  # those of spectra, in which the exposure is included
-    is_lit: NDArray[np.bool_]  # (n_material, n_light): the material reflects something of the light
-    background: tuple[float, float, float] | None  # linear
-    depth_cue: DepthCue | None
+    Parameters
+    ----------
+    scene : Scene, of which nothing else is read later
+    options : of which exposure and spectral count: light and what materials emit are multiplied by the exposure, because
+        the illumination equation is linear in them
+    """
+
+    def __init__(self, scene: Scene, options: Options) -> None:
+        self.meshes: tuple[Mesh, ...] = scene.meshes
+        self.background: tuple[float, float, float] | None = scene.background  # linear
+        self.depth_cue: DepthCue | None = scene.depth_cue
+        self._every_light, self._options = scene.lights, options
+
+    @cached_property
+    def _numbered(self) -> tuple[tuple, list[NDArray[np.int64]]]:
+        """The materials as they are given, and the palettes."""
+        return number_materials(self.meshes)
 
     @property
+    def palettes(self) -> list[NDArray[np.int64]]:
+        """For each mesh the numbers of its materials."""
+        return self._numbered[1]
+
+    @cached_property
+    def materials(self) -> tuple:
+        """The different ones of all meshes."""
+        return self._exposed(self._numbered[0], "emissive")
+
+    @cached_property
+    def lights(self) -> tuple:
+        """All but ambient and black ones; those of an area light one by one."""
+        return self._exposed(self._lights_as_given, "color")
+
+    @cached_property
+    def _lights_as_given(self) -> tuple:
+        return tuple(light for light in self._expanded_lights if not light_table.is_black(light))
+
+    @cached_property
+    def _expanded_lights(self) -> tuple:
+        return tuple(part for light in self._every_light for part in light_table.entry_of(light).expand(light))
+
+    @property
+    def n_black(self) -> int:
+        """How many lights are black, and no part of `lights`."""
+        return len(self._expanded_lights) - len(self._lights_as_given)
+
+    @property
+    def _ambient_lights(self) -> tuple:
+        return tuple(light for light in self._every_light if light_table.entry_of(light).is_ambient)
+
+    @cached_property
+    def ambient(self) -> NDArray[np.float64]:
+        """(3,), the sum of the ambient lights."""
+        return sum((np.array(light.color) for light in self._exposed(self._ambient_lights, "color")), np.zeros(3))
+
+    @cached_property
+    def products(self) -> "Products | None":
+        """Those of spectra, in which the exposure is included; None where colours are multiplied channel by channel."""
+        return multiply_spectra(self._numbered[0], self._lights_as_given, self._ambient_lights, self._options)
+
+    def _exposed(self, sources: tuple, field: str) -> tuple:
+        """Lights or materials with one of their colours multiplied by the exposure."""
+        if self.products is not None or self._options.exposure == 0.0:
+            return sources
+        scale = 2.0**self._options.exposure
+        colors = [tuple(scale * component for component in getattr(source, field)) for source in sources]
+        return tuple(replace(source, **{field: color}) for source, color in zip(sources, colors, strict=True))
+
+    @cached_property
+    def is_lit(self) -> NDArray[np.bool_]:
+        """(n_material, n_light): the material reflects something of the light."""
+        products = self.products
+        if products is None:
+            is_reflecting = np.array([[any(material.diffuse) or any(material.specular)] for material in self.materials])
+        else:
+            is_reflecting = products.diffuse.any(axis=2) | products.specular.any(axis=2) | products.grazing.any(axis=2)
+        return np.ones((len(self.materials), len(self.lights)), np.bool_) & is_reflecting
+
+    def lights_of(self, k: int) -> tuple:
+        """The lights that material k reflects something of."""
+        return tuple(light for light, is_lit in zip(self.lights, self.is_lit[k].tolist(), strict=True) if is_lit)
+
+    def tint_of(self, k: int) -> NDArray[np.float64] | None:
+        """The RGB triple that all intensities of material k are multiples of, where points have no colours of their
+        own; None where there is none."""
+        if self.products is not None or self.materials[k].texture is not None:
+            return None
+        tint = common_color([self.materials[k]], self.lights_of(k), self.ambient)
+        return tint if self.depth_cue is None or tint is None else common_tint(tint, self.depth_cue.color)
+
+    @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """(n_mesh, 2, 3) boxes round the meshes, world space."""
         return np.stack([mesh.bounds for mesh in self.meshes])
 
-    @property
+    @cached_property
     def face_offsets(self) -> NDArray[np.int64]:
         """(n_mesh + 1,): face f of mesh m has the index face_offsets[m] + f in the scene."""
         return np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
+
+    @property
+    def has_vertex_colors(self) -> NDArray[np.bool_]:
+        """(n_material,): which materials have points with colours that are given with the model."""
+        has_colors = np.zeros(len(self.materials), np.bool_)
+        for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
+            if mesh.colors is not None or mesh.face_colors is not None:
+                has_colors[numbers] = True
+        return has_colors
 
     @property
     def is_textured(self) -> bool:
@@ -65,66 +154,6 @@ class SceneTables(NamedTuple):
         """Some light casts shadows, and is reflected."""
         casts = [light_table.shadow_of(light) is not None for light in self.lights]
         return bool((self.is_lit.any(axis=0) & np.array(casts, np.bool_)).any())
-
-    @property
-    def has_vertex_colors(self) -> NDArray[np.bool_]:
-        """(n_material,): which materials have points with colours that are given with the model."""
-        has_colors = np.zeros(len(self.materials), np.bool_)
-        for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
-            if mesh.colors is not None or mesh.face_colors is not None:
-                has_colors[numbers] = True
-        return has_colors
-
-    def lights_of(self, k: int) -> tuple:
-        """The lights that material k reflects something of."""
-        return tuple(light for light, is_lit in zip(self.lights, self.is_lit[k].tolist(), strict=True) if is_lit)
-
-    def tint_of(self, k: int) -> NDArray[np.float64] | None:
-        """The RGB triple that all intensities of material k are multiples of, where points have no colours of their
-        own; None where there is none."""
-        if self.products is not None or self.materials[k].texture is not None:
-            return None
-        tint = common_color([self.materials[k]], self.lights_of(k), self.ambient)
-        return tint if self.depth_cue is None or tint is None else common_tint(tint, self.depth_cue.color)
-
-
-def tabulate(scene: Scene, options: Options) -> SceneTables:
-    """List what a scene is made of: materials, lights, and which lights count for which materials.
-
-    Exposure is multiplied into lights and what materials emit: the illumination equation is linear in them.
-    """
-    materials, palettes = number_materials(scene.meshes)
-    ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
-    every_light = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
-    lights = tuple(light for light in every_light if not light_table.is_black(light))
-    products = multiply_spectra(materials, lights, ambient_lights, options)
-    if products is None:
-        is_reflecting = np.array([[any(material.diffuse) or any(material.specular)] for material in materials])
-        if options.exposure != 0.0:
-            scale = 2.0**options.exposure
-            ambient_lights = tuple(scaled(light, "color", scale) for light in ambient_lights)
-            lights = tuple(scaled(light, "color", scale) for light in lights)
-            materials = tuple(scaled(material, "emissive", scale) for material in materials)
-    else:
-        kinds = (products.diffuse, products.specular, products.grazing)
-        is_reflecting = np.logical_or.reduce([product.any(axis=2) for product in kinds])
-    return SceneTables(
-        meshes=scene.meshes,
-        materials=materials,
-        palettes=palettes,
-        lights=lights,
-        n_black=len(every_light) - len(lights),
-        ambient=sum((np.array(light.color) for light in ambient_lights), np.zeros(3)),
-        products=products,
-        is_lit=np.ones((len(materials), len(lights)), np.bool_) & is_reflecting,
-        background=scene.background,
-        depth_cue=scene.depth_cue,
-    )
-
-
-def scaled(source: Any, field: str, scale: float) -> Any:
-    """Return a light or a material with one of its colours multiplied."""
-    return replace(source, **{field: tuple(scale * component for component in getattr(source, field))})
 
 
 # ---------------------------------------------------------------- surfaces, as arrays that the pipeline reads

@@ -23,7 +23,7 @@ from rasterizer import reference
 from rasterizer.cli.render_command import describe_bounds
 from rasterizer.engine.bounds import EXACT
 from rasterizer.engine.prepared import PreparedScene
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
 from rasterizer.options import Options
 
@@ -375,7 +375,7 @@ def test_a_renderer_states_the_bound_of_each_view():
 def plan_in(scene, **options):
     """(ViewPlan) of a scene, before anything is drawn."""
     chosen = Options(**{"size": (64, 48), "samples": 1} | options)
-    prepared = PreparedScene(tabulate(scene, chosen), chosen)
+    prepared = PreparedScene(SceneTables(scene, chosen), chosen)
     return prepared.plan_for(scene.camera_for((64, 48)))
 
 

@@ -16,7 +16,7 @@ import rasterizer as rz
 from rasterizer.engine.attributes import make_coding, scale_depths
 from rasterizer.engine.bounds import Distances
 from rasterizer.engine.plan import make_plan, plan_of_view
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES, NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
@@ -46,7 +46,7 @@ def scene_of(materials, lights, **mesh):
 def plan_of(scene, **options):
     """The plan of a scene."""
     options = Options(**options)
-    return make_plan(tabulate(scene, options), options, gather_geometry(scene.meshes, options.is_flat).albedo)
+    return make_plan(SceneTables(scene, options), options, gather_geometry(scene.meshes, options.is_flat).albedo)
 
 
 def screen_for(camera, depth_range):

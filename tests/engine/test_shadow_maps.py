@@ -12,7 +12,7 @@ from helpers.pinhole import QUAD, octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
@@ -313,7 +313,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
     carried = rz.DirectionalLight((0.1, 0, -1), attached="camera", shadow=rz.Shadow(64, 5))
     scene = rz.Scene([mesh], [rz.DirectionalLight((0, 0, -1), shadow=rz.Shadow(64)), carried])
-    plan = make_plan(tabulate(scene, rz.Options(shading="phong")), rz.Options(shading="phong"), np.empty((0, 3)))
+    plan = make_plan(SceneTables(scene, rz.Options(shading="phong")), rz.Options(shading="phong"), np.empty((0, 3)))
     shadows = Shadows(gather_geometry(scene.meshes, False), mesh.bounds[None], plan)
     rows = plan.of_materials
     turned = plan._replace(of_materials=rows._replace(normal_limits=8 * rows.normal_limits))

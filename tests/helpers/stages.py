@@ -8,7 +8,7 @@ import numpy as np
 import rasterizer as rz
 from rasterizer.engine.attributes import scale_depths
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline.bands import Band
@@ -196,7 +196,7 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
     triangle = np.eye(3), [[0, 1, 2]]
     scene = rz.Scene([rz.Mesh(*triangle, material=material) for material in materials], lights)
     options = Options(shading="phong")
-    plan = computed_in(make_plan(tabulate(scene, options), options, albedo), dtype)
+    plan = computed_in(make_plan(SceneTables(scene, options), options, albedo), dtype)
     if len(albedo):
         has_albedo = np.ones(len(plan.materials), np.bool_)
         plan = plan._replace(of_materials=plan.of_materials._replace(has_albedo=has_albedo))

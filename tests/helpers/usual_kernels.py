@@ -8,7 +8,7 @@ from helpers.mixed_scenes import mixed
 from helpers.small_scenes import checks, cube, drawn, floor, scene_of
 from rasterizer.compiler import kernels
 from rasterizer.engine.kernels_of_plan import list_kernels
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 
 OFTEN = ("transparent", "transparent and textured", "shadows", "texture, nearest")
@@ -30,7 +30,7 @@ def compile_usual_kernels() -> int:
     listed = []
     for scene, options in usual_pictures():
         options = Options(size=4, threads=1, **options)
-        listed += list_kernels(tabulate(scene, options), options, scene.camera_for(options.size))
+        listed += list_kernels(SceneTables(scene, options), options, scene.camera_for(options.size))
     missing = kernels.missing_in(kernels.STORE, listed)
     kernels.compile_into(kernels.STORE, missing)
     return len(missing)

@@ -17,7 +17,7 @@ from rasterizer.cli import main
 from rasterizer.engine import plan, uniforms
 from rasterizer.engine import reflections as reflection_table
 from rasterizer.engine.rounding import SINGLE
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
 from rasterizer.reference import reflection
@@ -298,7 +298,7 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     meshes = [rz.Mesh(*octasphere(0), material=material) for material in materials]
     scene = rz.Scene(meshes, lights, VIEW)
     chosen = rz.Options(shading=shading, **options)
-    made_plan = plan.make_plan(tabulate(scene, chosen), chosen, np.zeros((0, 3)))
+    made_plan = plan.make_plan(SceneTables(scene, chosen), chosen, np.zeros((0, 3)))
     return made_plan, uniforms.make_lighting(made_plan, VIEW.view(), made_plan.dtype)
 
 

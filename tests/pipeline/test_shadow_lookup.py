@@ -11,7 +11,7 @@ from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.scene_tables import tabulate
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Precision, Shadows
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import fragments as f
@@ -50,7 +50,7 @@ class Points:
         self.maps, self.blocks = [], []
         for tolerance in (rz.Options().tolerance, 0.0):
             options = rz.Options(shading="phong", tolerance=tolerance)
-            plan = make_plan(tabulate(scene, options), options, geometry.albedo)
+            plan = make_plan(SceneTables(scene, options), options, geometry.albedo)
             shadows = Shadows(geometry, bounds, plan)
             self.maps.append(shadows.draw(plan, view, plan.dtype, WorkspacePool(), Workers(1))[0])
             self.blocks.append(self.maps[-1].block)
