@@ -33,8 +33,8 @@ class SceneTables:
     Parameters
     ----------
     scene : Scene, of which nothing else is read later
-    options : of which exposure and spectral count: light and what materials emit are multiplied by the exposure, because
-        the illumination equation is linear in them
+    options : of which exposure and spectral count. Light and what materials emit are multiplied by the exposure: the
+        illumination equation is linear in them
     """
 
     def __init__(self, scene: Scene, options: Options) -> None:
