@@ -206,8 +206,8 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
 def computed_in(plan, dtype):
     """A plan with all materials in one type."""
     bit = NEEDS_DOUBLE if np.dtype(dtype) == np.float64 else NEEDS_SINGLE
-    needs = plan.of_materials.needs & np.uint8(255 - NEEDS_DOUBLE - NEEDS_SINGLE) | np.uint8(bit)
-    return plan._replace(of_materials=plan.of_materials._replace(needs=needs))
+    features = plan.of_materials.features & np.uint8(255 - NEEDS_DOUBLE - NEEDS_SINGLE) | np.uint8(bit)
+    return plan._replace(of_materials=plan.of_materials._replace(features=features))
 
 
 def random_triangles(rng, n, size, reach):

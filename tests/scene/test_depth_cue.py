@@ -89,7 +89,7 @@ def test_depths_of_entries_fade_within_the_bound(camera):
         shown = scene(camera, cue)
         fast, exact = (rz.render(shown, SIZE, shading="phong", tolerance=t, samples=1) for t in (Options.tolerance, 0))
         plan = fast.stats.plan
-        assert plan.dtype == "float32" and plan.ways.exact < sum(plan.ways)
+        assert plan.dtype == "float32" and plan.paths.exact < sum(plan.paths)
         error, bound = np.abs(fast.color - exact.color).max(), fast.stats.error_bound + exact.stats.error_bound
         assert error <= bound, f"{error:.3g} > {bound:.3g}"
     steep = scene("perspective", rz.DepthCue(1e-3, 3.0))
