@@ -3,7 +3,7 @@
 import argparse
 
 from .. import choices
-from ..options import LEAST_WAVES, MOST_WAVES, Options
+from ..options import MAX_WAVES, MIN_WAVES, Options
 from . import values
 from .defaults import UNSAID
 from .edge_arguments import add_edges
@@ -153,7 +153,7 @@ def _add_range(group) -> None:
         "--spectral",
         type=int,
         metavar="N",
-        help=f"compute with N samples of the spectrum, {LEAST_WAVES} to {MOST_WAVES} (default: 81 where a light or "
+        help=f"compute with N samples of the spectrum, {MIN_WAVES} to {MAX_WAVES} (default: 81 where a light or "
         "material has one, else three colours)",
     )
     add(

@@ -28,7 +28,7 @@ from .transparency import Memory, Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 FACE_TIME = 40  # nanoseconds of a triangle, roughly, from scan on: every other one is hidden
-LEAST_TIME = 400_000  # of the bands of a picture that are drawn on several threads: four times what waking one takes
+MIN_THREADED_TIME = 400_000  # of bands that are drawn on several threads: four times what waking one takes
 MAX_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
 
@@ -153,7 +153,7 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     factor, (width, height) = render_pass.factor, render_pass.n_sample
     triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
     n_face = triangles.vertex_idx.shape[1]
-    is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > LEAST_TIME
+    is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > MIN_THREADED_TIME
     n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
     while True:
         grid = Grid(width, height, n_row)

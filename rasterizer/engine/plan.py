@@ -472,7 +472,7 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     single = b.rounding_errors(plan.brightness, distances, SINGLE, fades_to) + written
     lit = plan.brightness.at(distances.kept().clearances)
     double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(lit.of_materials, 1.0)  # of full scale
-    double[lit.undirected + lit.diffuse.sum(axis=1) > b.MOST_LIGHT] = np.inf
+    double[lit.undirected + lit.diffuse.sum(axis=1) > b.MAX_LIGHT] = np.inf
     if plan.opacity is not None:
         single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/layers.py
         double += 2.0 * plan.opacity.least

@@ -109,10 +109,10 @@ def scan_by_index(task: Task):
 
 def count_fragments(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> bool:
     """Count the fragments of each sample; tell whether any is as deep as an opaque surface whose index isn't known."""
-    band, n_sample, nothing = task.band, len(a_buffer.cursors), np.empty(0, np.int64)
+    n_sample, no_entries, ties = len(a_buffer.cursors), np.empty(0, np.int64), np.zeros(1, np.int64)
     a_buffer.cursors.fill(0)
-    ties = np.zeros(1, np.int64)
-    list_rows(task, surfaces, FragmentLists(0, n_sample, 0, nothing, *a_buffer.lists, True, ties), Rows(0, band.n_row))
+    lists = FragmentLists(0, n_sample, 0, no_entries, *a_buffer.lists, True, ties)
+    list_rows(task, surfaces, lists, Rows(0, task.band.n_row))
     return bool(ties[0])
 
 

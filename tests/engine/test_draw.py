@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine.draw import BAND_ENTRIES, Drawn, choose_band_rows, cull, list_bands
-from rasterizer.options import MOST_PIXELS
+from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline.clip import NO_PLANES
 from rasterizer.pipeline.visibility import MAX_RECORDS
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.integers(1, MOST_PIXELS), st.integers(1, MOST_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
+@given(st.integers(1, MAX_PIXELS), st.integers(1, MAX_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
 def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
     width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
     rows = choose_band_rows(width, height, n_thread, factor)
@@ -29,7 +29,7 @@ def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread,
 def test_bands_of_usual_pictures():
     for given_, rows in (
         ((640, 480, 1, 1), 204), ((640, 480, 2, 1), 120), ((16384, 16384, 1, 1), 8), ((16384, 4, 8, 4), 4),
-        ((MOST_PIXELS, MOST_PIXELS, 64, 4), 8),
+        ((MAX_PIXELS, MAX_PIXELS, 64, 4), 8),
     ):  # fmt: skip
         assert choose_band_rows(*given_) == rows, f"{given_}: {choose_band_rows(*given_)} != {rows}"
 
