@@ -13,7 +13,7 @@ from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.memory import check_memory, checked_out
 from .engine.plan_summary import PlanSummary, summarize
-from .engine.prepared import PreparedScene
+from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, checked_keywords, counted, shown
 from .frame import Frame, Stats
@@ -306,37 +306,46 @@ class Renderer:
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
 
-    def _render(self, camera, out) -> Frame:
+    def _render(self, camera: Camera, out: NDArray[np.uint32] | None) -> Frame:
         """Draw the picture if one is wanted, and the buffers: together where both have one sample a pixel.
 
         `out` is what `PreparedScene.draw_picture` takes.
         """
         self._check_open()
         check_memory(self.options, has_out=out is not None)
-        prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
-        arrays, rgba, counts, view_plan, buffers, screen = {}, None, None, None, None, None
+        prepared, outputs, clock, arrays = self._prepared, self.options.outputs, Clock(), {}
+        picture, buffers, counts, screen = None, None, None, None
         if "color" in outputs or "rgb" in outputs:
-            rgba, color, alpha, counts, view_plan, buffers, screen = prepared.draw_picture(camera, clock, out)
-            self._plan = prepared.summary_of(view_plan.plan, counts.paths)
-            linear = (color, alpha) if "color" in outputs else (None, None)
-            if self.options.edges:
-                prepared.edges.draw_over(camera, rgba, *linear)
-                clock.lap("edges")
-            if self._ground is not None:
-                self._ground.lay_under(camera, rgba, *linear, self.scene.background)
-                clock.lap("ground")
+            picture = self._draw_picture(camera, clock, out)
+            buffers, counts, screen = picture.buffers, picture.counts, picture.screen
             if "color" in outputs:
-                arrays.update(color=color, alpha=alpha)
+                arrays.update(color=picture.color, alpha=picture.alpha)
         if buffers is None and prepared.buffer_names:
             buffers, counts_of_buffers, screen = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
         arrays.update(buffers or {})
+        view_plan = None if picture is None else picture.view_plan
         bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
         # What a frame picks with draws the surfaces that it shows, and no colours.
         shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "samples": 1}
-        renderer = partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
-        source = FrameSource(self.scene, camera, renderer)
+        source = FrameSource(
+            self.scene, camera, partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
+        )
+        rgba = None if picture is None else picture.rgba
         return Frame(rgba, arrays, self._stats(counts, view_plan, clock, bounds), self.options.size, source)
+
+    def _draw_picture(self, camera: Camera, clock: Clock, out: NDArray[np.uint32] | None) -> DrawnPicture:
+        """Draw the picture, with edges over it and the ground's shadow under it, and keep what it needed."""
+        picture = self._prepared.draw_picture(camera, clock, out)
+        self._plan = self._prepared.summary_of(picture.view_plan.plan, picture.counts.paths)
+        linear = (picture.color, picture.alpha) if "color" in self.options.outputs else (None, None)
+        if self.options.edges:
+            self._prepared.edges.draw_over(camera, picture.rgba, *linear)
+            clock.lap("edges")
+        if self._ground is not None:
+            self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background)
+            clock.lap("ground")
+        return picture
 
     def _stats(self, counts, view_plan, clock, bounds) -> Stats:
         """Say what happened; `view_plan` is None where no picture was drawn."""

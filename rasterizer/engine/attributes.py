@@ -1,7 +1,9 @@
-"""What is interpolated over the triangles: intensities of points that are lit before they are drawn, or normals.
+"""What goes from the points of surfaces to the samples: attributes, and how visibility entries and records hold them.
 
-Flat shading lights the centroids of faces, Gouraud's method the vertices. Phong's method hands on the normals, and
-behind them what else a sample needs: colours, texture coordinates, tangents.
+Attributes are interpolated over the triangles. Flat shading lights the centroids of faces, Gouraud's method the
+vertices, before anything is drawn: these hand on intensities. Phong's method hands on the normals, and behind them what
+else a sample needs: colours, texture coordinates, tangents. A coding says which materials have attributes in entries,
+in planes or in exact records, and how far each may be off; an encoding how linear colour becomes 8 bits.
 """
 
 from typing import NamedTuple
@@ -219,8 +221,7 @@ class NormalAttributes:
         return NONE._replace(double=np.stack([toward, -toward]))
 
 
-# ----------------------------------------------------------------
-# How one view is coded: what visibility entries and records hold, and how linear colour becomes 8 bits.
+# ---------------------------------------------------------------- how entries, records and bytes hold them
 
 NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # of no view
 
