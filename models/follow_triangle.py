@@ -68,13 +68,13 @@ def go(scene) -> Way:
     geometry, view = gather_geometry(scene.meshes, OPTIONS.is_flat), scene.camera.view()
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
     screen = screen_of(scene.camera, view, OPTIONS.size, OPTIONS.factor, geometry, bounds)
-    render_pass = make_pass(scene, geometry, bounds, view, screen)
+    render_pass = make_pass(scene, geometry, view, screen)
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
     drawn = Drawn.whole(geometry, vertices, render_pass)
     lists, n_band_row = cull(drawn, render_pass, SERIAL)
     band = Band(lists.faces, 0, HEIGHT)
-    kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.most_records(len(band.faces))
+    kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.max_records(len(band.faces))
     workspace = WorkspacePool().acquire(kind, n_record)
     visibility, records = workspace.visibility, workspace.records
     counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))
@@ -86,7 +86,7 @@ def go(scene) -> Way:
     return Way(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
 
 
-def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
+def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
     plan = ViewPlans(SceneTables(scene, OPTIONS), OPTIONS, geometry).plan_for(view, screen).plan
     lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
