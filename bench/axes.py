@@ -23,17 +23,24 @@ sys.path.insert(0, str(ROOT))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure
 from bench.ray_truth import RayTruth, draw_by_rays, only
-from rasterizer.analysis.ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
+from rasterizer import (
+    AmbientLight,
+    AreaLight,
+    DirectionalLight,
+    Material,
+    Mesh,
+    Renderer,
+    Scene,
+    Shadow,
+    SpotLight,
+    Texture,
+)
+from rasterizer.analysis.speed_error import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
 from rasterizer.engine.shadow_maps import MAX_TEXELS
-from rasterizer.renderer import Renderer
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, Shadow, SpotLight, with_shadow_fields
 from rasterizer.scene.lights import Light as Lamp
-from rasterizer.scene.material import Material
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.scene import Scene
-from rasterizer.scene.texture import Texture
+from rasterizer.scene.lights import with_shadow_fields
 
 _SIZES = (256, 512, 1024, 2048, 4096)
 _FILTERS = (1, 3, 5)
@@ -41,7 +48,7 @@ _CELLS = (1, 2, 4, 8)
 _WAVES = (5, 9, 21, 41, 81)
 _FINEST_MAPS = (8192, 4096, 2048, 1024, 512)
 _FINEST_AREA, _FINEST_SHADOWED_AREA, _FINEST_SPECTRUM = 64, 12, 401
-_MOST_ROUNDS = 15
+_MAX_ROUNDS = 15
 
 
 class Variant(NamedTuple):
@@ -169,7 +176,7 @@ def _measure_axis(
             settings = options | variant.options | {"outputs": ("rgb",)}
             calls[variant.value] = stack.enter_context(Renderer(variant.scene, size, **settings)).render
             calls[variant.value]()  # compiles and allocates
-        turns = {value: times for value, (times, _) in take_turns(calls, seconds, _MOST_ROUNDS).items()}
+        turns = {value: times for value, (times, _) in take_turns(calls, seconds, _MAX_ROUNDS).items()}
     for variant in axis.variants:
         error = None
         if truth is not None:

@@ -16,8 +16,7 @@ import rasterizer as rz
 from bench import measure, scenes
 from bench.axes import measure_axes
 from rasterizer.analysis import speed_error_plot
-from rasterizer.analysis.ground_truth import Errors
-from rasterizer.analysis.speed_error import Method, Row, list_methods, study
+from rasterizer.analysis.speed_error import Errors, Method, Row, list_methods, study
 
 MODELS = ("teapot", "knot", "globe", "room", "table")
 WITH_AXES = ("globe", "room", "table")  # of the others only the methods are measured

@@ -21,9 +21,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 from bench import measure, scenes
-from rasterizer import Renderer
+from rasterizer import Options, Renderer
 from rasterizer.analysis.timing import take_turns
-from rasterizer.options import SHADINGS, Options
+from rasterizer.choices import SHADINGS
 
 CASES = (*scenes.MODEL_NAMES, "dense", "quads-front", "quads-back")
 HUGE_LIMIT_MIB = 3000

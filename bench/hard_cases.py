@@ -5,7 +5,7 @@
     python bench/hard_cases.py --only perspective 10 --save pictures
 
 Each case is drawn with the default tolerance, with tolerance 0 and, but where that would take minutes, by the float64
-reference. The scenes are in hard_scenes.py and hard_limits.py. The exit code is 1 where anything is wrong. The last
+reference. The scenes are in hard_scenes.py. The exit code is 1 where anything is wrong. The last
 line is JSON.
 """
 
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
-from bench import hard_limits, margins, measure
+from bench import hard_scenes, margins, measure
 from bench.hard_scenes import Refused
 from rasterizer import RasterizerError, Renderer, reference
 
@@ -36,7 +36,7 @@ def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     args = make_parser().parse_args(argv)
     machine, table, rows = measure.Machine(), measure.Table(COLUMNS), []
-    for case in hard_limits.CASES:
+    for case in hard_scenes.CASES:
         if args.only and not any(word in case.name for word in args.only):
             continue
         row, frame = measure_case(case, args.small)

@@ -36,15 +36,15 @@ class Variant(NamedTuple):
     edits: tuple
 
 
-LEVELS = "pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)", "0"
+LEVELS = "pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)", "0"
 PATHS = (
     Variant("packed entries", (LEVELS,)),
     Variant(
         "planes",
         (
             LEVELS,
-            ("pipeline/gradients.py", "&= way != EXACT", "= 0"),
-            ("pipeline/gradients.py", "&= ints[s.WAY + k] == IN_PLANES", "= 0"),
+            ("pipeline/gradients.py", "&= path != EXACT", "= 0"),
+            ("pipeline/gradients.py", "&= ints[s.PATH + k] == IN_PLANES", "= 0"),
         ),
     ),
     Variant(
@@ -52,8 +52,8 @@ PATHS = (
         (
             (
                 "engine/plan.py",
-                "needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE",
-                "is_double = True; needs = g.NEEDS_DOUBLE",
+                "needs = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION",
+                "is_double = True; needs = g.DOUBLE_PRECISION",
             ),
         ),
     ),
@@ -68,9 +68,17 @@ PATHS = (
         ),
     ),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
-    Variant("boxes: by hand", (("pipeline/simd.py", '@spelled_out("build_merge_box")', "@helper"),)),
-    Variant("planes: by hand", (("pipeline/simd.py", '@spelled_out("build_evaluate_planes")', "@helper"),)),
-    Variant("slopes: by hand", (("pipeline/texture_planes.py", '@spelled_out("build_evaluate_slopes")', "@helper"),)),
+    Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
+    Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_samples")', "@helper"),)),
+    Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_samples")', "@helper"),)),
+    Variant(
+        "texels: by hand",
+        (
+            ("pipeline/texture_lookup.py", '@spelled_out("build_fetch_texels")', "@helper"),
+            ("pipeline/texture_lookup.py", '@spelled_out("build_blend_texels")', "@helper"),
+            ("pipeline/texture_lookup.py", '@spelled_out("build_blend_mip_levels")', "@helper"),
+        ),
+    ),
     Variant(
         "cull: boxes without a sample",
         (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
@@ -178,7 +186,7 @@ for line in sys.stdin:
 """
 SCENES = ("scan", "dense", "textured", "room", "look", "quads", "buffers")
 SIZE = (1920, 1080)
-MOST_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
+MAX_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
 
 
 def make_renderers(names, scan, threads):
@@ -267,7 +275,7 @@ def compare(path: Variant, args) -> list[dict]:
         without.wait()
         rows = []
         for k, name in enumerate(names):
-            n = max(3, min(args.frames, int(MOST_TIME / (with_it.draw(k)[0] + without.draw(k)[0]))))
+            n = max(3, min(args.frames, int(MAX_TIME / (with_it.draw(k)[0] + without.draw(k)[0]))))
             found = [(with_it.draw(k), without.draw(k)) for _ in range(n)]
             times = np.array([[milliseconds for milliseconds, _ in pair] for pair in found])
             ratio = float(np.median(times[:, 1] / times[:, 0]))

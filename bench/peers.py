@@ -28,8 +28,8 @@ from bench import measure, peers_compare, scenes
 from bench.peers_ours import SPECKS
 from bench.peers_process import PEERS, THREAD_VARIABLES, Failure, Process, find_missing
 from bench.peers_work import Setup, Work, make_work
-from rasterizer.analysis.timing import LEAST_ROUNDS
-from rasterizer.options import Options
+from rasterizer import Options
+from rasterizer.analysis.timing import MIN_ROUNDS
 
 MODEL, TEXTURED = "torus-70k", "knot"  # meshes that --model and --textured-model take the place of
 
@@ -209,7 +209,7 @@ def measure_specks(args, arrays: Path):
 def take_turns(first: Process, second: Process, args) -> list:
     """Draw frames of two processes in turns, within the limits of the command line; return what both answer."""
     times, start = [], perf_counter()
-    while len(times) < LEAST_ROUNDS or (len(times) < args.frames and perf_counter() - start < args.seconds):
+    while len(times) < MIN_ROUNDS or (len(times) < args.frames and perf_counter() - start < args.seconds):
         times.append((first.draw(), second.draw()))
     return times
 

@@ -12,10 +12,10 @@ from PIL import Image
 STEEPEST = 8.0
 # Part of the covered pixels by which counts may differ. An edge that is rounded otherwise lies 1/256 px away at most,
 # so 1/256 of a silhouette's pixels change; where a quarter of the covered pixels belong to one, 1/1024 of them.
-MOST_MORE = 0.001
+MAX_MORE = 0.001
 # Part of the pixels compared that may differ by more than one level: texels and colours are rounded to 8 bits, and both
 # roundings together may make more than one level.
-MOST_OVER_ONE = 0.01
+MAX_OVER_ONE = 0.01
 AMPLIFIED = 32  # times the difference in the pictures that are saved
 
 
@@ -48,11 +48,11 @@ def warnings_of(found: dict) -> list[str]:
     """Say what differs by more than it should."""
     warnings = []
     more = abs(found["covered"] - found["covered_peer"])
-    if more > MOST_MORE * max(found["covered"], found["covered_peer"]):
+    if more > MAX_MORE * max(found["covered"], found["covered_peer"]):
         warnings.append(f"{found['covered']:.0f} pixels are covered by ours, {found['covered_peer']:.0f} by the other")
     if found["over_one"] is None:
         warnings.append("no pixel is away from silhouettes: nothing was compared")
-    elif found["over_one"] > MOST_OVER_ONE:
+    elif found["over_one"] > MAX_OVER_ONE:
         warnings.append(f"{found['over_one']:.1%} of the pixels differ by more than one level, up to {found['max']}")
     return warnings
 

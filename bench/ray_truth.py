@@ -12,18 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.analysis.ground_truth import Light
+from rasterizer.analysis.speed_error import Light
+from rasterizer.options import Options
 from rasterizer.reference.lamp import Lamp, make_lamps
 from rasterizer.reference.light import Lighting
 from rasterizer.reference.picture import Look, look_at, resolve, spread_samples
 from rasterizer.reference.reflection import channels_of
 from rasterizer.reference.shading import Fragments, light_fragments, opacity_of, sample_textures, world_positions
 from rasterizer.reference.shadow import Casters
-from rasterizer.reference.visibility import NOTHING, Raster, Window, find_visible, gather_fragments
+from rasterizer.reference.visibility import NO_KEY, Raster, Window, find_visible, gather_fragments
 from rasterizer.scene.scene import Scene
 
 TILE = 8  # pixels along each side
-LEAST_TILES = 8  # that show something: fewer tell nothing of a picture
+MIN_TILES = 8  # that show something: fewer tell nothing of a picture
 _ROUNDING = 2.0**-30  # of the extent seen from a lamp, far above that of float64
 
 
@@ -51,10 +52,11 @@ def draw_by_rays(
 
     Returns
     -------
-    RayTruth; None where the time doesn't suffice for LEAST_TILES
+    RayTruth; None where the time doesn't suffice for MIN_TILES
     """
-    start, limits, factor = perf_counter(), (None, None), round(samples**0.5)
-    look = look_at(scene, size, "phong", cull=cull, limits=limits, exposure=exposure, spectral=spectral)
+    start = perf_counter()
+    options = Options(shading="phong", samples=samples, cull=cull, exposure=exposure, spectral=spectral)
+    look, factor = look_at(scene, size, options), options.factor
     raster, lighting = spread_samples(look, factor)
     lamps = [
         _SeenFrom(lamp, lighting.casters)
@@ -74,7 +76,7 @@ def draw_by_rays(
             _light_tile(layers, look, lighting, lamps, color, alpha)
             n_shown += 1
         is_known[row : row + height, column : column + width] = True
-    if n_shown < LEAST_TILES and not is_known.all():
+    if n_shown < MIN_TILES and not is_known.all():
         return None
     straight, alpha = resolve(color, alpha, factor, None)
     return RayTruth(Light(straight * alpha[..., None], alpha), is_known, float(is_known.mean()))
@@ -97,7 +99,7 @@ def _gather_layers(raster: Raster, look: Look, lighting: Lighting) -> list[Fragm
         is_open = (visible.piece >= 0) & (through > 0.0)
         if not is_open.any():
             break
-        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
+        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
     return layers
 
 

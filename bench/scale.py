@@ -26,12 +26,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
+from rasterizer import Options
 from rasterizer.analysis.speed_error_plot import check_plotting, figure_bytes
 from rasterizer.analysis.timing import take_turns
-from rasterizer.options import Options
 
 WORST_SLOPE = 1.2  # of linear work, as it is measured where others use the memory, too
-LEAST_MS, LEAST_MIB = 2.0, 64.0  # what is less says nothing of growth
+MIN_MS, MIN_MIB = 2.0, 64.0  # what is less says nothing of growth
 CAMERA = rz.Camera.perspective((0, 0, 4), (0, 0, 0), fov=40)
 SUN = rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8)
 LIGHT = (rz.AmbientLight(0.1), SUN)
@@ -144,10 +144,10 @@ AXES = {
 # (title, key, what is less says nothing of growth): milliseconds of processor time, which others that compute meanwhile
 # don't lengthen, and MiB
 COSTS = (
-    ("build", "build_ms", LEAST_MS),
-    ("prepare", "prepare_ms", LEAST_MS),
-    ("frame", "cpu_ms", LEAST_MS),
-    ("MiB", "mib", LEAST_MIB),
+    ("build", "build_ms", MIN_MS),
+    ("prepare", "prepare_ms", MIN_MS),
+    ("frame", "cpu_ms", MIN_MS),
+    ("MiB", "mib", MIN_MIB),
 )
 
 

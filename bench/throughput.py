@@ -26,7 +26,7 @@ from bench import measure, scenes
 from rasterizer.cores import n_core
 
 VIEWS = ("iso", "front", "right", "top")
-LEAST_TRIANGLES, MOST_TRIANGLES = 1000, 8000
+MIN_TRIANGLES, MAX_TRIANGLES = 1000, 8000
 
 COLUMNS = [
     ("processes", "processes", "d"), ("pictures", "pictures", "d"), ("      s", "seconds", ".2f"),
@@ -72,7 +72,7 @@ def write_models(folder: Path, n: int, rng: np.random.Generator) -> list[Path]:
     """Write tori of different sizes as OBJ files; return their paths."""
     paths = []
     for k in range(n):
-        n_ring = int(np.sqrt(rng.uniform(LEAST_TRIANGLES, MOST_TRIANGLES)))
+        n_ring = int(np.sqrt(rng.uniform(MIN_TRIANGLES, MAX_TRIANGLES)))
         vertices, faces = scenes.torus(n_ring, n_ring // 2, tube_radius=rng.uniform(0.1, 0.6))
         lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in vertices]
         lines += [f"f {a} {b} {c}" for a, b, c in np.asarray(faces, np.int64) + 1]

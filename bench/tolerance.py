@@ -22,7 +22,7 @@ from bench import margins, measure, scenes
 from rasterizer import Renderer, reference
 from rasterizer.analysis.comparison import root_mean_square
 from rasterizer.analysis.timing import take_turns
-from rasterizer.options import SAMPLES, SHADINGS
+from rasterizer.choices import SAMPLES, SHADINGS
 
 MODELS = ("sphere", "teapot")
 TOLERANCES = ("0", "1/4096", "1/256")

@@ -26,7 +26,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
-from rasterizer.options import DEFAULT_TOLERANCE
 
 TOLERANCES = ("1/65536", "1/4096", "1/1024", "1/256", "1/64")
 MIXED = ("1/4096", "1/1024", "1/256", "1/64")
@@ -106,7 +105,7 @@ def measure_mode(scene, options, args):
         largest = float(error[~is_at_step].max(initial=0.0))
         yield {
             "tolerance": text, "used": largest / tolerance, "at_steps": int(is_at_step.sum()), "ms": ms,
-            "ratio": ms / times[tolerances.index(DEFAULT_TOLERANCE)],
+            "ratio": ms / times[tolerances.index(rz.Options.tolerance)],
         }  # fmt: skip
 
 

@@ -24,9 +24,8 @@ from rasterizer.engine.uniforms import make_lighting
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
-from rasterizer.pipeline.bands import Band
-from rasterizer.pipeline.cull import first_sample
-from rasterizer.pipeline.encode import srgb_thresholds
+from rasterizer.pipeline.cull import Band, first_sample
+from rasterizer.pipeline.resolve import srgb_thresholds
 from rasterizer.pipeline.scan import ScanCounts, Triangle, advance, scan, start_edge
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
@@ -74,7 +73,7 @@ def go(scene) -> Way:
     drawn = Drawn.whole(geometry, vertices, render_pass)
     lists, n_band_row = cull(drawn, render_pass, SERIAL)
     band = Band(lists.faces, 0, HEIGHT)
-    kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.max_records(len(band.faces))
+    kind, n_record = render_pass.workspace_shape(n_band_row), render_pass.max_records(len(band.faces))
     workspace = WorkspacePool().acquire(kind, n_record)
     visibility, records = workspace.visibility, workspace.records
     counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))

@@ -16,13 +16,12 @@ from .io.files import write_whole
 from .io.loader import load
 from .options import Options
 from .renderer import Renderer
-from .scene.camera import Camera
+from .scene.camera import Camera, pivot_of, turned_cameras
 from .scene.scene import Scene
-from .scene.turning import pivot_of, turned_cameras
 from .scene.validate import is_whole, number
 
-_MOST_FRAMES = 10_000
-_MOST_LOOPS = 65535
+_MAX_FRAMES = 10_000
+_MAX_LOOPS = 65535
 
 
 class Animation:
@@ -51,8 +50,8 @@ class Animation:
         self.seconds: float = number(seconds, "the seconds of an animation")
         if not 1e-3 <= self.seconds <= 1e6:
             raise SceneError(f"the seconds of an animation must be within 0.001..1000000; given {shown(seconds)}")
-        if not is_whole(loop, 0, _MOST_LOOPS):
-            raise SceneError(f"loop must be within 0..{_MOST_LOOPS}, 0 = again and again; given {shown(loop)}")
+        if not is_whole(loop, 0, _MAX_LOOPS):
+            raise SceneError(f"loop must be within 0..{_MAX_LOOPS}, 0 = again and again; given {shown(loop)}")
         self.loop: int = int(loop)
 
     def __repr__(self) -> str:
@@ -130,8 +129,8 @@ def turntable(
     SceneError : a value or option that is not legal
     ModelError : a model that can't be read
     """
-    if not is_whole(n_frame, 1, _MOST_FRAMES):
-        raise SceneError(f"n_frame must be within 1..{_MOST_FRAMES}; given {shown(n_frame)}")
+    if not is_whole(n_frame, 1, _MAX_FRAMES):
+        raise SceneError(f"n_frame must be within 1..{_MAX_FRAMES}; given {shown(n_frame)}")
     if "outputs" in options:
         raise SceneError("a turntable is made of pictures alone: it takes no outputs")
     scene = scene if isinstance(scene, Scene) else load(scene)

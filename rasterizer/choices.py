@@ -1,9 +1,8 @@
-"""The words that a user may write, each list once: the classes of a scene, the options and the command line check
-against these.
+"""The words that a user may write, each list once: the classes of a scene, the options and the command line check them.
 
 A `Literal` is what editors and type checkers read; the tuple beside it is what messages list and checks compare with.
-Only the standard library is imported, so that `raster --help` stays quick. Kinds of lights and reflection models can be
-added at run time: what stands here are the built-in ones, which the help lists; `scene.lights.LIGHT_KINDS` and
+Only the standard library is imported, so that `raster --help` stays quick. Lights and reflection models can be added at
+run time: what stands here are the built-in ones, which the help lists; `scene.lights.LIGHT_KINDS` and
 `scene.material.REFLECTION_MODELS` know all.
 """
 
@@ -22,7 +21,7 @@ Cull = Literal["none", "back"]
 ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]
 Antialias = Literal["supersample", "shade-once"]
-EdgeKind = Literal["wire", "crease", "silhouette", "all"]
+EdgeType = Literal["wire", "crease", "silhouette", "all"]
 
 SHADINGS: tuple[str, ...] = get_args(Shading)
 OUTPUTS: tuple[str, ...] = get_args(Output)  # built-in
@@ -45,7 +44,7 @@ CULLS: tuple[str, ...] = get_args(Cull)
 COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
 SAMPLES: tuple[int, ...] = get_args(Samples)
 ANTIALIASES: tuple[str, ...] = get_args(Antialias)
-EDGE_KINDS: tuple[str, ...] = get_args(EdgeKind)
+EDGE_TYPES: tuple[str, ...] = get_args(EdgeType)
 
 # --- what a store of compiled kernels is made for -----------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""The errors that the package raises, one small tree.
+"""The errors that the package raises, one small tree, and what its messages are made of.
 
 RasterizerError
 ├── ModelError    a model that can't be read, is empty or is broken       (also a ValueError)
@@ -7,13 +7,22 @@ RasterizerError
 └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
+from __future__ import annotations
+
 import reprlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from types import FrameType
-from typing import ParamSpec, TypeVar
+
+TYPE_CHECKING = False  # what type checkers take for that of `typing`, which every start would wait for
+if TYPE_CHECKING:
+    from typing import ParamSpec, TypeVar
+
+    P = ParamSpec("P")
+    R = TypeVar("R")
+    T = TypeVar("T", bound=type)
 
 
 class RasterizerError(Exception):
@@ -97,6 +106,9 @@ def warn_caller(text: str) -> None:
 _INSIDE = (__name__.partition(".")[0], "dataclasses", "contextlib")
 
 
+# --- what is given, in a message -----------------------------------------------------------------------------
+
+
 def shown(value: object) -> str:
     """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
     try:
@@ -117,27 +129,62 @@ def _short_repr() -> reprlib.Repr:
     """Make what writes the beginning of a value: enough for a message."""
     short = reprlib.Repr()
     short.maxlevel = 5
-    for kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
-        setattr(short, f"max{kind}", 40)
-    for kind in ("string", "long", "other"):
-        setattr(short, f"max{kind}", 400)
+    for name in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
+        setattr(short, f"max{name}", 40)
+    for name in ("string", "long", "other"):
+        setattr(short, f"max{name}", 400)
     return short
 
 
 _SHORT = _short_repr()
 
 
-# ----------------------------------------------------------------
-# Keywords that a function doesn't have: the error names the nearest one that it has.
-# Python's own error for them says what is wrong, and before 3.13 no more. The functions and classes that people call
-# by
-# hand are wrapped by `checked_keywords`, which says it before they are called: what editors and type checkers see of
-# them
-# stays what is written.
+# --- keywords that a function doesn't have: the error names the nearest one that it has ----------------------
+# Python's own error for them says what is wrong, and before 3.13 no more. The functions and classes that people call by
+# hand are wrapped, which says it before they are called: what editors and type checkers see of them stays what is
+# written.
 
-P = ParamSpec("P")
-R = TypeVar("R")
-T = TypeVar("T", bound=type)
+
+def checked_keywords(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function raise OptionError where it is given a keyword that it doesn't have."""
+    code = function.__code__
+    n_parameter = code.co_argcount + code.co_kwonlyargcount
+    legal = tuple(name for name in code.co_varnames[:n_parameter] if name not in ("self", "cls"))
+    name = function.__qualname__.removesuffix(".__init__")
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        for keyword in kwargs:
+            if keyword not in legal:
+                raise unknown_keyword(name, keyword, legal)
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def checked_fields(cls: T) -> T:
+    """Let a dataclass raise OptionError where it is given a field that it doesn't have."""
+    cls.__init__ = checked_keywords(cls.__init__)  # type: ignore[misc]
+    return cls
+
+
+def unknown_keyword(name: str, keyword: str, legal: tuple[str, ...]) -> OptionError:
+    """Make the error for a keyword that a function called `name` doesn't have.
+
+    Parameters
+    ----------
+    name : what was called
+    keyword : what it was given
+    legal : the keywords that it has
+    """
+    from difflib import get_close_matches
+
+    near = _SYNONYMS.get(keyword.lower())
+    found = [near] if near in legal else get_close_matches(keyword.lower(), legal, n=1)
+    where = None if near in legal else _ELSEWHERE.get(keyword.lower())
+    hint = f"{where}. " if where else f"did you mean {found[0]}? " if found else ""
+    return OptionError(f"{name} has no option {keyword!r}: {hint}Options are {', '.join(legal)}")
+
 
 # What other programs call it.
 _SYNONYMS = {
@@ -180,44 +227,3 @@ _ELSEWHERE = {
     "texture": "a material has it: Material(texture=...)",
     "view": "azimuth and elevation say it",
 }
-
-
-def checked_keywords(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function raise OptionError where it is given a keyword that it doesn't have."""
-    code = function.__code__
-    n_parameter = code.co_argcount + code.co_kwonlyargcount
-    legal = tuple(name for name in code.co_varnames[:n_parameter] if name not in ("self", "cls"))
-    name = function.__qualname__.removesuffix(".__init__")
-
-    @wraps(function)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        for keyword in kwargs:
-            if keyword not in legal:
-                raise unknown_keyword(name, keyword, legal)
-        return function(*args, **kwargs)
-
-    return checked
-
-
-def checked_fields(cls: T) -> T:
-    """Let a dataclass raise OptionError where it is given a field that it doesn't have."""
-    cls.__init__ = checked_keywords(cls.__init__)  # type: ignore[misc]
-    return cls
-
-
-def unknown_keyword(name: str, keyword: str, legal: tuple[str, ...]) -> OptionError:
-    """Make the error for a keyword that a function called `name` doesn't have.
-
-    Parameters
-    ----------
-    name : what was called
-    keyword : what it was given
-    legal : the keywords that it has
-    """
-    from difflib import get_close_matches
-
-    near = _SYNONYMS.get(keyword.lower())
-    found = [near] if near in legal else get_close_matches(keyword.lower(), legal, n=1)
-    where = None if near in legal else _ELSEWHERE.get(keyword.lower())
-    hint = f"{where}. " if where else f"did you mean {found[0]}? " if found else ""
-    return OptionError(f"{name} has no option {keyword!r}: {hint}Options are {', '.join(legal)}")

@@ -11,14 +11,14 @@ from .choices import (
     BUFFERS,
     COLOR_RANGES,
     CULLS,
-    EDGE_KINDS,
+    EDGE_TYPES,
     OUTPUTS,
     SAMPLES,
     SHADINGS,
     Antialias,
     ColorRange,
     Cull,
-    EdgeKind,
+    EdgeType,
     Output,
     Samples,
     Shading,
@@ -102,7 +102,7 @@ class Options:
     exposure: float = 0.0
     spectral: int | None = None
     threads: int | None = None
-    edges: tuple[EdgeKind, ...] = ()
+    edges: tuple[EdgeType, ...] = ()
     edge_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
     edge_width: float = 1.0
     ground: bool = False
@@ -123,7 +123,7 @@ class Options:
             exposure: float = ...,
             spectral: int | None = ...,
             threads: int | None = ...,
-            edges: EdgeKind | Sequence[EdgeKind] | None = ...,
+            edges: EdgeType | Sequence[EdgeType] | None = ...,
             edge_color: "ColorLike" = ...,
             edge_width: float = ...,
             ground: bool = ...,
@@ -224,10 +224,10 @@ def _checked_edges(edges: object) -> tuple:
     try:
         kinds = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
     except TypeError:
-        raise SceneError(f"edges must be one or several of {', '.join(EDGE_KINDS)}; given {shown(edges)}") from None
+        raise SceneError(f"edges must be one or several of {', '.join(EDGE_TYPES)}; given {shown(edges)}") from None
     for kind in kinds:
-        _check_choice("edges", kind, EDGE_KINDS)
-    every = tuple(kind for kind in EDGE_KINDS if kind != "all")
+        _check_choice("edges", kind, EDGE_TYPES)
+    every = tuple(kind for kind in EDGE_TYPES if kind != "all")
     return every if "all" in kinds else tuple(kind for kind in every if kind in kinds)
 
 

@@ -28,8 +28,7 @@ from .errors import SceneError, shown
 from .io.formats import FORMATS, Format, register
 from .reference.lamp import LAMP_KINDS, LampKind
 from .reference.reflection import REFLECTION_KINDS, ReflectionKind
-from .scene.fields import describe_fields
-from .scene.lights import LIGHT_KINDS
+from .scene.lights import LIGHT_KINDS, describe_fields
 from .scene.material import REFLECTION_MODELS, ReflectionModel
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, Shading
+from .choices import Antialias, Axis, ColorRange, Cull, EdgeType, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.memory import check_memory, checked_out
@@ -49,7 +49,7 @@ def render(
     exposure: float = Options.exposure,
     spectral: int | None = Options.spectral,
     threads: int | None = Options.threads,
-    edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
+    edges: EdgeType | Sequence[EdgeType] | None = Options.edges,
     edge_color: ColorLike = Options.edge_color,
     edge_width: float = Options.edge_width,
     ground: bool = Options.ground,
@@ -151,7 +151,7 @@ class Renderer:
         exposure: float = Options.exposure,
         spectral: int | None = Options.spectral,
         threads: int | None = Options.threads,
-        edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
+        edges: EdgeType | Sequence[EdgeType] | None = Options.edges,
         edge_color: ColorLike = Options.edge_color,
         edge_width: float = Options.edge_width,
         ground: bool = Options.ground,
@@ -213,7 +213,7 @@ class Renderer:
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
-        with self._prepared.threads.turn:
+        with self._prepared.threads.lock:
             self._is_closed = True
             self._prepared.threads.close()
 
@@ -249,7 +249,7 @@ class Renderer:
         if azimuth is not None or elevation is not None:
             camera = self._framed_from(azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.turn, compiling_ahead(partial(self._list_kernels, camera)):
+        with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, camera)):
             return self._render(camera, words)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
@@ -269,7 +269,7 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         (x, y), camera = checked_pixel(x, y, self.options.size), self._checked_camera(camera)
-        with self._prepared.threads.turn:
+        with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)

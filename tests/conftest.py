@@ -4,7 +4,7 @@ import signal
 import time
 
 import pytest
-from helpers.usual_kernels import compile_usual_kernels
+from helpers.small_scenes import compile_usual_kernels
 
 from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import draw

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from PIL import Image, ImageFont
 
 GAP = 8  # pixels between pictures, unless another one is asked for
-_MOST_PIXELS = 1 << 28  # a sheet of 1 GB is a mistake
+_MAX_PIXELS = 1 << 28  # a sheet of 1 GB is a mistake
 _LABEL_GREY = (128, 128, 128, 255)  # read on white and on black paper
 
 
@@ -61,7 +61,7 @@ def sheet(
     cell_height = max(picture.shape[0] for picture in pictures)
     step_x, step_y = cell_width + gap, cell_height + gap + (_label_height() if labels else 0)
     width, height = gap + columns * step_x, gap + -(-len(pictures) // columns) * step_y
-    if width * height > _MOST_PIXELS:
+    if width * height > _MAX_PIXELS:
         raise SceneError(f"a sheet of {width}x{height} px is too large; give it fewer or smaller pictures")
     paper = np.zeros((height, width, 4), np.uint8)
     for i, picture in enumerate(pictures):

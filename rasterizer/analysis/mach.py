@@ -36,7 +36,7 @@ _SAME_NORMAL = 4e-6
 
 # Faces seen at more than 60 degrees are left out: a pixel there spans more than two of its widths on the surface, and
 # at the outline, where it spans any number, slopes and their jumps are as large as one likes, whatever the method.
-_LEAST_COSINE = 0.5
+_MIN_COSINE = 0.5
 
 # What a third difference adds to value and slope half a pixel beyond, see `_at_edge`.
 _VALUE_OF_CHANGE, _SLOPE_OF_CHANGE = 5.0 / 16.0, 23.0 / 24.0
@@ -197,7 +197,7 @@ def _face_keys(surface: _Surface, view: View, is_perspective: bool, lights: Sequ
     to_viewer = view.eye - corners.mean(axis=1) if is_perspective else np.broadcast_to(-view.forward, area.shape)
     cosine = np.einsum("ij,ij->i", area, to_viewer)
     key = (cosine > 0.0).astype(np.int64)
-    is_good = np.abs(cosine) > _LEAST_COSINE * np.linalg.norm(area, axis=1) * np.linalg.norm(to_viewer, axis=1)
+    is_good = np.abs(cosine) > _MIN_COSINE * np.linalg.norm(area, axis=1) * np.linalg.norm(to_viewer, axis=1)
     is_good &= surface.is_plain
     for k, light in enumerate(lights):
         to_light = _to_light(light, corners, view)
@@ -209,7 +209,7 @@ def _face_keys(surface: _Surface, view: View, is_perspective: bool, lights: Sequ
 
 
 def _to_light(light: Any, points: NDArray, view: View) -> NDArray | None:
-    """Return the way from points (..., 3) to a light, of any length; None for light that comes from no single place."""
+    """Return vectors from points (..., 3) to a light, of any length; None where it comes from no single place."""
     beam = entry_of(light).beam(light, view)
     if beam is None:
         return None

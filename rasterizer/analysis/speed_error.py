@@ -1,19 +1,29 @@
-"""Speed against error: what each way to draw a scene costs, and how far its picture is from the ground truth.
+"""Speed against error: what each method of drawing a scene costs, and how far its picture is from the ground truth.
 
     list_methods ─ draw and compare ─ time, in turns ─ sort_by_front ─ advise
 
 A row that another row beats in both, time and error, is of no use to anybody. The others are the front: less error
-costs more time. What the error is made of is said in ground_truth.py.
+costs more time.
+
+The ground truth is Phong's shading at 64 samples a pixel with tolerance 0: nothing is saved. What a picture's error
+consists of is found by comparing pictures that save one thing less, as light on black: colours times the share of a
+pixel that is covered.
+
+    error     = against the ground truth                             all of it
+    method    = against Phong, same samples, tolerance 0             where light is evaluated: polygons, vertices
+    sampling  = Phong, same samples, against the ground truth        edges, highlights and textures between samples
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
+from importlib.util import find_spec
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler import kernels
 from ..engine.kernels_of_plan import list_kernels
@@ -22,12 +32,13 @@ from ..errors import counted
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.scene import Scene
-from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors, rms_error
+from .comparison import delta_e_2000, flip_map, levels_from_linear, root_mean_square
 from .timing import take_turns
 
-MOST_FACES = 2**22  # of a subdivided scene: some 2 GB
-MOST_ROUNDS = 25
+MAX_FACES = 2**22  # of a subdivided scene: some 2 GB
+MAX_ROUNDS = 25
 _MEASURED = 0.6  # share of the time limit in which calls take turns; the rest is for drawing what is compared
+_FINER = 2  # of the ground truth: pixels along each axis of a pixel, of 16 samples each, a grid of 8 x 8
 _ALIKE = 1.1  # errors within 10 % of each other are alike: no eye tells them apart
 _AS_QUICK = 1.05  # times within 5 % are: other work on the machine makes as much
 _NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud", "phong": "Phong"}
@@ -40,7 +51,7 @@ def subdivision_words(times: int) -> str:
 
 
 class Method(NamedTuple):
-    """A way to draw a scene."""
+    """A method of drawing a scene."""
 
     shading: str
     subdivisions: int  # times that every triangle is cut in four
@@ -48,7 +59,7 @@ class Method(NamedTuple):
     tolerance: float
 
     def __str__(self) -> str:
-        return f"{self.name}, {counted(self.samples, 'sample')}, tolerance {told(self.tolerance)}"
+        return f"{self.name}, {counted(self.samples, 'sample')}, tolerance {tolerance_text(self.tolerance)}"
 
     @property
     def name(self) -> str:
@@ -59,6 +70,26 @@ class Method(NamedTuple):
     def options(self) -> dict:
         """The method as options of `rasterizer.render`."""
         return {"shading": self.shading, "samples": self.samples, "tolerance": self.tolerance}
+
+
+class Errors(NamedTuple):
+    """How far a picture is from another one, over the pixels that either covers.
+
+    Attributes
+    ----------
+    max, rms : largest, and root mean square, difference of a channel, in linear intensity where 1 is white
+    levels : largest difference of an 8-bit value
+    over_one : share of the 8-bit values that are more than one level off
+    delta_e : mean colour difference (CIEDE2000); about 1 is just noticed; None where scikit-image isn't installed
+    flip : mean FLIP, 0 to 1; None where it wasn't asked for
+    """
+
+    max: float
+    rms: float
+    levels: int
+    over_one: float
+    delta_e: float | None
+    flip: float | None = None
 
 
 class Row(NamedTuple):
@@ -180,7 +211,7 @@ def _groups(scene: Scene, methods: Sequence[Method]) -> Iterator[tuple[list[Meth
     finer, done = scene, 0
     for times, shading in keys:
         group = [method for method in methods if (method.subdivisions, method.shading) == (times, shading)]
-        if scene.n_face * 4**times > MOST_FACES:
+        if scene.n_face * 4**times > MAX_FACES:
             yield group, None
             continue
         if times != done:
@@ -193,6 +224,81 @@ def subdivided(scene: Scene, times: int) -> Scene:
     if not times:
         return scene
     return replace(scene, meshes=tuple(mesh.subdivide(times) for mesh in scene.meshes))
+
+
+# ---------------------------------------------------------------- the ground truth, and how far a picture is from it
+
+
+class Light(NamedTuple):
+    """A picture as the light that it sends out."""
+
+    color: NDArray[np.float64]  # (height, width, 3) linear; 0 where nothing is
+    alpha: NDArray[np.float64]  # (height, width) covered share
+
+
+def draw_light(scene: Scene, size: tuple[int, int], **options: Any) -> Light:
+    """Draw a scene; options are those of `rasterizer.render`."""
+    with Renderer(scene, size, outputs=("color",), **options) as renderer:
+        frame = renderer.render()
+    alpha = frame.alpha.astype(np.float64)
+    return Light(frame.color * alpha[..., None], alpha)
+
+
+def draw_ground_truth(scene: Scene, size: tuple[int, int], **options: Any) -> Light:
+    """Draw a scene by Phong's shading at 64 samples a pixel with tolerance 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : (width, height) in pixels
+    options : those of `rasterizer.render`, but for shading, samples and tolerance
+    """
+    width, height = size
+    options = options | {"shading": "phong", "samples": 16, "tolerance": 0.0}
+    fine = draw_light(scene, (_FINER * width, _FINER * height), **options)
+    return Light(_averaged(fine.color), _averaged(fine.alpha))
+
+
+def _averaged(values: NDArray) -> NDArray:
+    """The means of squares of pixels."""
+    height, width, *rest = values.shape
+    return values.reshape(height // _FINER, _FINER, width // _FINER, _FINER, *rest).mean(axis=(1, 3))
+
+
+def measure_errors(found: Light, expected: Light, with_flip: bool = False) -> Errors:
+    """Measure how far one picture is from another one of the same size.
+
+    Raises SceneError where FLIP is asked for and flip-evaluator isn't installed.
+    """
+    is_drawn = _drawn_by_either(found, expected)
+    if not is_drawn.any():
+        return Errors(0.0, 0.0, 0, 0.0, 0.0, 0.0 if with_flip else None)
+    found_color, expected_color = found.color[is_drawn], expected.color[is_drawn]
+    difference = np.abs(found_color - expected_color)
+    levels = np.abs(levels_from_linear(found_color).astype(np.int16) - levels_from_linear(expected_color))
+    has_delta_e = find_spec("skimage") is not None
+    return Errors(
+        max=float(difference.max()),
+        rms=root_mean_square(difference),
+        levels=int(levels.max()),
+        over_one=float(np.mean(levels > 1)),
+        delta_e=float(delta_e_2000(found_color, expected_color).mean()) if has_delta_e else None,
+        flip=float(flip_map(found.color, expected.color)[is_drawn].mean()) if with_flip else None,
+    )
+
+
+def rms_error(found: Light, expected: Light) -> float:
+    """The `rms` of `measure_errors` alone, which is quicker."""
+    is_drawn = _drawn_by_either(found, expected)
+    return root_mean_square(found.color[is_drawn] - expected.color[is_drawn])
+
+
+def _drawn_by_either(found: Light, expected: Light) -> NDArray[np.bool_]:
+    """The pixels of which one picture or the other covers a part, (height, width)."""
+    return (found.alpha > 0.0) | (expected.alpha > 0.0)
+
+
+# ---------------------------------------------------------------- a study's pictures
 
 
 class _Work(NamedTuple):
@@ -238,6 +344,9 @@ class _Truths:
         return self._of_samples[samples]
 
 
+# ---------------------------------------------------------------- times, and the front
+
+
 def _time_group(
     work: _Work, anchor: Method, group: Sequence[Method], finer: Scene, seconds: float
 ) -> tuple[float, dict[Method, float]]:
@@ -253,7 +362,7 @@ def _time_group(
             settings = work.options | method.options | {"outputs": ("rgb",)}
             calls[key] = stack.enter_context(Renderer(scene, work.size, **settings)).render
             calls[key]()  # compiles and allocates
-        turns = take_turns(calls, seconds, MOST_ROUNDS)
+        turns = take_turns(calls, seconds, MAX_ROUNDS)
     reference = turns[None][0]
     ratios = {method: float(np.median(turns[method][0] / reference)) for method in group}
     return float(np.median(reference)), ratios
@@ -279,7 +388,7 @@ def printed(error: float) -> float:
     return float(f"{error:.2e}")
 
 
-# --- the advice ---------------------------------------------------------------------------------------------
+# ---------------------------------------------------------------- the advice
 
 
 def advise(rows: Sequence[Row], samples: int = 4) -> str:
@@ -350,7 +459,7 @@ def _other_samples(rows: Sequence[Row], chosen: Row, samples: int) -> str:
     return f" {counted(samples, 'sample').capitalize()}: {words} ({other.method.name})."
 
 
-def told(tolerance: float) -> str:
+def tolerance_text(tolerance: float) -> str:
     """A tolerance as people write it: 1/4096 where it is one over a whole number."""
     fraction = Fraction(tolerance).limit_denominator(10**6)
     is_inverse = fraction.numerator == 1 and fraction.denominator > 1 and float(fraction) == tolerance

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..errors import counted
-from .packages import require
-from .speed_error import Row, told
+from .comparison import require
+from .speed_error import Row, tolerance_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,11 +59,11 @@ def make_logarithmic(axes: "Axes", y_subs: Sequence[float] = (1.0, 2.0, 5.0)) ->
 _PALER = 0.45  # of a method's colour towards white, for each subdivision
 _MARKERS = {1: "v", 4: "o", 9: "D", 16: "s"}
 _SIZE = (9.0, 6.0)  # inches
-_LEAST_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
+_MIN_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
 # Where a label may stand beside its point, points (1/72 inch) to the right and up, the best place first; pixels that a
 # point takes to each side.
 _OFFSETS = ((6, 5), (-6, -13), (6, -13), (-6, 5), (6, 17), (-6, -25), (6, -25), (-6, 17), (6, 29), (-6, -37))
-_REACH = 5
+_HALF = 5
 
 
 def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
@@ -73,7 +73,7 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     ----------
     rows : sequence of Row, as `speed_error.study` sorts them
     title : text above the plot
-    suffix : one of plotting.FORMATS
+    suffix : one of FORMATS
 
     Raises
     ------
@@ -130,10 +130,10 @@ def _label_front(axes: "Axes", rows: Sequence[Row], legend: "Bbox") -> None:
     from matplotlib.transforms import Bbox
 
     plot, taken = axes.get_window_extent(), [legend]
-    taken += [Bbox.from_bounds(x - _REACH, y - _REACH, 2 * _REACH, 2 * _REACH)
+    taken += [Bbox.from_bounds(x - _HALF, y - _HALF, 2 * _HALF, 2 * _HALF)
               for x, y in axes.transData.transform([_place_of(row) for row in rows])]  # fmt: skip
     for row in sorted((row for row in rows if not row.is_beaten), key=lambda row: row.ms):
-        name = f"{row.method.name}, {row.method.samples}×, {told(row.method.tolerance)}"
+        name = f"{row.method.name}, {row.method.samples}×, {tolerance_text(row.method.tolerance)}"
         for right, up in _OFFSETS:
             text = axes.annotate(name, _place_of(row), xytext=(right, up), textcoords="offset points",
                                  ha="left" if right > 0 else "right", fontsize=8)  # fmt: skip
@@ -145,7 +145,7 @@ def _label_front(axes: "Axes", rows: Sequence[Row], legend: "Bbox") -> None:
 
 
 def _place_of(row: Row) -> tuple[float, float]:
-    return row.ms, max(row.error.rms, _LEAST_ERROR)
+    return row.ms, max(row.error.rms, _MIN_ERROR)
 
 
 def _paler(color: str, share: float) -> str:

@@ -15,23 +15,23 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import __version__
 from ..cores import n_core
-from ..version import __version__
 
-LEAST_ROUNDS = 3
+MIN_ROUNDS = 3
 Name = TypeVar("Name", bound=Hashable)
 
 
 def take_turns(
-    calls: Mapping[Name, Callable[[], Any]], seconds: float, most: int
+    calls: Mapping[Name, Callable[[], Any]], seconds: float, max_rounds: int
 ) -> dict[Name, tuple[NDArray[np.float64], list]]:
     """Call functions in turns, round by round, so that a disturbance hits all of them alike.
 
     Parameters
     ----------
     calls : name -> function without arguments
-    seconds : time limit for all of them together; at least LEAST_ROUNDS rounds are made
-    most : rounds
+    seconds : time limit for all of them together; at least MIN_ROUNDS rounds are made
+    max_rounds : at most so many rounds
 
     Returns
     -------
@@ -39,7 +39,7 @@ def take_turns(
     """
     times, stats = {name: [] for name in calls}, {name: [] for name in calls}  # type: ignore[var-annotated]
     start, n_round = perf_counter(), 0
-    while n_round < LEAST_ROUNDS or (n_round < most and perf_counter() - start < seconds):
+    while n_round < MIN_ROUNDS or (n_round < max_rounds and perf_counter() - start < seconds):
         for name, call in calls.items():
             before = perf_counter()
             result = call()

@@ -1,7 +1,12 @@
-"""Many pictures, in many processes and on many machines.
+"""Many pictures of many models, drawn by many processes or on many machines.
 
-    tasks ─ runs ─ crew ─ records              crew: processes of this machine (processes.py), or any executor of
-    tasks.py       executors.py                           concurrent.futures, Dask's among them (executors.py)
+In:  RenderTask each: a model, a view, options, a path        Out: files, and a RenderRecord of each
+
+    tasks        RenderTask, RenderRecord, RenderSummary: what is asked for, and what became of it
+    rendering    render_many: tasks become runs of one model, runs become jobs, outcomes become files and records
+    draw_run     what a process does with a run: it loads the model and draws its pictures
+    pools        who works on jobs: processes of this machine, an executor of concurrent.futures, Dask's workers
+    worker       the program of such a process
 
 The caller's process alone writes: what draws sends back the bytes of files. So no death of a worker leaves half a file.
 """

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..choices import VIEWS, SavedArray
+from ..choices import VIEWS
 from ..errors import RasterizerError, SceneError, error_of
 from ..frame import Frame, Stats
 from ..io.loader import load
@@ -18,18 +18,7 @@ from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .executors import identify
-
-
-class Picture(NamedTuple):
-    """One picture of a run."""
-
-    number: int  # of the task
-    suffix: str  # of its file
-    view: str | tuple[float, float] | None
-    camera: Camera | None
-    options: Options
-    array: SavedArray | None
+from .tasks import RenderTask
 
 
 class Run(NamedTuple):
@@ -39,13 +28,12 @@ class Run(NamedTuple):
     path: str | None  # of its file; None where it is sent
     identity: tuple[int, int] | None  # of the file, as the caller sees it; None where nobody else is asked
     load: dict[str, Any]  # arguments of `load`
-    pictures: tuple[Picture, ...]
+    tasks: tuple[tuple[RenderTask, Options], ...]  # what is drawn, without the model; options are complete
 
 
 class Drawn(NamedTuple):
     """What became of a picture."""
 
-    number: int  # of the task
     content: bytes | None  # of its file; None where it failed
     error: Exception | None
     seconds: float
@@ -73,7 +61,7 @@ def draw_run(run: Run, shared: Any, kept: dict[str, Any]) -> list[Drawn] | None:
     """
     if not is_seen(run):
         return None
-    return [_draw(run, picture, shared, kept) for picture in run.pictures]
+    return [_draw(run, *each, shared, kept) for each in run.tasks]
 
 
 def is_seen(run: Run) -> bool:
@@ -81,18 +69,27 @@ def is_seen(run: Run) -> bool:
     return run.path is None or run.identity is None or identify(run.path) == run.identity
 
 
-def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Drawn:
+def identify(path: str) -> tuple[int, int] | None:
+    """Return the length of a file and its time of change, ns; None where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def _draw(run: Run, task: RenderTask, options: Options, shared: Any, kept: dict[str, Any]) -> Drawn:
     """Draw one picture; whatever goes wrong becomes its error."""
     start, model = perf_counter(), None
     try:
         model = load_model_of(run, shared, kept)
-        frame = _render(model, picture, kept)
-        content = encode(frame, picture)
+        frame = _render(model, task, options, kept)
+        content = encode(frame, task, options)
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
         content, stats, error = None, None, make_error(run.name, fault)
-    told = () if model is None else (model.warnings, model.files_read)
-    return Drawn(picture.number, content, error, perf_counter() - start, stats, *(told or ((), ())))
+    of_model = ((), ()) if model is None else (model.warnings, model.files_read)
+    return Drawn(content, error, perf_counter() - start, stats, *of_model)
 
 
 def make_error(name: str, fault: Exception) -> RasterizerError:
@@ -131,35 +128,30 @@ def drop(kept: dict[str, Any]) -> None:
     kept.clear()
 
 
-def _render(model: Model, picture: Picture, kept: dict[str, Any]) -> Frame:
+def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
     """Draw a picture of a model, by the Renderer of the one before if the options are the same."""
-    if "renderer" not in kept or kept["renderer"].options != picture.options:
+    if "renderer" not in kept or kept["renderer"].options != options:
         if "renderer" in kept:
             kept.pop("renderer").close()
-        kept["renderer"] = Renderer(model.scene, **vars(picture.options))
-    return kept["renderer"].render(camera_of(model.scene, picture))
+        kept["renderer"] = Renderer(model.scene, **vars(options))
+    return kept["renderer"].render(camera_of(model.scene, task, options.size))
 
 
-def camera_of(scene: Scene, picture: Picture) -> Camera | None:
+def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera | None:
     """Return the camera of a picture; None for the scene's own."""
-    if picture.view is None:
-        return picture.camera
-    angles = VIEWS[picture.view] if isinstance(picture.view, str) else picture.view
+    if task.view is None:
+        return task.camera
+    angles = VIEWS[task.view] if isinstance(task.view, str) else task.view
     try:
         azimuth, elevation = angles
     except (TypeError, ValueError):
-        raise SceneError(f"view must be a name or (azimuth, elevation); given {picture.view!r}") from None
-    width, height = picture.options.size
+        raise SceneError(f"view must be a name or (azimuth, elevation); given {task.view!r}") from None
+    width, height = size
     return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=width / height)
 
 
-def encode(frame: Frame, picture: Picture) -> bytes:
+def encode(frame: Frame, task: RenderTask, options: Options) -> bytes:
     """Return a picture, or one of its arrays, as the bytes of its file; as `Frame.save` writes it."""
-    if picture.suffix != ".npy":
-        return frame.encode(picture.suffix)
-    return frame.encode_array(picture.array or picture.options.outputs[0])
-
-
-def suffix_of(output: str | os.PathLike[str]) -> str:
-    """Return the suffix of a file in small letters."""
-    return Path(output).suffix.lower()
+    if task.is_array:
+        return frame.encode_array(task.array or options.outputs[0])
+    return frame.encode(Path(task.output).suffix.lower())

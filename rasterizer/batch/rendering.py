@@ -1,13 +1,14 @@
 """`render_many`: tasks in, files and records out.
 
 Tasks are taken from their iterable as they are needed, a few for each process. Neighbours of one model become a run,
-which is one unit of work: the model is loaded once for it. A unit whose process dies is divided into single tasks. Each
+which is one job: the model is loaded once for it. A job whose process dies is divided into single tasks. Each
 of these is drawn once more, alone in its process; the one that ends that process, too, is named.
 """
 
 import os
 from collections import OrderedDict, deque
 from collections.abc import Generator, Iterable, Iterator, Mapping
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -17,16 +18,14 @@ from ..io.loader import load
 from ..options import Options
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
-from ..scene.validate import choice, whole
-from .draw_run import Drawn, Picture, Run, draw_run, load_model_of, make_error, suffix_of
-from .executors import Crew, Died, Done, Failed, SharedObject, Unit, identify, make_executor_crew, work_through
-from .processes import LocalProcesses
+from ..scene.validate import choice
+from .draw_run import Drawn, Run, draw_run, identify, load_model_of, make_error
+from .pools import Died, Done, Failed, Job, Pool, SharedObject, make_pool, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
 LONGEST_RUN = 8  # pictures
-MOST_PROCESSES = 1024
-_MOST_OUTPUTS = 2**16  # of the last ones is known which task writes them
-_MOST_OBJECTS = 8  # models given as objects that are recognised when they come again
+_MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them
+_MAX_OBJECTS = 8  # models given as objects that are recognised when they come again
 
 
 def render_many(
@@ -72,14 +71,7 @@ def render_many(
         iterator = iter(tasks)
     except TypeError:
         raise SceneError(f"tasks must be an iterable of RenderTask; given {shown(tasks)}") from None
-    return Batch(iterator, make_crew(executor, n_process), existing)
-
-
-def make_crew(executor: Any, n_process: int | None) -> Crew:
-    """Return who draws, from the arguments of `render_many`; SceneError where they are not legal."""
-    if n_process is not None:
-        n_process = whole(n_process, "n_process", 1, MOST_PROCESSES)
-    return LocalProcesses(n_process) if executor is None else make_executor_crew(executor, n_process)
+    return Batch(iterator, make_pool(executor, n_process), existing)
 
 
 class Item(NamedTuple):
@@ -98,7 +90,7 @@ class Item(NamedTuple):
 
 
 class Note(NamedTuple):
-    """What is remembered of a unit that was sent."""
+    """What is remembered of a job that was sent."""
 
     items: list[Item]
     run: Run
@@ -116,8 +108,8 @@ class Batch:
     summary : RenderSummary of what has been done so far
     """
 
-    def __init__(self, tasks: Iterator[RenderTask], crew: Crew, existing: Existing) -> None:
-        self._tasks, self._crew, self._existing = tasks, crew, existing
+    def __init__(self, tasks: Iterator[RenderTask], pool: Pool, existing: Existing) -> None:
+        self._tasks, self._pool, self._existing = tasks, pool, existing
         self._counts, self._start, self._n_task = RenderSummary(), perf_counter(), 0
         self._is_exhausted = False
         self._waiting: deque[Item] = deque()
@@ -149,33 +141,33 @@ class Batch:
     def close(self) -> None:
         """End what draws; nothing more is written. What has been written stays."""
         self._records.close()
-        self._crew.close()
+        self._pool.close()
 
     def _work(self) -> Generator[RenderRecord, None, None]:
-        """Keep the crew at work; yield what becomes of the tasks."""
+        """Keep the pool at work; yield what becomes of the tasks."""
         self._start = perf_counter()
         try:
-            for unit, outcome in work_through(self._crew, self._units(), self._follow_up):
+            for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
                 if outcome is None:
-                    yield unit  # the record of a task that isn't drawn
+                    yield job  # the record of a task that isn't drawn
                 else:
-                    yield from self._settle(unit.note, outcome)
+                    yield from self._settle(job.note, outcome)
         finally:
-            self._crew.close()
+            self._pool.close()
 
-    # --- tasks to units
+    # --- tasks to jobs
 
-    def _units(self) -> Iterator[Unit | RenderRecord]:
+    def _jobs(self) -> Iterator[Job | RenderRecord]:
         """Yield what is to be drawn, and the records of what isn't."""
         while True:
             yield from self._fill()
             if not self._waiting:
                 return
-            yield self._next_unit()
+            yield self._next_job()
 
     def _fill(self) -> Iterator[RenderRecord]:
         """Take tasks until there are some for each process; yield the records of those that aren't drawn."""
-        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * self._crew.n_slot:
+        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * self._pool.n_slot:
             try:
                 task = next(self._tasks)
             except StopIteration:
@@ -201,7 +193,7 @@ class Batch:
         other = self._outputs.setdefault(output, index)
         if other != index:
             raise OutputError(f"can't write {task.output}: task {other} of the batch writes it, too")
-        if len(self._outputs) > _MOST_OUTPUTS:
+        if len(self._outputs) > _MAX_OUTPUTS:
             self._outputs.popitem(last=False)
         path = source_of(task)
         if self._existing != "replace" and is_there(output, path if self._existing == "skip-newer" else None):
@@ -209,7 +201,7 @@ class Batch:
         identity = None if path is None else identity_of(path)
         if identity is not None and identity == identity_of(output):
             raise OutputError(f"can't write {task.output}: it is the model, which is read")
-        if path is not None and not self._crew.is_here:
+        if path is not None and not self._pool.is_here:
             path = os.path.abspath(path)
         return Item(index, task, options, path, None if path is not None else self._share(task.source, task.load))
 
@@ -224,60 +216,50 @@ class Batch:
                 self._objects[id(source)] = shared
         if is_frozen:
             self._objects.move_to_end(id(source))
-        if len(self._objects) > _MOST_OBJECTS:
+        if len(self._objects) > _MAX_OBJECTS:
             self._objects.popitem(last=False)
         return shared
 
-    def _next_unit(self) -> Unit:
+    def _next_job(self) -> Job:
         """Return what is drawn next, of what waits."""
         # Shorter runs where few tasks are left, so that all processes have some.
-        n = max(1, min(LONGEST_RUN, len(self._waiting) // self._crew.n_slot))
+        n = max(1, min(LONGEST_RUN, len(self._waiting) // self._pool.n_slot))
         items = [self._waiting.popleft()]
         while self._waiting and len(items) < n and self._waiting[0].has_model_of(items[0]):
             items.append(self._waiting.popleft())
-        return self._unit_of(items)
+        return self._job_of(items)
 
-    def _unit_of(self, items: list[Item], is_alone: bool = False) -> Unit:
-        """Return the unit that draws some items of one model."""
+    def _job_of(self, items: list[Item], is_alone: bool = False) -> Job:
+        """Return the job that draws some items of one model."""
         task, path = items[0].task, items[0].path
-        identity = None if path is None or self._crew.is_here else identify(path)
-        pictures = tuple(
-            Picture(
-                item.number,
-                suffix_of(item.task.output),
-                item.task.view,
-                item.task.camera,
-                item.options,
-                item.task.array,
-            )
-            for item in items
-        )
-        run = Run(task.name, path, identity, dict(task.load), pictures)
-        unit = Unit(draw_run, run, items[0].shared)
-        unit.note = Note(items, run, is_alone)
-        return unit
+        identity = None if path is None or self._pool.is_here else identify(path)
+        tasks = tuple((replace(item.task, source=None), item.options) for item in items)
+        run = Run(task.name, path, identity, dict(task.load), tasks)
+        job = Job(draw_run, run, items[0].shared)
+        job.note = Note(items, run, is_alone)
+        return job
 
     # --- outcomes to records
 
-    def _follow_up(self, unit: Unit, outcome: Done | Died | Failed) -> list[Unit]:
-        """Return what takes the place of a unit: its tasks one by one, or the same with its model."""
-        note: Note = unit.note
+    def _follow_up(self, job: Job, outcome: Done | Died | Failed) -> list[Job]:
+        """Return what takes the place of a job: its tasks one by one, or the same with its model."""
+        note: Note = job.note
         if isinstance(outcome, Done):
-            return [] if outcome.value is not None else self._send_model(unit)
+            return [] if outcome.value is not None else self._send_model(job)
         if note.is_alone or (isinstance(outcome, Failed) and len(note.items) == 1):
             return []
-        return [self._unit_of([item], isinstance(outcome, Died)) for item in note.items]
+        return [self._job_of([item], isinstance(outcome, Died)) for item in note.items]
 
-    def _send_model(self, unit: Unit) -> list[Unit]:
-        """Load a model that the machine that should draw it doesn't see; return the unit that has it, or nothing."""
-        note: Note = unit.note
+    def _send_model(self, job: Job) -> list[Job]:
+        """Load a model that the machine that should draw it doesn't see; return the job that has it, or nothing."""
+        note: Note = job.note
         try:
             model = load_model_of(note.run, None, {})
         except Exception as fault:  # noqa: BLE001  whatever it is, one that can't be read doesn't stop the rest
-            unit.note = note._replace(error=make_error(note.run.name, fault))
+            job.note = note._replace(error=make_error(note.run.name, fault))
             return []
         run = note.run._replace(path=None, identity=None, load={})
-        again = Unit(draw_run, run, self._share(model.scene, {}))
+        again = Job(draw_run, run, self._share(model.scene, {}))
         again.note = note._replace(warnings=model.warnings, files_read=model.files_read)
         return [again]
 
@@ -309,9 +291,9 @@ class Batch:
             write_whole(output, drawn.content)
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
-        told = (*note.warnings, *drawn.warnings)
+        warnings = (*note.warnings, *drawn.warnings)
         source = source_of(item.task)
-        return RenderRecord(item.number, output, "drawn", drawn.seconds, None, drawn.stats, source, told)
+        return RenderRecord(item.number, output, "drawn", drawn.seconds, None, drawn.stats, source, warnings)
 
 
 def make_folder_of(output: str) -> None:

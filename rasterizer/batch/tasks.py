@@ -1,9 +1,8 @@
 """What a batch draws, and what it says of each picture."""
 
-import difflib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from ..choices import SAVED_ARRAYS, VIEWS, SavedArray
@@ -15,8 +14,6 @@ from ..scene.camera import Camera
 
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
-
-_PICTURE = {"outputs": "rgb"}  # what options begin with that are given as a dict
 
 
 @dataclass(frozen=True)
@@ -82,28 +79,22 @@ class RenderTask:
         """Whether its file holds an array."""
         return os.fspath(self.output).lower().endswith(".npy")
 
-    def _begin(self, given: Mapping[str, Any]) -> dict[str, Any]:
+    def _defaults(self, options: Mapping[str, Any]) -> dict[str, Any]:
         """What is an option's default where a dict doesn't have it: that of a picture, or of an array."""
         if not self.is_array:
-            return {} if "outputs" in given else _PICTURE
+            return {} if "outputs" in options else {"outputs": "rgb"}
         name = self.array or "color"
         return {"outputs": {"rgba": "rgb", "alpha": "color"}.get(name, name)}
 
     def _options(self) -> Options:
         """The options, with one thread where none are asked for."""
-        given = self.options
-        if isinstance(given, Options):
-            values = {each.name: getattr(given, each.name) for each in fields(Options)}
-        elif isinstance(given, Mapping):
-            legal = [each.name for each in fields(Options)]
-            for name in given:
-                if name not in legal:
-                    near = difflib.get_close_matches(str(name), legal, 1)
-                    hint = f"did you mean {near[0]}?" if near else f"legal are {', '.join(legal)}"
-                    raise SceneError(f"no option is called {shown(name)}; {hint}")
-            values = self._begin(given) | dict(given)
+        options = self.options
+        if isinstance(options, Options):
+            values = dict(vars(options))
+        elif isinstance(options, Mapping) and all(isinstance(name, str) for name in options):
+            values = self._defaults(options) | dict(options)
         else:
-            raise SceneError(f"options must be Options or a dict of some; given {shown(given)}")
+            raise SceneError(f"options must be Options or a dict of some; given {shown(options)}")
         if values.get("threads") is None:
             values["threads"] = 1
         return Options(**values)

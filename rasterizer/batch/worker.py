@@ -1,7 +1,7 @@
-"""A process that works on units: what processes.py starts.
+"""A process that works on jobs: what pools.py starts.
 
 A message is its length, 8 bytes, then a pickle. The first one that comes has the paths of modules, and is answered by
-READY. The others are units; each is answered by (whether it was done, its value or the error). The process ends with
+READY. The others are jobs; each is answered by (whether it was done, its value or the error). The process ends with
 its input, so also when who started it is gone.
 """
 
@@ -12,12 +12,12 @@ import sys
 from typing import IO, Any
 
 READY = b"ready"
-MOST_SHARED = 2  # objects that a process keeps
+MAX_SHARED = 2  # objects that a process keeps
 _LENGTH = 8  # bytes
 
 
 def main() -> None:
-    """Work on the units that standard input brings."""
+    """Work on the jobs that standard input brings."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # removes what is half written
     # What others print is no answer: the streams of messages get numbers that nobody else knows.
     messages, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
@@ -49,7 +49,7 @@ def serve(messages: IO[bytes], answers: IO[bytes]) -> None:
         message = read_message(messages)
         try:
             answer = True, work(message, known, kept)
-        except Exception as fault:  # noqa: BLE001  whatever it is goes back to who sent the unit
+        except Exception as fault:  # noqa: BLE001  whatever it is goes back to who sent the job
             answer = False, fault
         del message
         write_message(answers, pack_answer(*answer))
@@ -57,12 +57,12 @@ def serve(messages: IO[bytes], answers: IO[bytes]) -> None:
 
 
 def work(message: bytes, known: dict[str, Any], kept: dict[str, Any]) -> Any:
-    """Work on a unit; return what its function returns.
+    """Work on a job; return what its function returns.
 
     Parameters
     ----------
     known : shared objects by their keys, in the order in which they were needed; changed
-    kept : what the function keeps for later units
+    kept : what the function keeps for later jobs
     """
     function, argument, key, content = pickle.loads(message)
     shared = None
@@ -70,7 +70,7 @@ def work(message: bytes, known: dict[str, Any], kept: dict[str, Any]) -> Any:
         shared = known[key] if content is None else pickle.loads(content)
         known.pop(key, None)
         known[key] = shared  # the last one now
-        while len(known) > MOST_SHARED:
+        while len(known) > MAX_SHARED:
             del known[next(iter(known))]
     return function(argument, shared, kept)
 

@@ -5,8 +5,8 @@ import glob
 import os
 import re
 
+from .. import __version__
 from ..errors import SceneError
-from ..version import __version__
 from .commands import COMMANDS
 from .suggestions import did_you_mean, nearest_flag
 

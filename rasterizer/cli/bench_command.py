@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-from ..analysis.ground_truth import check_flip
-from ..analysis.speed_error import Study, list_methods, printed, study, told
+from ..analysis.comparison import check_flip
+from ..analysis.speed_error import Study, list_methods, printed, study, tolerance_text
 from ..analysis.speed_error_plot import FORMATS, check_plotting, plot
 from ..analysis.timing import describe_machine
 from ..errors import SceneError, counted
@@ -78,6 +78,8 @@ def _measure(scene, arguments, messages):
             bar.show(n_done, n, f"measuring {what}")
 
         found = study(scene, arguments.size, methods, arguments.seconds, show, arguments.with_flip, **options)
+    if found.rows[0].error.delta_e is None:
+        messages.notice("there is no ΔE without scikit-image: pip install scikit-image")
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
         messages.notice(
@@ -109,10 +111,11 @@ def _table(found: Study) -> list[str]:
     for row in found.rows:
         method, error = row.method, row.error
         mark = str(front.index(row) + 1) if not row.is_beaten else f"<{_winner(row, front)}"
-        errors = f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%", f"{error.delta_e:.3f}"
+        delta_e = "" if error.delta_e is None else f"{error.delta_e:.3f}"
+        errors = f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%", delta_e
         parts = f"{row.of_method:.1e}", f"{row.of_sampling:.1e}", "" if error.flip is None else f"{error.flip:.4f}"
-        told_method = method.name, str(method.samples), told(method.tolerance)
-        lines.append((mark, *told_method, f"{row.ms:.2f}", *errors, *parts))
+        words = method.name, str(method.samples), tolerance_text(method.tolerance)
+        lines.append((mark, *words, f"{row.ms:.2f}", *errors, *parts))
     n_column = len(COLUMNS) - (found.rows[0].error.flip is None)
     texts = _aligned([line[:n_column] for line in lines], n_left=2)
     n_front = len(front) + 1

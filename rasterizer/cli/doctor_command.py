@@ -11,9 +11,9 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+from .. import __version__
 from ..cores import n_core
 from ..errors import OutputError, SceneError
-from ..version import __version__
 from .environment import ENVIRONMENT
 from .messages import print_record, print_text
 

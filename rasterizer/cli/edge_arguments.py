@@ -10,7 +10,7 @@ def add_edges(group) -> None:
     add = group.add_argument
     add(
         "--edges",
-        type=values.list_of(str, choices.EDGE_KINDS),
+        type=values.list_of(str, choices.EDGE_TYPES),
         metavar="LIST",
         help="edges of polygons drawn over the picture where nothing hides them, with commas between: wire (all), "
         "crease (where faces meet at more than the crease angle, or end), silhouette, all",

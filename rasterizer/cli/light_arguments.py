@@ -12,8 +12,7 @@ import re
 from typing import Any
 
 from ..errors import SceneError
-from ..scene.fields import Field, describe_fields
-from ..scene.lights import LIGHT_KINDS, Shadow
+from ..scene.lights import LIGHT_KINDS, Field, Shadow, describe_fields
 from . import values
 from .suggestions import did_you_mean
 

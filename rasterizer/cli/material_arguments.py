@@ -5,7 +5,6 @@ import re
 
 from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
-from ..scene.material import fields_of
 from . import values
 from .suggestions import did_you_mean
 
@@ -52,8 +51,10 @@ def material(text) -> dict:
     """
     settings, parts = {}, re.split(r",(?=\s*\w+=)", text)
     if "=" not in parts[0]:
+        from ..scene.material import named_fields  # help is shown without it, and so without numpy
+
         try:
-            settings = fields_of(parts.pop(0).strip())
+            settings = named_fields(parts.pop(0).strip())
         except SceneError as fault:
             legal = ", ".join(f"{name}=..." for name in FIELDS)
             raise argparse.ArgumentTypeError(f"a material takes {legal}; {fault}") from None

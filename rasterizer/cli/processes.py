@@ -1,7 +1,7 @@
 """Models drawn in other processes: `raster batch`, and `raster render -j N`.
 
     here                                            there
-    plan ─ units ─────────────────────────────────  load ─ Renderer ─ bytes, and what there is to say
+    plan ─ jobs ─────────────────────────────────  load ─ Renderer ─ bytes, and what there is to say
     files ─ what there is to say ─ exit code  ────  ┘
 
 What writes files, and what is said, is here, as where one process draws: never in place of what the run reads, one line
@@ -13,8 +13,8 @@ from collections.abc import Callable
 from copy import copy
 from typing import Any, NamedTuple
 
-from ..batch.executors import Crew, DaskCrew, Died, Done, Failed, SharedObject, Unit, identify, work_through
-from ..batch.processes import LocalProcesses
+from ..batch.draw_run import identify
+from ..batch.pools import DaskPool, Died, Done, Failed, Job, Pool, ProcessPool, SharedObject, work_through
 from ..batch.rendering import LONGEST_RUN
 from ..batch.tasks import RenderSummary
 from ..errors import RasterizerError, SceneError
@@ -136,29 +136,29 @@ def draw_models_apart(arguments, messages, plan, draw, executor=None) -> tuple[l
     """
     settings = make_settings(arguments)
     check_camera(arguments)
-    crew = LocalProcesses(arguments.n_process) if executor is None else DaskCrew(executor, arguments.n_process)
-    tell_of_compiling(crew, messages)
+    pool = ProcessPool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
+    tell_of_compiling(pool, messages)
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages), results:
         try:
-            work = _Work(arguments, settings, messages, crew, plan, draw, results)
+            work = _Work(arguments, settings, messages, pool, plan, draw, results)
             return work.run() if plan else ([], 0, RenderSummary())
         finally:
-            crew.close()
+            pool.close()
 
 
-def tell_of_compiling(crew: Crew, messages) -> None:
-    """Say why nothing happens for a while, where the crew has to compile first."""
-    if not getattr(crew, "is_warm", True):
+def tell_of_compiling(pool: Pool, messages) -> None:
+    """Say why nothing happens for a while, where the pool has to compile first."""
+    if not getattr(pool, "is_warm", True):
         messages.notice("compiling kernels for the first time, which takes some seconds: raster warmup does it ahead")
 
 
 class _Work:
-    """The pictures of a plan on their way to a crew and back."""
+    """The pictures of a plan on their way to a pool and back."""
 
-    def __init__(self, arguments, settings, messages, crew: Crew, plan, draw, results):
+    def __init__(self, arguments, settings, messages, pool: Pool, plan, draw, results):
         self._arguments, self._settings, self._messages = copy(arguments), settings, messages
-        self._crew, self._plan, self._draw, self._results = crew, plan, draw, results
+        self._pool, self._plan, self._draw, self._results = pool, plan, draw, results
         self._arguments.threads = arguments.threads or 1
         self._failed = {}  # the first error of each model that failed, by its number
         self._summary = RenderSummary()
@@ -169,55 +169,55 @@ class _Work:
         # No model is done before another is begun: whatever exists may be read by one of them. The plan has one more
         # model than there are, so that all others come after it.
         with Outputs([self._plan[0], *self._plan], self._arguments) as outputs:
-            for unit, outcome in work_through(self._crew, self._units(), self._follow_up):
-                self._settle(unit, outcome, outputs.of_model(0))
+            for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
+                self._settle(job, outcome, outputs.of_model(0))
             late = outputs.finish(self._messages)
         self._summary.drawn -= len(late)
         self._summary.failed += len(late)
         failures = [self._failed[number] for number in sorted(self._failed)] + late
         return failures, len(self._plan), self._summary
 
-    def _units(self):
-        """Yield the views of each model, in several units where there are fewer models than processes."""
-        longest = max(1, min(LONGEST_RUN, self._n_target // self._crew.n_slot))
+    def _jobs(self):
+        """Yield the views of each model, in several jobs where there are fewer models than processes."""
+        longest = max(1, min(LONGEST_RUN, self._n_target // self._pool.n_slot))
         for number, targets in enumerate(self._plan):
             for first in range(0, len(targets), longest):
-                yield self._unit(number, targets[first : first + longest])
+                yield self._job(number, targets[first : first + longest])
 
-    def _unit(self, number, targets, is_alone=False) -> Unit:
+    def _job(self, number, targets, is_alone=False) -> Job:
         identity = None
-        if not self._crew.is_here:
+        if not self._pool.is_here:
             targets = [target._replace(model=os.path.abspath(target.model)) for target in targets]
             identity = identify(targets[0].model)
-        unit = Unit(draw_apart, ModelWork(self._draw, targets, self._arguments, self._settings, identity))
-        unit.note = number, is_alone
-        return unit
+        job = Job(draw_apart, ModelWork(self._draw, targets, self._arguments, self._settings, identity))
+        job.note = number, is_alone
+        return job
 
-    def _follow_up(self, unit, outcome) -> list[Unit]:
-        """Return what takes the place of a unit: its views one by one, or the same with its model."""
-        number, is_alone = unit.note
+    def _follow_up(self, job, outcome) -> list[Job]:
+        """Return what takes the place of a job: its views one by one, or the same with its model."""
+        number, is_alone = job.note
         if isinstance(outcome, Done):
-            return [] if outcome.value is not None else self._send_model(unit)
-        targets = unit.argument.targets
+            return [] if outcome.value is not None else self._send_model(job)
+        targets = job.argument.targets
         if is_alone or (isinstance(outcome, Failed) and len(targets) == 1):
             return []
-        return [self._unit(number, [target], isinstance(outcome, Died)) for target in targets]
+        return [self._job(number, [target], isinstance(outcome, Died)) for target in targets]
 
-    def _send_model(self, unit) -> list[Unit]:
-        """Load a model that the machine that should draw it doesn't see; return the unit that has it, or nothing."""
-        model, found = unit.argument.targets[0].model, []
+    def _send_model(self, job) -> list[Job]:
+        """Load a model that the machine that should draw it doesn't see; return the job that has it, or nothing."""
+        model, found = job.argument.targets[0].model, []
         failures = Failures(self._messages, self._arguments.json)
         with failures.caught(model):
             loaded = load_scene(model, self._arguments, self._settings, self._messages, found)
-            again = Unit(draw_apart, unit.argument, SharedObject(loaded, model))
-            again.note = unit.note
+            again = Job(draw_apart, job.argument, SharedObject(loaded, model))
+            again.note = job.note
             return [again]
-        self._note_failures(unit, failures)
+        self._note_failures(job, failures)
         return []
 
-    def _settle(self, unit, outcome, output) -> None:
+    def _settle(self, job, outcome, output) -> None:
         """Write what was drawn, and say what there is to say."""
-        model = unit.argument.targets[0].model
+        model = job.argument.targets[0].model
         failures = Failures(self._messages, self._arguments.json)
         n_written = 0
         if isinstance(outcome, Done) and outcome.value is not None:
@@ -234,16 +234,16 @@ class _Work:
             with failures.caught(model):
                 raise _error_of(model, outcome)
         self._summary.drawn += n_written
-        self._summary.failed += len(unit.argument.targets) - n_written
-        self._note_failures(unit, failures)
+        self._summary.failed += len(job.argument.targets) - n_written
+        self._note_failures(job, failures)
 
-    def _note_failures(self, unit, failures) -> None:
+    def _note_failures(self, job, failures) -> None:
         for failure in failures:
-            self._failed.setdefault(unit.note[0], failure)
+            self._failed.setdefault(job.note[0], failure)
 
 
 def _error_of(model, outcome: Died | Failed) -> RasterizerError:
-    """What is said of a unit that nothing came back of."""
+    """What is said of a job that nothing came back of."""
     if isinstance(outcome, Died):
         return RasterizerError(f"{model}: the process that drew it {outcome.how}, twice")
     fault = outcome.error

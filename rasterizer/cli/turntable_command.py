@@ -15,8 +15,7 @@ from ..io import formats
 from ..io.animation import Timing, animation_format, encode_animation
 from ..options import Options
 from ..renderer import Renderer
-from ..scene.camera import Camera
-from ..scene.turning import middle_on_axis, pivot_of, turned_cameras
+from ..scene.camera import Camera, middle_on_axis, pivot_of, turned_cameras
 from .cameras_lights import camera_of, framing_settings, zoomed
 from .defaults import TURNTABLE_FRAMES, TURNTABLE_SECONDS
 from .load_scene import load_scene, with_options

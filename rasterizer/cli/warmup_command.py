@@ -13,7 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..choices import BUFFERS
+from ..choices import BUFFERS, REFLECTIONS
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
 from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
@@ -22,7 +22,7 @@ from ..errors import OutputError
 from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
 from ..scene.lights import AmbientLight, DirectionalLight, PointLight, Shadow, SpotLight
-from ..scene.material import REFLECTIONS, Material
+from ..scene.material import Material
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from .messages import compilation_shown

@@ -18,7 +18,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from . import layouts
+from . import signatures as layouts
 from .signatures import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 
 NAME = "entry"
@@ -46,7 +46,7 @@ FAILED = b"a kernel failed: it met an error that it can't raise\0"
 
 
 class Unsupported(Exception):
-    """A kernel that has no entry point: its result is of a kind that none is made for."""
+    """A kernel that has no entry point: its result is of a type that none is made for."""
 
 
 def build_entry_point(context, module, fndesc) -> None:
@@ -58,7 +58,7 @@ def build_entry_point(context, module, fndesc) -> None:
     module : llvmlite.ir.Module; the kernel is declared in it
     fndesc : what numba knows of the compiled kernel
 
-    Raises Unsupported where the result is of a kind that no entry point is made for.
+    Raises Unsupported where the result is of a type that no entry point is made for.
     """
     callee = context.declare_function(module, fndesc)
     function = ir.Function(module, ir.FunctionType(_OBJECT, [_OBJECT, _LONG.as_pointer()]), NAME)
@@ -85,29 +85,29 @@ def build_batch_entry_point(context, module, fndesc) -> None:
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_LONG, _LONG, _LONG]), NAME)
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     arguments = [
-        builder.inttoptr(given, context.get_value_type(kind)) if isinstance(kind, types.CPointer) else given
-        for given, kind in zip(function.args, fndesc.argtypes, strict=True)
+        builder.inttoptr(given, context.get_value_type(numba_type)) if isinstance(numba_type, types.CPointer) else given
+        for given, numba_type in zip(function.args, fndesc.argtypes, strict=True)
     ]
     context.call_conv.call_function(builder, callee, fndesc.restype, fndesc.argtypes, arguments)
     builder.ret_void()
 
 
 class _Reader:
-    """Writes the instructions that take arguments apart; `slot` is where in the table the next one's kind stands."""
+    """Writes the instructions that take arguments apart; `slot` is where in the table the next one's type stands."""
 
     def __init__(self, context, builder, function):
         self._context, self._builder, self._table = context, builder, function.args[1]
         self._slot = len(COMMON)
         self._otherwise = function.append_basic_block("otherwise")
         with builder.goto_block(self._otherwise):
-            nothing = self.common(NOT_IMPLEMENTED)
-            self.call("Py_IncRef", nothing)
-            builder.ret(nothing)
+            none = self.common(NOT_IMPLEMENTED)
+            self.call("Py_IncRef", none)
+            builder.ret(none)
 
     def call(self, name, *arguments):
         """Call a function of Python's C interface."""
-        result, kinds = _FUNCTIONS[name]
-        function = cgutils.get_or_insert_function(self._builder.module, ir.FunctionType(result, kinds), name)
+        result, arguments_types = _FUNCTIONS[name]
+        function = cgutils.get_or_insert_function(self._builder.module, ir.FunctionType(result, arguments_types), name)
         return self._builder.call(function, arguments)
 
     def common(self, slot):
@@ -121,17 +121,22 @@ class _Reader:
         self._slot += 1
         return self._entry(self._slot - 1)
 
-    def _load(self, thing, offset, kind):
+    def _load(self, thing, offset, llvm_type):
         """Load a value of an LLVM type that stands `offset` bytes behind the beginning of an object."""
         address = self._builder.gep(thing, [ir.Constant(_LONG, offset)])
-        return self._builder.load(self._builder.bitcast(address, kind.as_pointer()))
+        return self._builder.load(self._builder.bitcast(address, llvm_type.as_pointer()))
 
-    def read_items(self, thing, kinds) -> list:
+    def read_items(self, thing, numba_types) -> list:
         """Read the items of a tuple; leave where there are more or less of them."""
         self._expect(
-            self._builder.icmp_signed("==", self._load(thing, layouts.N_ITEM, _LONG), ir.Constant(_LONG, len(kinds)))
+            self._builder.icmp_signed(
+                "==", self._load(thing, layouts.N_ITEM, _LONG), ir.Constant(_LONG, len(numba_types))
+            )
         )
-        return [self.read(self._load(thing, layouts.ITEMS + 8 * k, _OBJECT), kind) for k, kind in enumerate(kinds)]
+        return [
+            self.read(self._load(thing, layouts.ITEMS + 8 * k, _OBJECT), numba_type)
+            for k, numba_type in enumerate(numba_types)
+        ]
 
     def _expect(self, condition):
         """Go on where a condition holds; else leave."""
@@ -142,25 +147,25 @@ class _Reader:
     def _expect_class(self, thing, entry):
         self._expect(self._builder.icmp_signed("==", self._load(thing, layouts.CLASS, _LONG), entry))
 
-    def read(self, thing, kind):
+    def read(self, thing, numba_type):
         """Read an argument of one of numba's types; leave where it is of another."""
-        if isinstance(kind, types.Array):
-            return self._read_array(thing, kind)
+        if isinstance(numba_type, types.Array):
+            return self._read_array(thing, numba_type)
         self._expect_class(thing, self._next_entry())
-        if isinstance(kind, types.BaseTuple):
-            return self._context.make_tuple(self._builder, kind, self.read_items(thing, tuple(kind)))
-        return self._read_number(thing, kind)
+        if isinstance(numba_type, types.BaseTuple):
+            return self._context.make_tuple(self._builder, numba_type, self.read_items(thing, tuple(numba_type)))
+        return self._read_number(thing, numba_type)
 
-    def _read_number(self, thing, kind):
-        builder, llvm_type = self._builder, self._context.get_value_type(kind)
-        if isinstance(kind, types.NoneType):
+    def _read_number(self, thing, numba_type):
+        builder, llvm_type = self._builder, self._context.get_value_type(numba_type)
+        if isinstance(numba_type, types.NoneType):
             return self._context.get_dummy_value()
-        if isinstance(kind, types.Boolean):
+        if isinstance(numba_type, types.Boolean):
             return builder.icmp_signed("!=", self.call("PyObject_IsTrue", thing), ir.Constant(_INT, 0))
-        if isinstance(kind, types.Float):
+        if isinstance(numba_type, types.Float):
             value = self.call("PyFloat_AsDouble", thing)
             return value if llvm_type == _REAL else builder.fptrunc(value, llvm_type)
-        if kind.signed:
+        if numba_type.signed:
             value = self.call("PyLong_AsLongLong", thing)
             self._leave_on_error(builder.icmp_signed("==", value, ir.Constant(_LONG, -1)))
         else:
@@ -176,7 +181,7 @@ class _Reader:
                 self.call("PyErr_Clear")
                 builder.branch(self._otherwise)
 
-    def _read_array(self, thing, kind):
+    def _read_array(self, thing, numba_type):
         builder, one = self._builder, ir.Constant(_LONG, 1)
         self._expect_class(thing, self._entry(NDARRAY))
         dtype = self._load(thing, layouts.DTYPE, _OBJECT)
@@ -189,50 +194,50 @@ class _Reader:
             "C": layouts.IS_ALIGNED | layouts.IS_C,
             "F": layouts.IS_ALIGNED | layouts.IS_F,
             "A": layouts.IS_ALIGNED,
-        }[kind.layout]
-        looked_at = layouts.IS_ALIGNED | layouts.IS_C | (0 if kind.layout == "C" else layouts.IS_F)
+        }[numba_type.layout]
+        looked_at = layouts.IS_ALIGNED | layouts.IS_C | (0 if numba_type.layout == "C" else layouts.IS_F)
         layout = builder.and_(flags, ir.Constant(_INT, looked_at))
         tests = [
             builder.icmp_signed("==", number, self._next_entry()),
-            builder.icmp_signed("==", n_axis, ir.Constant(_INT, kind.ndim)),
+            builder.icmp_signed("==", n_axis, ir.Constant(_INT, numba_type.ndim)),
             builder.icmp_signed("==", layout, ir.Constant(_INT, wanted)),
         ]
         self._expect(builder.and_(builder.and_(is_native, tests[0]), builder.and_(tests[1], tests[2])))
         shape, strides = (self._load(thing, offset, _LONG.as_pointer()) for offset in (layouts.SHAPE, layouts.STRIDES))
-        axes = [ir.Constant(_LONG, k) for k in range(kind.ndim)]
+        axes = [ir.Constant(_LONG, k) for k in range(numba_type.ndim)]
         lengths = [builder.load(builder.gep(shape, [axis])) for axis in axes]
         steps = [builder.load(builder.gep(strides, [axis])) for axis in axes]
         n_item = one
         for length in lengths:
             n_item = builder.mul(n_item, length)
-        array = self._context.make_array(kind)(self._context, builder)
+        array = self._context.make_array(numba_type)(self._context, builder)
         array.data = builder.bitcast(self._load(thing, layouts.DATA, _OBJECT), array.data.type)
         array.shape = cgutils.pack_array(builder, lengths, ty=_LONG)
         array.strides = cgutils.pack_array(builder, steps, ty=_LONG)
         array.nitems = n_item
-        array.itemsize = ir.Constant(_LONG, self._context.get_abi_sizeof(self._context.get_data_type(kind.dtype)))
+        array.itemsize = ir.Constant(_LONG, self._context.get_abi_sizeof(self._context.get_data_type(numba_type.dtype)))
         array.meminfo, array.parent = (cgutils.get_null_value(field.type) for field in (array.meminfo, array.parent))
         return array._getvalue()
 
-    def wrap(self, value, kind):
+    def wrap(self, value, numba_type):
         """Make a Python object of a result."""
         builder = self._builder
-        if isinstance(kind, types.NoneType):
-            nothing = self.common(NONE)
-            self.call("Py_IncRef", nothing)
-            return nothing
-        if isinstance(kind, types.Boolean):
+        if isinstance(numba_type, types.NoneType):
+            none = self.common(NONE)
+            self.call("Py_IncRef", none)
+            return none
+        if isinstance(numba_type, types.Boolean):
             return self.call("PyBool_FromLong", builder.zext(value, _LONG))
-        if isinstance(kind, types.Integer):
-            extend = builder.sext if kind.signed else builder.zext
+        if isinstance(numba_type, types.Integer):
+            extend = builder.sext if numba_type.signed else builder.zext
             wide = value if value.type == _LONG else extend(value, _LONG)
-            return self.call("PyLong_FromLongLong" if kind.signed else "PyLong_FromUnsignedLongLong", wide)
-        if isinstance(kind, types.Float):
+            return self.call("PyLong_FromLongLong" if numba_type.signed else "PyLong_FromUnsignedLongLong", wide)
+        if isinstance(numba_type, types.Float):
             return self.call("PyFloat_FromDouble", value if value.type == _REAL else builder.fpext(value, _REAL))
-        if type(kind) in (types.Tuple, types.UniTuple):
-            items = self.call("PyTuple_New", ir.Constant(_LONG, len(kind)))
-            for k, part in enumerate(kind):
+        if type(numba_type) in (types.Tuple, types.UniTuple):
+            items = self.call("PyTuple_New", ir.Constant(_LONG, len(numba_type)))
+            for k, part in enumerate(numba_type):
                 item = self.wrap(builder.extract_value(value, k), part)
                 self.call("PyTuple_SetItem", items, ir.Constant(_LONG, k), item)
             return items
-        raise Unsupported(f"a kernel that returns {kind}")
+        raise Unsupported(f"a kernel that returns {numba_type}")

@@ -36,7 +36,7 @@ PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2),
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
 # Their changes change no machine code.
-_WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "store.py", "worker.py"
+_WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "store.py"
 
 
 def numba_version() -> str:

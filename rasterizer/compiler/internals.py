@@ -12,7 +12,7 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       _codegen._tm, _codegen._module_pass_manager
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
-    core.compiler_machinery.PassManager._runPass,      a fifth less to compile (short_passes.py): passes that
+    core.compiler_machinery.PassManager._runPass,      30 % less to compile (short_passes.py): passes that
       core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
       core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
       typed_passes.NativeLowering, np.arrayobj,
@@ -27,13 +27,14 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
     core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock
     core.errors.NumbaError                             what is left to numba
-    core.cgutils; typed pointers of llvmlite.ir        vector instructions (intrinsics.py)
+    core.cgutils; typed pointers of llvmlite.ir        vector instructions (pipeline/intrinsics.py)
 
 In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
 """
 
 import contextvars
 import gc
+import importlib
 import logging
 import os
 from collections.abc import Callable
@@ -42,10 +43,9 @@ from ctypes import CDLL, pythonapi
 import numba
 import numba.extending
 import numpy as np
+from llvmlite import ir
 from numba import types
 
-from . import intrinsics
-from . import intrinsics as texel_intrinsics
 from .fingerprint import SEEN, is_seen
 from .machine_code import Code
 from .signatures import class_of
@@ -63,7 +63,7 @@ _log = logging.getLogger("rasterizer")
 
 if IS_SEEN:
     from llvmlite.binding import Linkage
-    from numba.core import codegen, compiler_machinery
+    from numba.core import cgutils, codegen, compiler_machinery
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.errors import NumbaError
@@ -113,7 +113,7 @@ def compile_helper(function: Callable, is_inlined: bool = True):
 
 def compile_choice(function: Callable, choose: Callable):
     """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
-    function with the same parameters."""
+    function with the same parameters (kernels.choice)."""
 
     def chosen(*arguments):  # one for callers that count references, and one for others
         return function(*arguments)
@@ -125,13 +125,12 @@ def compile_choice(function: Callable, choose: Callable):
     return as_callee(chosen)
 
 
-def compile_intrinsic(function: Callable, name: str, is_documented: bool):
-    """Return a function whose instructions are written by the function `name` of intrinsics.py, or of
-    intrinsics.py."""
-    if IS_SEEN or is_documented:
-        module = intrinsics if hasattr(intrinsics, name) else texel_intrinsics
-        return as_callee(numba.extending.intrinsic(getattr(module, name)))
-    return numba.njit(**_DOCUMENTED)(function)
+def compile_intrinsic(function: Callable, name: str):
+    """Return a function whose instructions are written by another one (kernels.spelled_out)."""
+    if not IS_SEEN:
+        return numba.njit(**_DOCUMENTED)(function)
+    module = importlib.import_module(f"{function.__module__.rpartition('.')[0]}.intrinsics")
+    return numba.extending.intrinsic(getattr(module, name))
 
 
 def as_callee(function: Callable):
@@ -141,9 +140,14 @@ def as_callee(function: Callable):
     return numba.njit(**_DOCUMENTED)(lambda *arguments: function(*arguments))
 
 
-def compile_array_maker(function: Callable):
+def compile_array_maker():
     """Return what makes an array of a typed pointer and a shape."""
-    return compile_intrinsic(function, "build_array", False) if IS_SEEN else as_callee(numba.carray)
+    return numba.extending.intrinsic(build_array) if IS_SEEN else as_callee(numba.carray)
+
+
+def compile_caller():
+    """Return what calls a batch function by its address; it needs nothing that manuals don't describe."""
+    return as_callee(numba.extending.intrinsic(build_call))
 
 
 def compile_by_numba(function: Callable):
@@ -165,6 +169,43 @@ def type_of(thing):
     return context.resolve_value_type(thing)
 
 
+# ---------------------------------------------------------------- arrays and calls by address
+
+
+def build_array(typing_context, pointer, shape):
+    """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
+    numba_type = types.Array(pointer.dtype, len(shape), "C")
+
+    def generate(context, builder, signature, arguments):
+        array = context.make_array(numba_type)(context, builder)
+        lengths = cgutils.unpack_tuple(builder, arguments[1])
+        step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(context.get_data_type(numba_type.dtype)))
+        steps, n_item = [], ir.Constant(ir.IntType(64), 1)
+        for length in reversed(lengths):
+            steps.append(builder.mul(n_item, step))
+            n_item = builder.mul(n_item, length)
+        array.data, array.itemsize, array.nitems = arguments[0], step, n_item
+        array.shape = cgutils.pack_array(builder, lengths)
+        array.strides = cgutils.pack_array(builder, steps[::-1])
+        array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
+        return array._getvalue()
+
+    return numba_type(pointer, shape), generate
+
+
+def build_call(typing_context, address, batch, n, coefficients):
+    """Build `kernels.call_batch_function`: a call through a pointer to a function."""
+    signature = types.void(types.intp, types.intp, types.intp, types.intp)
+
+    def generate(context, builder, _signature, arguments):
+        whole = ir.IntType(64)
+        function_type = ir.FunctionType(ir.VoidType(), [whole, whole, whole])
+        builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
 # ---------------------------------------------------------------- object code
 
 
@@ -174,8 +215,8 @@ def compile_kernel(function: Callable, signature: tuple) -> Code:
     Raises NotStandalone where its code would need numba's runtime: it allocates, raises or prints; and where a class of
     the signature is not found by its name.
     """
-    kinds = tuple(type_of_part(part) for part in signature)
-    return _compile(function, kinds, KernelCompiler)
+    argument_types = tuple(type_of_part(part) for part in signature)
+    return _compile(function, argument_types, KernelCompiler)
 
 
 def compile_batch_function(function: Callable, dtype) -> Code:
@@ -190,19 +231,19 @@ def compile_signature(function: Callable, signature: tuple) -> Code:
     return compile_kernel(function, signature)
 
 
-def _compile(function, kinds, pipeline) -> Code:
+def _compile(function, argument_types, pipeline) -> Code:
     dispatcher = numba.njit(pipeline_class=pipeline, **_UNWRAPPED, **_OPTIONS)(function)
     was_collecting = gc.isenabled()
     token = _counts.set(False)
     gc.disable()  # the compiler makes a million objects that all live on: looking for garbage takes a tenth of the time
     try:
-        dispatcher.compile(kinds)
+        dispatcher.compile(argument_types)
         (result,) = dispatcher.overloads.values()
     except entry_points.Unsupported as reason:
         raise NotStandalone(str(reason)) from None
     except NumbaError as fault:  # where it is no fault of the runtime's absence, numba tells it to the caller
         raise NotStandalone("it allocates memory, or numba can't compile it") from fault
-    except Exception as fault:  # numba's own faults are of any kind; without this way, it compiles with its own
+    except Exception as fault:  # numba's own faults are of any class; then numba.njit compiles it
         raise NotStandalone(f"numba {numba.__version__}: {type(fault).__name__}: {fault}") from fault
     finally:
         _counts.reset(token)
@@ -239,9 +280,9 @@ def type_of_part(part):
         found = class_of(name) if name else None
     except (ImportError, AttributeError) as fault:
         raise NotStandalone(f"no class {name} ({fault})") from fault
-    kinds = tuple(map(type_of_part, items))
-    kind = types.BaseTuple.from_types(kinds, found)
-    return Struct(kinds, found) if type(kind) is types.NamedTuple else kind
+    argument_types = tuple(map(type_of_part, items))
+    numba_type = types.BaseTuple.from_types(argument_types, found)
+    return Struct(argument_types, found) if type(numba_type) is types.NamedTuple else numba_type
 
 
 if IS_SEEN:
@@ -360,7 +401,7 @@ if IS_SEEN:
         build = staticmethod(entry_points.build_batch_entry_point)
 
     class HelperCompiler(CompilerBase):
-        """Numba's way of compiling, but for where the instructions go."""
+        """Numba's pipeline, but for where the instructions go."""
 
         begin, finish = _BeginHelper, _FinishHelper
 

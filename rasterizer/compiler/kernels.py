@@ -30,7 +30,7 @@ import numpy as np
 from . import fingerprint
 from .machine_code import Code, LoadedCode
 from .signatures import Table, plain, signature_of
-from .store import Store
+from .store import Store, title_of
 
 # The type that hot loops count with. A signed index may count from the end of an array: numba tests for that at every
 # access, and the test keeps loops from becoming vector instructions. A sum of a signed and an unsigned integer is a
@@ -43,9 +43,9 @@ IS_COMPILING = not fingerprint.setting("DISABLE_JIT")
 STORE = Store.of_process(IS_COMPILING)
 
 _log = logging.getLogger("rasterizer")
-_turn = threading.RLock()  # who loads or compiles
+_lock = threading.RLock()  # who loads or compiles
 if hasattr(os, "register_at_fork"):  # a child would find it locked for ever, if another thread holds it
-    os.register_at_fork(before=_turn.acquire, after_in_parent=_turn.release, after_in_child=_turn.release)
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 def _internals():
@@ -73,7 +73,7 @@ class Kernel:
     def __init__(self, function: Callable):
         functools.update_wrapper(self, function)
         self.py_func = function
-        self._entries = []  # (entry point, address of a table) of the kinds of arguments met so far
+        self._entries = []  # (entry point, address of a table) of the types of arguments met so far
         self._known = {}  # (signature, numbers of a table) -> (entry, the table)
         self._loaded = {}  # signature -> (entry point, its LoadedCode)
         self._by_numba = None  # what numba made of it, where it has no entry points
@@ -101,18 +101,18 @@ class Kernel:
         return Helper(self.py_func, lambda: _internals().compile_helper(self.py_func, is_inlined=False))
 
     def _call_first(self, arguments):
-        """Call the kernel with arguments of a kind that was not met before, or not as the last one."""
+        """Call the kernel with arguments of types that were not met before, or not as the last ones."""
         arguments = plain(arguments)
         signature, table = signature_of(arguments), Table(arguments)
-        kind = signature, table.numbers
-        with _turn:
-            if kind not in self._known and self._by_numba is None:
+        key = signature, table.numbers
+        with _lock:
+            if key not in self._known and self._by_numba is None:
                 entry_point = self._find_entry_point(signature)
                 # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
-                if entry_point is not None and kind not in self._known:
-                    self._known[kind] = (entry_point, table.address), table
-                    self._entries.append(self._known[kind][0])
-            entry, _ = self._known.get(kind, (None, None))
+                if entry_point is not None and key not in self._known:
+                    self._known[key] = (entry_point, table.address), table
+                    self._entries.append(self._known[key][0])
+            entry, _ = self._known.get(key, (None, None))
         result = entry[0](arguments, entry[1]) if entry else NotImplemented
         if result is not NotImplemented:
             return result
@@ -170,11 +170,6 @@ def _load_compiled(function, signature):
     except (internals.NotStandalone, LookupError, RuntimeError, ValueError) as reason:
         _log.info("kernel %s is left to numba: %s", title_of(function), reason)
         return None
-
-
-def title_of(function: Callable) -> str:
-    """Return a kernel's name as its file in the store has it: that of its module, and its own."""
-    return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
 
 def is_own(function: Callable) -> bool:
@@ -257,10 +252,10 @@ class Helper:
     @property
     def _numba_type_(self):
         """What numba takes this for in a kernel."""
-        kind = self._is_one or _internals().is_counting()
-        if kind not in self._compiled:
-            self._compiled[kind] = self._compile()  # kept: its type doesn't hold it
-        return _internals().type_of(self._compiled[kind])
+        is_counting = self._is_one or _internals().is_counting()
+        if is_counting not in self._compiled:
+            self._compiled[is_counting] = self._compile()  # kept: its type doesn't hold it
+        return _internals().type_of(self._compiled[is_counting])
 
 
 def helper(function: Callable) -> Callable:
@@ -269,34 +264,53 @@ def helper(function: Callable) -> Callable:
 
 
 def choice(choose: Callable) -> Callable:
-    """Decorate a plain function that is compiled differently for different types.
+    """Decorate a function that returns which one of several is called in its place, all with its parameters.
 
-    choose : the types of the arguments -> the function that is compiled, with the same parameters
+    It goes by the types of its arguments alone: where a kernel calls it, the compiler asks it once, with types of its
+    own in the place of the arguments, and compiles nothing but what it returns. It looks at them by `class_of`,
+    `field_of` and `is_none`, which take either.
     """
 
-    def decorate(function):
-        def choose_plain(*types):
-            chosen = choose(*types)
-            return getattr(chosen, "py_func", chosen)
+    def call(*arguments):
+        return choose(*arguments)(*arguments)
 
-        functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
-        return Helper(function, lambda: _internals().compile_choice(function, choose_plain))
+    def choose_plain(*types):
+        chosen = choose(*types)
+        return getattr(chosen, "py_func", chosen)
 
-    return decorate if IS_COMPILING else lambda function: function
+    functools.update_wrapper(call, choose)
+    functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
+    return Helper(call, lambda: _internals().compile_choice(call, choose_plain)) if IS_COMPILING else call
 
 
-def spelled_out(name: str, is_documented: bool = False) -> Callable:
+def class_of(argument) -> type:
+    """Return the class of an argument of a choice, such as a NamedTuple."""
+    return getattr(argument, "instance_class", type(argument))
+
+
+def field_of(argument, name: str):
+    """Return a field of an argument of a choice that is a NamedTuple."""
+    if not hasattr(argument, "instance_class"):
+        return getattr(argument, name)
+    return dict(zip(argument.fields, argument.types, strict=True))[name]
+
+
+def is_none(argument) -> bool:
+    """Tell whether an argument of a choice is None."""
+    return argument is None or getattr(argument, "name", "") == "none"
+
+
+def spelled_out(name: str) -> Callable:
     """Decorate a plain function whose instructions the compiler is told: it wouldn't find them itself.
 
     The plain function says what is computed. It is what runs with the JIT switched off; in a version of numba that was
     not tried it is compiled like any other.
 
-    name : the function in intrinsics.py that builds the instructions
-    is_documented : it uses nothing but what the manuals of numba and llvmlite describe, so it does in any version
+    name : the function that builds the instructions, in the module `intrinsics` beside that of the plain function
     """
 
     def decorate(function):
-        return Helper(function, lambda: _internals().compile_intrinsic(function, name, is_documented), is_one=True)
+        return Helper(function, lambda: _internals().compile_intrinsic(function, name), is_one=True)
 
     return decorate if IS_COMPILING else lambda function: function
 
@@ -306,8 +320,14 @@ def as_array(pointer, shape):
     return np.ctypeslib.as_array(pointer, shape)
 
 
+def call_batch_function(address, batch, n, coefficients):
+    """Call the batch function at `address` with the addresses of two arrays and a count (inside kernels only)."""
+    ctypes.cast(int(address), ctypes.py_object).value(int(batch), int(n), int(coefficients))
+
+
 if IS_COMPILING:
-    as_array = Helper(as_array, lambda: _internals().compile_array_maker(as_array.py_func), is_one=True)
+    as_array = Helper(as_array, lambda: _internals().compile_array_maker(), is_one=True)
+    call_batch_function = Helper(call_batch_function, lambda: _internals().compile_caller(), is_one=True)
 
 
 # ---------------------------------------------------------------- functions that are called by their address
@@ -319,7 +339,7 @@ class BatchFunction:
     def __init__(self, function: Callable, dtype):
         self.py_func = function
         self.signatures = [("batch function", np.dtype(dtype).name)]
-        with _turn:
+        with _lock:
             loaded = load(function, self.signatures[0]) if STORE.is_used else None
             self._kept = loaded or _internals().compile_callback(function, dtype)
         self.address = self._kept.address
@@ -348,22 +368,16 @@ class PlainBatchFunction:
 def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunction:
     """Compile `function(batch, n, coefficients)`, where both are addresses of arrays of `dtype`.
 
-    A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
+    A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every type of light and
     every reflection model, and only those that a scene uses are ever compiled.
     """
     key = function, np.dtype(dtype).name
     if key not in _batch_functions:
-        with _turn:  # two threads must get the same one: what is not kept is taken out of memory
+        with _lock:  # two threads must get the same one: what is not kept is taken out of memory
             if key not in _batch_functions:
-                kind = BatchFunction if IS_COMPILING else PlainBatchFunction
-                _batch_functions[key] = kind(function, np.dtype(dtype))
+                made_by = BatchFunction if IS_COMPILING else PlainBatchFunction
+                _batch_functions[key] = made_by(function, np.dtype(dtype))
     return _batch_functions[key]
 
 
 _batch_functions = {}  # kept for good: whoever has an address may call it
-
-
-@spelled_out("build_call", is_documented=True)
-def call_batch_function(address, batch, n, coefficients):
-    """Call the batch function at `address` with the addresses of two arrays and a count (inside kernels only)."""
-    ctypes.cast(int(address), ctypes.py_object).value(int(batch), int(n), int(coefficients))

@@ -1,7 +1,9 @@
 """What numba does to make a kernel's instructions, as far as kernels need it: a first picture waits for nothing else.
 
 Two thirds of the time that a kernel takes to compile pass before the optimiser sees it: in numba's passes, each over
-every function, and in writing, printing and reading instructions that the optimiser takes out again.
+every function, and in writing, printing and reading instructions that the optimiser takes out again. With an empty
+store the teapot's first picture takes 1.4 times the processor's time without this module, 23.7 s for 17.0, and would
+miss its target of 6 s on two idle cores. The machinery is bought with nothing else: the kernels are the same.
 
 * `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
 * A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
@@ -9,7 +11,7 @@ every function, and in writing, printing and reading instructions that the optim
   hundred instructions that put them together, and each call of it with as many that take them apart.
 * `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
   description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too.
-* `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each kind of arguments.
+* `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each type of arguments.
 * `ShortTyping` remembers what operators make of which types. Numba looks for it at each sum and each product.
 
 The names of numba that are used here are listed in internals.py.
@@ -40,9 +42,9 @@ class ShortPassManager(compiler_machinery.PassManager):
     def __init__(self, pipeline):
         super().__init__(pipeline.pipeline_name)
         steps = [step for step in pipeline.passes if step[0].__name__ not in NOT_NEEDED]
-        kinds = [step[0] for step in steps]
-        steps[kinds.index(typed_passes.NativeLowering)] = (ShortLowering, "write instructions")
-        steps.insert(kinds.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
+        passes = [step[0] for step in steps]
+        steps[passes.index(typed_passes.NativeLowering)] = (ShortLowering, "write instructions")
+        steps.insert(passes.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
         self.passes = steps
 
     def _runPass(self, index, pss, internal_state):
@@ -78,16 +80,17 @@ class StructModel(models.TupleModel):
         return value
 
 
-def _in_parts(kind):
+def _in_parts(struct):
     """Return the type of a structure, with the same values, that is passed field by field: a kernel's arguments are."""
-    return types.NamedTuple([_in_parts(item) for item in kind], kind.instance_class) if type(kind) is Struct else kind
+    is_struct = type(struct) is Struct
+    return types.NamedTuple([_in_parts(item) for item in struct], struct.instance_class) if is_struct else struct
 
 
 # ---------------------------------------------------------------- items of arrays
 
 
 class ShortLower(lowering.Lower):
-    """Numba's way of writing instructions, but for items of contiguous arrays, and for variables that are set once."""
+    """What writes instructions: numba's, but for items of contiguous arrays and variables that are set once."""
 
     def __init__(self, context, library, fndesc, *others, **named):
         # Loops become vector instructions only where what they write isn't taken for a table that they read. LLVM
@@ -120,45 +123,47 @@ class ShortLower(lowering.Lower):
 
     def lower_getitem(self, resty, expr, value, index, signature):
         """Write what reads an item."""
-        kind, address = signature.args[0], self._address_of(value, index, signature)
+        array_type, address = signature.args[0], self._address_of(value, index, signature)
         if address is None:
             return super().lower_getitem(resty, expr, value, index, signature)
-        item = arrayobj.load_item(self.context, self.builder, kind, address)
-        return self.context.cast(self.builder, item, kind.dtype, resty)
+        item = arrayobj.load_item(self.context, self.builder, array_type, address)
+        return self.context.cast(self.builder, item, array_type.dtype, resty)
 
     def lower_setitem(self, target_var, index_var, value_var, signature):
         """Write what changes an item."""
-        kind, address = signature.args[0], self._address_of(target_var, index_var, signature)
+        array_type, address = signature.args[0], self._address_of(target_var, index_var, signature)
         if address is None:
             return super().lower_setitem(target_var, index_var, value_var, signature)
-        given = self.loadvar(value_var.name)
-        value = self.context.cast(self.builder, given, self.typeof(value_var.name), kind.dtype)
-        return arrayobj.store_item(self.context, self.builder, kind, value, address)
+        value = self.loadvar(value_var.name)
+        value = self.context.cast(self.builder, value, self.typeof(value_var.name), array_type.dtype)
+        return arrayobj.store_item(self.context, self.builder, array_type, value, address)
 
     def _address_of(self, array, index, signature):
         """Return the address of an item; None where numba has to find it."""
-        kind, kinds, context = self.typeof(array.name), self.typeof(index.name), self.context
-        is_several = isinstance(kinds, types.BaseTuple)
-        kinds = tuple(kinds) if is_several else (kinds,)
-        if not isinstance(kind, types.Array) or kind.ndim == 0 or kind != signature.args[0] or kind.layout != "C":
+        array_type, index_type, context = self.typeof(array.name), self.typeof(index.name), self.context
+        is_several = isinstance(index_type, types.BaseTuple)
+        index_types = tuple(index_type) if is_several else (index_type,)
+        if context.enable_boundscheck or not isinstance(array_type, types.Array) or array_type != signature.args[0]:
             return None
-        if context.enable_boundscheck or len(kinds) != kind.ndim or not all(map(_is_counted_from_start, kinds)):
+        if array_type.layout != "C" or not len(index_types) == array_type.ndim > 0:
             return None
-        builder, model = self.builder, context.data_model_manager[kind]
-        description, given = self.loadvar(array.name), self.loadvar(index.name)
-        given = [builder.extract_value(given, k) for k in range(len(kinds))] if is_several else [given]
-        indices = [context.cast(builder, one, its, types.uintp) for one, its in zip(given, kinds, strict=True)]
+        if not all(map(_is_counted_from_start, index_types)):
+            return None
+        builder, model = self.builder, context.data_model_manager[array_type]
+        description, items = self.loadvar(array.name), self.loadvar(index.name)
+        items = [builder.extract_value(items, k) for k in range(len(index_types))] if is_several else [items]
+        indices = [context.cast(builder, *pair, types.uintp) for pair in zip(items, index_types, strict=True)]
         number, shape = indices[0], model.get(builder, description, "shape") if is_several else None
-        for axis in range(1, len(kinds)):
+        for axis in range(1, len(indices)):
             number = builder.add(builder.mul(number, builder.extract_value(shape, axis)), indices[axis])
         return builder.gep(model.get(builder, description, "data"), [number])
 
 
-def _is_counted_from_start(kind) -> bool:
+def _is_counted_from_start(index_type) -> bool:
     """Tell whether an index is never negative by its type: a negative one counts from an array's end."""
-    if isinstance(kind, types.IntegerLiteral):
-        return kind.literal_value >= 0
-    return isinstance(kind, types.Integer) and not kind.signed
+    if isinstance(index_type, types.IntegerLiteral):
+        return index_type.literal_value >= 0
+    return isinstance(index_type, types.Integer) and not index_type.signed
 
 
 @compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
@@ -207,16 +212,16 @@ _OPERATORS = frozenset(thing for thing in vars(operator).values() if isinstance(
 def _spell_out(compare):
     """Return how the first of some numbers that `compare` prefers is found, as numba finds it, of 2, 3 and 4."""
 
-    def choose(typing_context, *kinds):
-        common = typing_context.unify_types(*kinds)
-        if common is None or not all(isinstance(kind, types.Number) for kind in kinds):
+    def choose(typing_context, *numba_types):
+        common = typing_context.unify_types(*numba_types)
+        if common is None or not all(isinstance(numba_type, types.Number) for numba_type in numba_types):
             return None
 
         def generate(context, builder, signature, arguments):
             found = builtins.do_minmax(context, builder, list(signature.args), arguments, compare)
             return context.cast(builder, found, common, signature.return_type)
 
-        return common(*kinds), generate
+        return common(*numba_types), generate
 
     return {
         2: numba.extending.intrinsic(lambda typing_context, a, b: choose(typing_context, a, b)),

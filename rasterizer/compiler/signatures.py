@@ -1,4 +1,4 @@
-"""Signatures: what kinds of arguments a kernel is called with, in plain tuples that are written, read and compared.
+"""Signatures: what types of arguments a kernel is called with, in plain tuples that are written, read and compared.
 
     argument                          its part of a signature
     --------------------------------- -----------------------------------------------------------------
@@ -9,6 +9,9 @@
 
 One machine code serves all arguments with the same signature. Whether an array may be written to is no part of it:
 kernels write to their outputs only.
+
+An entry point (entry_points.py) finds out whether it is called with such arguments: it compares them with a `Table`,
+and reads them where they stand in memory.
 """
 
 import ctypes
@@ -16,7 +19,7 @@ import sys
 
 import numpy as np
 
-LEAST_INT, MOST_INT = -(2**63), 2**63 - 1
+MIN_INT, MAX_INT = -(2**63), 2**63 - 1
 _PLAIN = {int: "int64", float: "float64", bool: "bool", type(None): "none"}
 
 
@@ -30,13 +33,13 @@ def signature_of(arguments: tuple) -> tuple:
 
 
 def _part_of(value):
-    kind = type(value)
-    if kind in _PLAIN:
-        if kind is int and not LEAST_INT <= value <= MOST_INT:
+    cls = type(value)
+    if cls in _PLAIN:
+        if cls is int and not MIN_INT <= value <= MAX_INT:
             raise OverflowError(f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64")
-        return _PLAIN[kind]
+        return _PLAIN[cls]
     if isinstance(value, tuple):
-        name = "" if kind is tuple else f"{kind.__module__}:{kind.__qualname__}"
+        name = "" if cls is tuple else f"{cls.__module__}:{cls.__qualname__}"
         return ("tuple", name, tuple(_part_of(item) for item in value))
     if isinstance(value, np.generic) and _is_number(value.dtype):
         return value.dtype.name
@@ -46,7 +49,7 @@ def _part_of(value):
             layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
             return ("array", dtype.name, value.ndim, layout)
         raise TypeError(f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}")
-    raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {kind.__name__}")
+    raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {cls.__name__}")
 
 
 def _is_number(dtype) -> bool:
@@ -76,7 +79,7 @@ NDARRAY, NOT_IMPLEMENTED, NONE, ERROR = range(len(COMMON))
 
 class Table:
     """The table that an entry point compares its arguments with, see entry_points.py: addresses of the objects COMMON,
-    then, for every part of the signature in order, what tells that an argument is of this kind.
+    then, for every part of the signature in order, what tells that an argument is of this type.
 
     Of an array that is the number of its dtype, of anything else the address of its class; after a tuple's class come
     its items. Classes have other addresses in every process: so the table is made from the first arguments met.
@@ -108,3 +111,41 @@ def plain(value):
         items = [plain(item) for item in value]
         return value._make(items) if hasattr(value, "_fields") else tuple(items)
     return value.view(np.ndarray) if isinstance(value, np.ndarray) else value
+
+
+# ---------------------------------------------------------------- where things stand in objects
+
+# Bytes from an object's beginning.
+# Source: Python's C API (PyObject, PyTupleObject, whose sizes Python tells) and NumPy's (PyArrayObject_fields, and
+# PyArray_Descr up to type_num, the same in NumPy 1 and 2). `are_layouts_known` tries them.
+HEAD = object.__basicsize__
+CLASS = HEAD - 8
+N_ITEM, ITEMS = HEAD, tuple.__basicsize__
+DATA, N_AXIS, SHAPE, STRIDES, DTYPE, FLAGS = (HEAD + offset for offset in (0, 8, 16, 24, 40, 48))
+BYTE_ORDER, NUMBER = HEAD + 10, HEAD + 12  # of a dtype
+NATIVE_ORDERS = "=", "|", "<" if sys.byteorder == "little" else ">"  # "|" where there is none; the last if asked for
+IS_C, IS_F, IS_ALIGNED = 0x1, 0x2, 0x100
+
+
+def are_layouts_known() -> bool:
+    """Tell whether arrays and dtypes look in memory as entry points expect it; else they would read anything."""
+    array = np.arange(6, dtype=np.float32).reshape(2, 3)
+    if ctypes.sizeof(ctypes.c_void_p) != 8:
+        return False
+
+    def read(number_type, thing, offset):
+        return number_type.from_address(id(thing) + offset).value
+
+    long = ctypes.c_int64
+    return (
+        read(long, array, CLASS) == id(np.ndarray)
+        and read(long, array, DATA) == array.ctypes.data
+        and read(ctypes.c_int32, array, N_AXIS) == 2
+        and [long.from_address(read(long, array, SHAPE) + 8 * k).value for k in range(2)] == [2, 3]
+        and [long.from_address(read(long, array, STRIDES) + 8 * k).value for k in range(2)] == [12, 4]
+        and read(long, array, DTYPE) == id(array.dtype)
+        and read(ctypes.c_int32, array, FLAGS) & (IS_C | IS_F | IS_ALIGNED) == IS_C | IS_ALIGNED
+        and read(ctypes.c_char, array.dtype, BYTE_ORDER) == b"="
+        and read(ctypes.c_int32, array.dtype, NUMBER) == array.dtype.num
+        and read(long, (array,), ITEMS) == id(array)
+    )

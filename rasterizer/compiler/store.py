@@ -22,16 +22,17 @@ import logging
 import os
 import stat
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 from . import fingerprint
-from .layouts import are_layouts_known
+from .signatures import are_layouts_known
 
 PREFIX, SUFFIX, HALF_WRITTEN = "rasterizer-kernels-", ".kernel", ".kernel-part"
 MARKER, MARK = "of-rasterizer", b"Compiled kernels of rasterizer. This folder may be removed at any time.\n"
 FORMAT = b"rasterizer kernel 1\n"
-MOST_BYTES = 2**28  # of a file: kernels have less than a thousandth of it
+MAX_BYTES = 2**28  # of a file: kernels have less than a thousandth of it
 SHIPPED = Path(__file__).resolve().parents[1] / "kernels"  # what came with the package; read only
 MONTH = 30 * 24 * 3600  # seconds
 
@@ -188,6 +189,11 @@ def _empty(folder: Path) -> None:
         os.rmdir(folder)
 
 
+def title_of(function: Callable) -> str:
+    """Return a kernel's name as its file in the store has it: that of its module, and its own."""
+    return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+
+
 def file_name(title: str, key: bytes) -> str:
     """The name of the file that holds the kernel with this key."""
     return f"{title}-{hashlib.sha256(key).hexdigest()[:16]}{SUFFIX}"
@@ -216,7 +222,7 @@ def _read_own(path: Path) -> bytes:
     flags = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"))
     with open(os.open(path, flags), "rb") as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode) or status.st_size > MOST_BYTES:
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
             raise OSError(f"{path} is not a file with a kernel")
         if os.name == "posix" and (status.st_uid not in (os.geteuid(), 0) or _is_open_to_others(status)):
             raise OSError(f"others may have written {path}")

@@ -11,16 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.polygons import fill_means
-from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
 from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import (
+    DOUBLE_PRECISION,
+    HAS_ALBEDO,
+    HAS_COLORS,
+    HAS_CORNERS,
     IN_ENTRIES,
     IN_PLANES,
-    NEEDS_ALBEDO,
-    NEEDS_COLORS,
-    NEEDS_CORNERS,
-    NEEDS_DOUBLE,
-    NEEDS_SINGLE,
+    SINGLE_PRECISION,
     BufferCoding,
     Coding,
     DepthScale,
@@ -28,8 +27,8 @@ from ..pipeline.gradients import (
     NormalCoding,
 )
 from ..pipeline.lighting import SurfacePoints, light_points
-from ..pipeline.texture_packing import ALWAYS, FILTER_NEAREST, Textures
-from ..pipeline.texture_planes import TextureCoding
+from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
+from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding, Textures
 from ..pipeline.threads import MIN_PART
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
@@ -128,7 +127,7 @@ def list_groups(geometry) -> list[Group]:
 def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
     dtype, features = lighting.materials.dtype, plan.of_materials.features
-    n_channel = 3 if any(features[group.material] & NEEDS_COLORS for group in groups) else 1
+    n_channel = 3 if any(features[group.material] & HAS_COLORS for group in groups) else 1
     intensities = blank((n_side, geometry.points.shape[1], n_channel), dtype, groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
@@ -241,7 +240,7 @@ def make_coding(plan: Plan, tolerance, step=1.0) -> Coding:
         return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, NO_DEPTHS)
     left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
-        has_albedo = (of_materials.features & NEEDS_ALBEDO) != 0
+        has_albedo = (of_materials.features & HAS_ALBEDO) != 0
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
@@ -257,7 +256,7 @@ def lookup_step(factor, is_shaded_once) -> float:
     """Return how many samples it is from one look-up of a texture to the next: a pixel's where it is shaded once.
 
     Slopes are multiplied by that in float32: rounded by u = 2^-24 where it is 3. That is an eighth of what
-    `texture_planes.slope_rounding` counts, and is added.
+    `slope_rounding` counts, and is added.
     """
     return factor * (1.0 + 1.0 / 8.0) if is_shaded_once and factor > 1 else 1.0
 
@@ -292,18 +291,18 @@ def sampled_in_double(textures: Textures, coding: Coding) -> Textures | None:
 
 def make_buffer_coding(screen, n_attribute) -> BufferCoding:
     """Say that entries hold indices of triangles, as for buffers; with attributes all have exact records, too."""
-    features = NEEDS_DOUBLE | (NEEDS_CORNERS if n_attribute > 0 else 0)
+    features = DOUBLE_PRECISION | (HAS_CORNERS if n_attribute > 0 else 0)
     return _plain_coding(BufferCoding, IN_PLANES, features, n_attribute, None, screen)
 
 
 def make_map_coding(screen) -> Coding:
     """Say that entries hold depths and nothing else, as for shadow maps."""
-    return _plain_coding(LevelCoding, IN_ENTRIES, NEEDS_SINGLE, 0, 1.0, screen)
+    return _plain_coding(LevelCoding, IN_ENTRIES, SINGLE_PRECISION, 0, 1.0, screen)
 
 
 def _plain_coding(coding_type, path, features, n_attribute, level_scale, screen) -> Coding:
     """The coding of passes in which all is of one material."""
-    is_double = features & NEEDS_DOUBLE != 0
+    is_double = features & DOUBLE_PRECISION != 0
     rows = np.array([path], np.uint8), np.array([features], np.uint8), np.array([is_double]), np.array([n_attribute])
     return coding_type(*rows, np.full(1, np.inf), level_scale, 0.0, False, None, scale_depths(screen))
 

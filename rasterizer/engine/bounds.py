@@ -51,7 +51,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pipeline.planes import DEPTH_PLANE_ROUNDING
+from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen, skew_stretch
 from . import lights as light_table
 from . import reflections as reflection_table

@@ -15,13 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.bands import Band, BandLists, join_lists, sort_into_bands
 from ..pipeline.clip import NO_PLANES, clip
-from ..pipeline.cull import Grid, find_visible
+from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
-from ..pipeline.workspace import WorkspaceKind, WorkspacePool
+from ..pipeline.workspace import WorkspacePool, WorkspaceShape
 from .passes import BufferPass, FaceTable, Pass
 from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
@@ -58,12 +57,12 @@ def draw(
         clock.lap("clip")
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
-    kind = render_pass.workspace_kind(n_row)
+    shape = render_pass.workspace_shape(n_row)
     if buffers is not None:
-        kind = kind._replace(n_attribute=max(kind.n_attribute, buffers.n_attribute))
+        shape = shape._replace(n_attribute=max(shape.n_attribute, buffers.n_attribute))
 
     def scan_shade_resolve(band: Band) -> BandCounts:
-        return draw_band(band, drawn, render_pass, buffers, workspaces, kind)
+        return draw_band(band, drawn, render_pass, buffers, workspaces, shape)
 
     counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass))
     clock.lap("scan, shade, resolve")
@@ -72,10 +71,10 @@ def draw(
 
 def draw_band(
     band: Band, drawn: "Drawn", render_pass: Pass, buffers: BufferPass | None, workspaces: WorkspacePool,
-    kind: WorkspaceKind,
+    shape: WorkspaceShape,
 ) -> "BandCounts":  # fmt: skip
     """Draw the rows of one band: find what is visible, shade it, write it."""
-    workspace = workspaces.acquire(kind, render_pass.max_records(len(band.faces)))
+    workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
     if workspace.records.clipped_planes is not drawn.clipped_planes:
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
     deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
@@ -89,7 +88,7 @@ def draw_band(
     if deferred is None or deferred.is_empty:
         render_pass.shade(workspace, band, found, drawn.face_table)
     else:
-        task = Task(band, drawn, render_pass, Memory(workspace, workspaces, kind))
+        task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
         found, translucent = draw_transparent_band(task, found, deferred.listed())
     is_shared = buffers is not None and buffers.can_share(render_pass, found)
     if is_shared:
@@ -97,7 +96,7 @@ def draw_band(
     n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
     if buffers is not None and not is_shared:
         buffers.draw(workspace, band, drawn)
-    workspaces.release(kind, workspace)
+    workspaces.release(shape, workspace)
     return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 
 

@@ -12,25 +12,24 @@ import numpy as np
 
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
-from ..geometry import creases, ears, surfaces
+from ..geometry import ears, normals, surfaces
 from ..geometry.polygons import fill_means
 from ..options import Options
-from ..pipeline import a_buffer, buffers, clip, cull, layers, resolve, shade_once, shadow_lookup, texture_packing
-from ..pipeline.bands import Band, Rows, scatter
-from ..pipeline.depth_cueing import fade
+from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
+from ..pipeline.cull import Band, Rows, scatter
 from ..pipeline.edges import draw_edges
-from ..pipeline.encode import encode_picture
-from ..pipeline.gradients import NEEDS_TEXTURE, Coding
+from ..pipeline.gradients import HAS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import ShadowMaps, SurfacePoints, light_points
 from ..pipeline.phong_shading import FaceTable, shade_lit
+from ..pipeline.resolve import encode_picture
 from ..pipeline.scan import ScanCounts, make_deferred, scan
-from ..pipeline.shade import shade_interpolated
+from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_screen, transform_range
 from ..pipeline.visibility import forget_extents
-from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture, make_workspace
+from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
 from . import lights as light_table
 from .attributes import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
@@ -47,7 +46,7 @@ SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
 ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
-NO_FANS = creases.Fans(FACES, FACES, FACES, 0)
+NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
     Triangles(CORNERS, CORNERS, FLAGS), Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS),
     np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)),
@@ -77,9 +76,8 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
 
 
 def list_mesh_kernels() -> list[Job]:
-    """List the kernels that work on meshes outside of pictures: vertex normals, polygons with ears."""
+    """List the kernels that work on meshes outside of pictures: those that cut ears."""
     found = KernelList()
-    found.add(creases.average_fans, ROWS, NO_FANS, 0, creases.make_fan_scratch(0), ROWS)
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
     found.add(ears.cut_outlines, polygons, ears.make_ear_scratch(0), np.empty((0, 3), np.int64), np.empty(0, np.bool_))
     return list(found.jobs)
@@ -143,14 +141,14 @@ class PictureKernels(KernelList):
         """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""
         plan, view = self.plan, self.camera.view()
         if self.options.is_flat:
-            self.add(creases.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
+            self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
         else:
             self.add(surfaces.flag_inverted, COLUMNS, COLUMNS, CORNERS, FLAGS)
             if any(mesh.normals is None or mesh.crease_angle is not None for mesh in self.tables.meshes):
-                rule = creases.CreaseRule(np.empty(0, np.int32), 0.0, 0)
-                split, scratch = creases.SplitVertices(FACES, ROWS), creases.make_fan_scratch(0)
-                self.add(creases.list_corners, FACES, FACES, FACES)
-                self.add(creases.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
+                rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
+                split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
+                self.add(normals.list_corners, FACES, FACES, FACES)
+                self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
         if plan.has_shadows:
             self.add(surfaces.compute_shapes, COLUMNS, CORNERS, np.empty((0, 5)))
         asked: list = []  # of lights whose clearance is measured
@@ -201,20 +199,20 @@ class PictureKernels(KernelList):
         """Add what draws the colours of a picture."""
         options, plan, factor = self.options, self.plan, self.options.factor
         is_shaded_once = options.antialias == "shade-once" and factor > 1 and (plan.is_lit_per_sample or plan.textures)
-        kind = WorkspaceKind(
+        shape = WorkspaceShape(
             SIZE[0] * factor, SIZE[1] * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
             plan.textures is not None, plan.opacity is not None, factor if is_shaded_once else 0,
         )  # fmt: skip
         screen = self.screen(factor)
         coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
-        parts = Parts(screen, coding, make_workspace(kind, 1))
+        parts = Parts(screen, coding, make_workspace(shape, 1))
         self.add_stages(parts, with_deferred=plan.opacity is not None)
         self.add_clipping(screen)
         self.add_lights()
         if plan.packed_textures is not None:
             texels = np.empty((0, 0), np.int16)
-            self.add(texture_packing.largest_color, np.empty((0, 4), np.float32))
-            self.add(texture_packing.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
+            self.add(textures.largest_color, np.empty((0, 4), np.float32))
+            self.add(textures.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
         if plan.is_lit_per_sample:
             self.add_lit(parts)
         else:
@@ -237,12 +235,12 @@ class PictureKernels(KernelList):
                 self.add_shadow_map(dtype)
         corners = corners_of(self.tables.bounds)
         if plan.has_shadows and leaves_casters_out(plan.reflected_lights, corners, self.camera.view()):
-            self.add(clip.compute_outcodes, COLUMNS, np.empty(3), ROWS, FLAGS)
-            self.add(clip.list_seen, CORNERS, FLAGS, FACES)
+            self.add(cull.compute_outcodes, COLUMNS, np.empty(3), ROWS, FLAGS)
+            self.add(cull.list_seen, CORNERS, FLAGS, FACES)
 
     def add_shadow_map(self, dtype: np.dtype) -> None:
         """Add what draws the map of a light."""
-        screen, workspace = self.screen(1), make_workspace(WorkspaceKind(1, 1, 0, 0, SINGLE, False, False), 1)
+        screen, workspace = self.screen(1), make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, False, False), 1)
         self.add_stages(Parts(screen, make_map_coding(screen), workspace))
         self.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
 
@@ -268,7 +266,7 @@ class PictureKernels(KernelList):
         if any(mesh.polygons is not None for mesh in self.tables.meshes) and not plan.is_flat:
             for is_double in set(plan.of_materials.reads_double.tolist()):
                 self.add(fill_means, np.empty((0, 1), DOUBLE if is_double else SINGLE), 0, NUMBERS, NUMBERS, 0, 0)
-        if not ((parts.coding.needs & NEEDS_TEXTURE) != 0).all():
+        if not ((parts.coding.features & HAS_TEXTURE) != 0).all():
             self.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
         if plan.textures is not None:
             for band in self.shaded_bands(parts):
@@ -321,11 +319,11 @@ class PictureKernels(KernelList):
                  workspace.visibility, lists)  # fmt: skip
         self.add(a_buffer.divide_room, buffer.cursors, buffer.starts)
         self.add(a_buffer.sort_lists, lists)
-        layer = layers.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
-        translucent = layers.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
-        self.add(layers.show_layer, 0, layer, lists, buffer.transmittance, 0.0)
-        self.add(layers.composite, layer, workspace.records, buffer, self.plan.opacity)
-        self.add(layers.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
+        layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
+        translucent = a_buffer.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
+        self.add(a_buffer.show_layer, 0, layer, lists, buffer.transmittance, 0.0)
+        self.add(a_buffer.composite, layer, workspace.records, buffer, self.plan.opacity)
+        self.add(a_buffer.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
         self.add(forget_extents, extents)
         self.add(buffers.clear_band, workspace.visibility, 0)
 
@@ -341,7 +339,7 @@ class PictureKernels(KernelList):
         if points is None or plan.opacity is not None or not plan.is_lit_per_sample or plan.cue is not None:
             self.add(resolve.resolve_averages, visibility, radiance, None, *rest)
         if plan.opacity is not None:
-            translucent = layers.Translucent(LENGTHS, NUMBERS, NUMBERS, NUMBERS)
+            translucent = a_buffer.Translucent(LENGTHS, NUMBERS, NUMBERS, NUMBERS)
             self.add(resolve.resolve_translucent, visibility, radiance, translucent, *rest)
         if options.color_range == "global" or self.tables.background is not None:
             color, alpha = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
@@ -353,7 +351,7 @@ class PictureKernels(KernelList):
         """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
         screen = self.screen(1)
         n_attribute = 3 if any(BUFFER_TABLE[name].needs_normals for name in names) else 0
-        workspace = make_workspace(WorkspaceKind(1, 1, 0, n_attribute, SINGLE, False, False), 1)
+        workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, False, False), 1)
         parts = Parts(screen, make_buffer_coding(screen, n_attribute), workspace)
         if not is_shared:
             self.add_stages(parts)

@@ -16,27 +16,25 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ..pipeline.bands import Band
+from ..pipeline.a_buffer import Opacity
 from ..pipeline.buffers import VisibleSurfaces, clear_band
-from ..pipeline.depth_cueing import fade
-from ..pipeline.encode import Encoding
-from ..pipeline.gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE, Coding
+from ..pipeline.cull import Band
+from ..pipeline.gradients import DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, SINGLE_PRECISION, Coding
 from ..pipeline.interpolate import ScannedBand
-from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
-from ..pipeline.records import most_units
-from ..pipeline.resolve import Picture, resolve, resolve_averages
+from ..pipeline.records import max_units
+from ..pipeline.resolve import Encoding, Picture, resolve, resolve_averages
 from ..pipeline.scan import ScanCounts, scan
-from ..pipeline.shade import shade_interpolated
+from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.shade_once import SampleGrid, list_points, make_grid, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_packing import Textures
 from ..pipeline.texture_sampling import sample_textures
+from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen
 from ..pipeline.visibility import CLEAR, IS_EXACT, IS_ID
-from ..pipeline.workspace import Workspace, WorkspaceKind
+from ..pipeline.workspace import Workspace, WorkspaceShape
 from .attributes import NONE, Attributes, sampled_in_double
 from .buffers import BUFFER_TABLE
 from .plan import Plan
@@ -87,16 +85,16 @@ class Pass:
         """The most that a triangle has."""
         return max(array.shape[2] for array in self.attributes)
 
-    def workspace_kind(self, n_row) -> WorkspaceKind:
+    def workspace_shape(self, n_row) -> WorkspaceShape:
         """The memory that a band of `n_row` rows is drawn in."""
-        return WorkspaceKind(
+        return WorkspaceShape(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
             self.textures is not None, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
     def max_records(self, n_triangle: int) -> int:
         """How many units the records of so many triangles have at most."""
-        return n_triangle * most_units(self.coding)
+        return n_triangle * max_units(self.coding)
 
     def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
@@ -177,7 +175,7 @@ class ColorPass(Pass):
 
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs."""
-        return self.n_channel if counts.needs & NEEDS_COLORS else self.least_channels
+        return self.n_channel if counts.features & HAS_COLORS else self.least_channels
 
     @cached_property
     def least_channels(self) -> int:
@@ -227,7 +225,7 @@ class ColorPass(Pass):
 
     def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
-        if band.counts.needs & NEEDS_TEXTURE and band.counts.n_exact > 0 and self.sampled is not None:
+        if band.counts.features & HAS_TEXTURE and band.counts.n_exact > 0 and self.sampled is not None:
             sample_textures(band.uncoded(), self.sampled, workspace.double_batch, workspace.texels)
 
     def finish(self, workspace, band, counts, translucent, drawn):
@@ -255,13 +253,13 @@ class InterpolatedPass(ColorPass):
     @cached_property
     def is_all_textured(self) -> bool:
         """Whether all materials have a texture: `shade_textured` fills all samples."""
-        return bool((self.coding.needs & NEEDS_TEXTURE).all())
+        return bool((self.coding.features & HAS_TEXTURE).all())
 
     def light(self, workspace, band, face_table, radiance):
         """Interpolate the intensities, then those of textured surfaces."""
         if not self.is_all_textured:
             shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
-        if band.counts.needs & NEEDS_TEXTURE:
+        if band.counts.features & HAS_TEXTURE:
             self.light_points(workspace, band, face_table, radiance, is_textured=True)
             self.spread(workspace, band.n_row, band.counts)  # beside surfaces without a texture
         elif workspace.points is not None:
@@ -288,9 +286,9 @@ class LitPass(ColorPass):
         super().evaluate(workspace, band, face_table, radiance)
         texturing = self.texturing_in(workspace) if self.textures is not None else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
-        types = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
+        types = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)
         for feature, dtype, batch in types:
-            if band.counts.needs & feature:
+            if band.counts.features & feature:
                 lighting = self.lightings[np.dtype(dtype)]
                 shade_lit(band, self.screen, lighting, face_table, tangents, texturing, batch, radiance)
 

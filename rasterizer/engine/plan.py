@@ -16,10 +16,10 @@ from ..errors import SceneError
 from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
 from ..options import Options
 from ..pipeline import gradients as g
-from ..pipeline.depth_cueing import DEPTH_ERROR, Cue
-from ..pipeline.layers import Opacity, least_transmittance
-from ..pipeline.planes import DEPTH_PLANE_ROUNDING
-from ..pipeline.texture_packing import PackedTextures, Textures, pack_textures
+from ..pipeline.a_buffer import Opacity, min_transmittance
+from ..pipeline.setup import DEPTH_PLANE_ROUNDING
+from ..pipeline.shade import DEPTH_ERROR, Cue
+from ..pipeline.textures import PackedTextures, Textures, pack_textures
 from ..pipeline.visibility import LEVEL_MASK
 from ..scene.camera import View
 from . import bounds as b
@@ -167,7 +167,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=textures,
         packed_textures=pack_textures(textures) if of_materials.is_looked_up.any() else None,
-        opacity=None if tables.is_opaque else list_opacities(materials, least_transmittance(bound)),
+        opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         products=tables.products,
         cue=None if cue is None else make_cue(cue, n_channel),
     )
@@ -199,16 +199,16 @@ class MaterialPlans(NamedTuple):
     @property
     def is_double(self) -> NDArray[np.bool_]:
         """Which need float64."""
-        return (self.features & g.NEEDS_DOUBLE) != 0
+        return (self.features & g.DOUBLE_PRECISION) != 0
 
     def dtype_of(self, material: int) -> np.dtype:
         """The type that a material is lit in."""
-        return np.dtype(np.float64 if self.features[material] & g.NEEDS_DOUBLE else np.float32)
+        return np.dtype(np.float64 if self.features[material] & g.DOUBLE_PRECISION else np.float32)
 
     @property
     def is_looked_up(self) -> NDArray[np.bool_]:
         """Which have textures whose coordinates may stand in planes."""
-        return ((self.features & g.NEEDS_TEXTURE) != 0) & ~self.is_double
+        return ((self.features & g.HAS_TEXTURE) != 0) & ~self.is_double
 
     @property
     def reads_double(self) -> NDArray[np.bool_]:
@@ -218,12 +218,12 @@ class MaterialPlans(NamedTuple):
     @property
     def is_colored(self) -> NDArray[np.bool_]:
         """Which need three channels."""
-        return (self.features & g.NEEDS_COLORS) != 0
+        return (self.features & g.HAS_COLORS) != 0
 
     def doubled(self, which: NDArray[np.bool_], reason: str) -> "MaterialPlans":
         """Return the same with float64 for some materials."""
-        singles = np.uint8(255 - g.NEEDS_SINGLE)
-        features = np.where(which, self.features & singles | np.uint8(g.NEEDS_DOUBLE), self.features)
+        singles = np.uint8(255 - g.SINGLE_PRECISION)
+        features = np.where(which, self.features & singles | np.uint8(g.DOUBLE_PRECISION), self.features)
         reasons = [(*old, reason) if new else old for new, old in zip(which, self.reasons, strict=True)]
         return self._replace(
             features=features.astype(np.uint8),
@@ -313,13 +313,13 @@ def choose_path(reasons: Sequence[str], shading: str, needs_planes: bool, normal
 
 def list_features(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
     """Return what a material needs, as bits."""
-    features = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE
-    features |= g.NEEDS_COLORS if is_colored else 0
-    features |= g.NEEDS_ALBEDO if has_vertex_colors else 0
+    features = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION
+    features |= g.HAS_COLORS if is_colored else 0
+    features |= g.HAS_ALBEDO if has_vertex_colors else 0
     if material.texture is not None:
         is_nearest = material.texture.filter == "nearest" and not is_double
-        features |= g.NEEDS_TEXTURE | (g.NEEDS_CORNERS if is_nearest else 0)
-    return features | (0 if material.is_opaque else g.NEEDS_BEHIND if material.opacity > 0.0 else g.IS_INVISIBLE)
+        features |= g.HAS_TEXTURE | (g.HAS_CORNERS if is_nearest else 0)
+    return features | (0 if material.is_opaque else g.IS_TRANSPARENT if material.opacity > 0.0 else g.IS_INVISIBLE)
 
 
 def count_attributes(material: Any, shading: str, is_colored: bool, has_albedo: bool, with_tangents: int) -> int:
@@ -474,7 +474,7 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(lit.of_materials, 1.0)  # of full scale
     double[lit.undirected + lit.diffuse.sum(axis=1) > b.MAX_LIGHT] = np.inf
     if plan.opacity is not None:
-        single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/layers.py
+        single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/a_buffer.py
         double += 2.0 * plan.opacity.least
     places = distances.clearances[plan.is_lit & np.isfinite(distances.clearances)]
     is_lost = not are_single([*distances.furthest.tolist(), *places.tolist()]) or not np.isfinite(
@@ -499,7 +499,7 @@ def error_bounds_of(plan: Plan, tolerance) -> NDArray[np.float64]:
     of_materials, roundings = plan.of_materials, plan.of_materials.roundings
     rest = np.maximum(tolerance - roundings, 0.0)
     if plan.is_lit_per_sample:
-        has_colors = (of_materials.features & g.NEEDS_ALBEDO) != 0
+        has_colors = (of_materials.features & g.HAS_ALBEDO) != 0
         approximated = np.where(has_colors, tolerance / 2, tolerance / 4)
     elif plan.is_flat:
         approximated = np.where(of_materials.paths == g.IN_ENTRIES, 0.5 / plan.level_scale, 0.0)

@@ -13,10 +13,11 @@ from ..options import Options
 from ..pipeline.fragments import make_batch
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.transform import Screen
+from ..scene.arrays import VectorLike, plain_array
 from ..scene.camera import Camera, View
 from ..scene.lights import Light, checked_lights
 from ..scene.material import Material
-from ..scene.validate import VectorLike, plain_array, unit3, vector3
+from ..scene.validate import unit3, vector3
 from .plan import make_plan
 from .scene_tables import SceneTables, common_color
 from .uniforms import make_lighting

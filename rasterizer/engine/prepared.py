@@ -14,9 +14,9 @@ from ..compiler.kernels import Job
 from ..geometry.points import Geometry, gather_geometry
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline.encode import Encoding, encode_picture
 from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
+from ..pipeline.resolve import Encoding, encode_picture
 from ..pipeline.threads import Workers
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from ..geometry.points import number_materials
 from ..options import Options
-from ..pipeline import texture_packing as texturing
-from ..pipeline.depth_cueing import Cue
-from ..pipeline.layers import Opacity
-from ..pipeline.texture_packing import Textures
+from ..pipeline import textures as texturing
+from ..pipeline.a_buffer import Opacity
+from ..pipeline.shade import Cue
+from ..pipeline.textures import Textures
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table

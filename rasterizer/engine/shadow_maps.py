@@ -21,9 +21,9 @@ from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..geometry.vectors import cross
 from ..pipeline import shadow_lookup as lookup
-from ..pipeline.clip import list_seen_faces
-from ..pipeline.layers import Opacity
-from ..pipeline.planes import DEPTH_PLANE_ROUNDING
+from ..pipeline.a_buffer import Opacity
+from ..pipeline.cull import list_seen_faces
+from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool

@@ -1,5 +1,5 @@
 """Bands with transparent surfaces: what is opaque is shaded as everywhere, and what is before it is put in front
-(pipeline/a_buffer.py, pipeline/layers.py)."""
+(pipeline/a_buffer.py)."""
 
 import contextlib
 from typing import Any, NamedTuple
@@ -10,21 +10,25 @@ from ..pipeline.a_buffer import (
     FEW,
     ABuffer,
     FragmentLists,
+    Translucent,
+    composite,
     divide_room,
     list_fragments,
     make_a_buffer,
+    make_layer,
     order_by_depth,
+    put_behind,
+    show_layer,
     sort_lists,
     split_samples,
 )
-from ..pipeline.bands import Band, Rows
 from ..pipeline.buffers import clear_band
-from ..pipeline.gradients import IN_ENTRIES, IN_PLANES, NEEDS_COLORS
-from ..pipeline.layers import Translucent, composite, make_layer, put_behind, show_layer
+from ..pipeline.cull import Band, Rows
+from ..pipeline.gradients import HAS_COLORS, IN_ENTRIES, IN_PLANES
 from ..pipeline.records import Records
 from ..pipeline.scan import Deferred, ScanCounts, make_deferred, scan
 from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, forget_extents, make_extents
-from ..pipeline.workspace import Workspace, WorkspaceKind, WorkspacePool
+from ..pipeline.workspace import Workspace, WorkspacePool, WorkspaceShape
 from .passes import Pass
 
 MAX_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
@@ -35,7 +39,7 @@ class Memory(NamedTuple):
 
     workspace: Workspace
     pool: WorkspacePool  # for another one
-    kind: WorkspaceKind
+    shape: WorkspaceShape
 
 
 class Task(NamedTuple):
@@ -69,12 +73,14 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     """
     band, drawn, render_pass, (workspace, *_) = task
     in_front = deferred.counts
-    everything = found._replace(needs=found.needs | in_front.needs)
-    colors = everything.needs & NEEDS_COLORS  # channels are those of the band
+    everything = found._replace(features=found.features | in_front.features)
+    colors = everything.features & HAS_COLORS  # channels are those of the band
     behind = found._replace(
-        n_plane=found.n_plane - in_front.n_plane, n_exact=found.n_exact - in_front.n_exact, needs=found.needs | colors
+        n_plane=found.n_plane - in_front.n_plane,
+        n_exact=found.n_exact - in_front.n_exact,
+        features=found.features | colors,
     )
-    in_front = in_front._replace(needs=in_front.needs | colors)
+    in_front = in_front._replace(features=in_front.features | colors)
     render_pass.shade(workspace, band, behind, drawn.face_table)
     render_pass.spread(workspace, band.n_row, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
@@ -95,16 +101,16 @@ def scan_by_index(task: Task):
 
     They decide which of two surfaces at equal depth has the lower one.
     """
-    band, drawn, render_pass, (workspace, pool, kind) = task
-    second = pool.acquire(kind, render_pass.max_records(len(band.faces)))
+    band, drawn, render_pass, (workspace, pool, shape) = task
+    second = pool.acquire(shape, render_pass.max_records(len(band.faces)))
     records = second.records._replace(clipped_planes=workspace.records.clipped_planes)
     coding, deferred = render_pass.coding, make_deferred(len(band.faces), second.extents)
-    coding = coding._replace(ways=np.where(coding.ways == IN_ENTRIES, np.uint8(IN_PLANES), coding.ways))
+    coding = coding._replace(paths=np.where(coding.paths == IN_ENTRIES, np.uint8(IN_PLANES), coding.paths))
     scan(band, drawn.drawables, coding, second.block, second.visibility, records, deferred)
     yield Surfaces(second.visibility, records, deferred.listed())
     forget_extents(second.extents)
     clear_band(second.visibility, band.n_row)
-    pool.release(kind, second)
+    pool.release(shape, second)
 
 
 def count_fragments(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> bool:

@@ -1,4 +1,4 @@
-"""Kernels that cut polygons into triangles by their ears.
+"""Polygons cut into triangles by their ears, in compiled code.
 
          c ____ d          An *ear* at b: the triangle a b c turns the polygon's way, and no edge passes through its
           |    \\           inside. Cutting it off leaves a polygon with one corner less. Every polygon that doesn't
@@ -11,9 +11,11 @@ corners on a straight line when no ear is left. A cut changes only the ears at b
 corners wait in a heap, the next one on top (Williams 1964, Comm. ACM 7(6), 347-348). So n corners take some n² steps at
 most, of which nearly all compare boxes.
 
-A corner's turn is decided exactly (ears.py). One coordinate is dropped, that of Newell's largest component, so nothing
-is rounded on the way into the plane. All coordinates are multiplied by one power of two, so that the largest is near 1;
-then products can underflow only where they are 2^-900 of the largest one, and count as zero.
+A corner's turn is decided exactly: by the sign of a 2 x 2 determinant of differences, in floating point where its error
+bound leaves no doubt, else as the sum of six exact products (Shewchuk 1997, Discrete & Computational Geometry 18(3),
+305-363). One coordinate is dropped, that of Newell's largest component, so nothing is rounded on the way into the
+plane. All coordinates are multiplied by one power of two, so that the largest is near 1; then products can underflow
+only where they are 2^-900 of the largest one, and count as zero.
 """
 
 import math
@@ -24,66 +26,14 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
 
-# ---------------------------------------------------------------- on which side of a line a point lies, exactly
-# The sign of a 2 x 2 determinant of differences: in floating point where its error bound leaves no doubt, else as the
-# sum
-# of six exact products (Shewchuk 1997, Discrete & Computational Geometry 18(3), 305-363).
+SPIKE, EAR, STRAIGHT, BLOCKED, REFLEX = range(5)  # types of corners, in the order in which they are cut
 
+N_PART = 13  # room for an exact sum: each of the six products adds two parts
 _SPLITTER = 2.0**27 + 1.0
 # The error of a computed turn, relative to the sum of its products (Shewchuk 1997, section 4.3).
 _TURN_ERROR = (3.0 + 16.0 * 2.0**-53) * 2.0**-53
-_LEAST = 2.0**-900  # below it products lose digits
-N_PART = 13  # room for an exact sum: each of the six products adds two parts
-
-
-@helper
-def turn_of(a, b, c, parts):
-    """Return the sign of the turn a b c, exactly: 1 is counter-clockwise, 0 straight."""
-    left, right = (a[0] - c[0]) * (b[1] - c[1]), (a[1] - c[1]) * (b[0] - c[0])
-    area, total = left - right, abs(left) + abs(right)
-    if abs(area) > _TURN_ERROR * total and total > _LEAST:
-        return 1 if area > 0.0 else -1
-    return exact_turn(a, b, c, parts)
-
-
-@helper
-def exact_turn(a, b, c, parts):
-    """Return the sign of ax by - ay bx + bx cy - by cx + cx ay - cy ax, summed without an error.
-
-    Twelve parts of six products are added one by one to a sum that is kept as parts that don't overlap; the sign is
-    that of its largest part (Shewchuk 1997: GROW-EXPANSION, theorem 10). parts: (N_PART,) float64, scratch.
-    """
-    n, u, v, w = 0, a, b, c
-    for k in range(6):
-        # ax by, then -ay bx; the same of b and c, and of c and a.
-        left, right = (u[0], v[1]) if k % 2 == 0 else (-u[1], v[0])
-        product = left * right
-        # The rounding error of the product (Dekker 1971, Numerische Mathematik 18, 224-242).
-        left_high = _SPLITTER * left - (_SPLITTER * left - left)
-        right_high = _SPLITTER * right - (_SPLITTER * right - right)
-        left_low, right_low = left - left_high, right - right_high
-        error = left_low * right_low - (
-            ((product - left_high * right_high) - left_low * right_high) - left_high * right_low
-        )
-        for number in (error, product):
-            carried = number
-            for i in range(n):
-                total = carried + parts[i]
-                taken = total - carried
-                parts[i] = (carried - (total - taken)) + (parts[i] - taken)
-                carried = total
-            parts[n] = carried
-            n += 1
-        if k % 2 == 1:
-            u, v, w = v, w, u
-    for i in range(n - 1, -1, -1):
-        if parts[i] != 0.0:
-            return 1 if parts[i] > 0.0 else -1
-    return 0
-
-
-_MOST_SCALE = 2.0**1022
-SPIKE, EAR, STRAIGHT, BLOCKED, REFLEX = range(5)
+_MIN_SUM = 2.0**-900  # below it products lose digits
+_MAX_SCALE = 2.0**1022
 
 
 class Polygons(NamedTuple):
@@ -112,7 +62,7 @@ class Heap(NamedTuple):
 
     corners: NDArray[np.int64]  # (n,)
     rank: NDArray[np.int64]  # (n,) where each corner stands in the heap
-    kind: NDArray[np.int64]  # (n,) of each corner, SPIKE to REFLEX
+    types: NDArray[np.int64]  # (n,) of each corner, SPIKE to REFLEX
     shape: NDArray[np.float64]  # (n,) of each corner's triangle: the larger, the better
 
 
@@ -122,30 +72,31 @@ class EarScratch(NamedTuple):
     outline: Outline
     heap: Heap
     order: NDArray[np.int64]  # (n,) its corners as they are listed, in the order in which it is cut
-    keep: NDArray[np.int64]  # (n,) the same the other way round
+    backward: NDArray[np.int64]  # (n,) its corners in another order, while the better one is looked for
 
 
-def cut_ears(vertices, corners, starts, counts, first_triangle, most, triangles, out_is_crossing) -> None:
+def cut_ears(vertices, corners, starts, counts, first_triangle, max_corner, triangles, out_is_crossing) -> None:
     """Cut polygons into triangles.
 
     Parameters
     ----------
     vertices : (n_vertex, 3) float64
     corners : (n_corner,) int64, indices of vertices, polygon by polygon
-    starts, counts : (n,) int64, where each polygon's corners begin, and how many there are: at least 3, at most `most`
+    starts, counts : (n,) int64, where each polygon's corners begin, and how many there are: at least 3, at most
+        `max_corner`
     first_triangle : (n,) int64, where each polygon's triangles begin
     triangles : (n_triangle, 3) int64, gets indices into the corners
     out_is_crossing : (n,) bool, whether the polygon crosses itself
     """
     polygons = Polygons(vertices, corners, starts, counts, first_triangle)
-    cut_outlines(polygons, make_ear_scratch(most), triangles, out_is_crossing)
+    cut_outlines(polygons, make_ear_scratch(max_corner), triangles, out_is_crossing)
 
 
-def make_ear_scratch(most: int) -> EarScratch:
-    """Return room for polygons with `most` corners at most."""
-    real, whole = (lambda *shape: np.empty(shape)), (lambda: np.empty(most, np.int64))
-    outline = Outline(real(most), real(most), real(most, 3), whole(), whole(), real(N_PART))
-    return EarScratch(outline, Heap(whole(), whole(), whole(), real(most)), whole(), whole())
+def make_ear_scratch(max_corner: int) -> EarScratch:
+    """Return room for polygons with up to `max_corner` corners."""
+    real, whole = (lambda *shape: np.empty(shape)), (lambda: np.empty(max_corner, np.int64))
+    outline = Outline(real(max_corner), real(max_corner), real(max_corner, 3), whole(), whole(), real(N_PART))
+    return EarScratch(outline, Heap(whole(), whole(), whole(), real(max_corner)), whole(), whole())
 
 
 @kernel
@@ -153,10 +104,9 @@ def cut_outlines(polygons, scratch, triangles, out_is_crossing):
     """Cut polygons into triangles, see `cut_ears`; polygons: Polygons, scratch: EarScratch."""
     outline, heap, order = scratch.outline, scratch.heap, scratch.order
     before, after = outline.before, outline.after
-    keep = scratch.keep
     for polygon in range(len(polygons.starts)):
         start, n, row = polygons.starts[polygon], polygons.counts[polygon], polygons.first_triangle[polygon]
-        is_reversed = _put_in_order(polygons.vertices, polygons.corners, start, n, keep, order)
+        is_reversed = _put_in_order(polygons.vertices, polygons.corners, start, n, scratch.backward, order)
         for i in range(n):
             before[i], after[i], heap.corners[i] = (i - 1) % n, (i + 1) % n, i
             for axis in range(3):
@@ -167,11 +117,11 @@ def cut_outlines(polygons, scratch, triangles, out_is_crossing):
             # Classify both neighbours of a corner that was cut off, or, one after the other, all that are left.
             for k in range(2 if is_cut else left):
                 i = heap.corners[k] if not is_cut else (a if k == 0 else c)
-                heap.kind[i], heap.shape[i] = _classify(outline, i, left)
+                heap.types[i], heap.shape[i] = _classify(outline, i, left)
                 _settle(heap, left if is_cut else k + 1, heap.rank[i] if is_cut else k)
             if left == 3:
                 break
-            if heap.kind[heap.corners[0]] > STRAIGHT and not is_crossing:
+            if heap.types[heap.corners[0]] > STRAIGHT and not is_crossing:
                 # Cuts elsewhere never clear an ear of a polygon that doesn't cross itself; others may have got one.
                 is_crossing, is_cut = not is_cut, False
                 if not is_crossing:
@@ -187,7 +137,7 @@ def cut_outlines(polygons, scratch, triangles, out_is_crossing):
             _settle(heap, left, 0)
             tip, is_cut = c, True
         _emit(triangles, row, start, order, before[tip], tip, after[tip], is_reversed)
-        out_is_crossing[polygon] = is_crossing or heap.kind[tip] == REFLEX
+        out_is_crossing[polygon] = is_crossing or heap.types[tip] == REFLEX
 
 
 @helper
@@ -230,19 +180,19 @@ def _least_rotation(vertices, corners, start, n, step):
 
 
 @helper
-def _put_in_order(vertices, corners, start, n, keep, order):
+def _put_in_order(vertices, corners, start, n, backward, order):
     """Begin a polygon where, and follow it as, its list of points is smallest; return whether that is backwards."""
-    forward = _least_rotation(vertices, corners, start, n, 1)
-    backward = _least_rotation(vertices, corners, start, n, -1)
+    first = _least_rotation(vertices, corners, start, n, 1)
+    last = _least_rotation(vertices, corners, start, n, -1)
     difference = 0
     for i in range(n):
-        order[i], keep[i] = (forward + i) % n, (backward - i) % n
+        order[i], backward[i] = (first + i) % n, (last - i) % n
         if difference == 0:
-            difference = _compare(vertices, corners[start + order[i]], corners[start + keep[i]])
+            difference = _compare(vertices, corners[start + order[i]], corners[start + backward[i]])
     if difference <= 0:
         return False
     for i in range(n):
-        order[i] = keep[i]
+        order[i] = backward[i]
     return True
 
 
@@ -260,7 +210,7 @@ def _project(points, n, out_x, out_y):
     scale = 1.0  # a power of two
     while largest * scale >= 1.0:
         scale *= 0.5
-    while 0.0 < largest * scale < 0.5 and scale < _MOST_SCALE:
+    while 0.0 < largest * scale < 0.5 and scale < _MAX_SCALE:
         scale *= 2.0
     extent = 0.0
     for i in range(n):
@@ -300,11 +250,11 @@ def _extent(points, n, axis):
 
 @helper
 def _is_before(i, j, heap):
-    """Tell whether corner i is cut before j: by kind, then the one of the better shape, of equal ones the first in
+    """Tell whether corner i is cut before j: by type, then the one of the better shape, of equal ones the first in
     order."""
-    kind, shape = heap.kind, heap.shape
-    if kind[i] != kind[j]:
-        return kind[i] < kind[j]
+    types, shape = heap.types, heap.shape
+    if types[i] != types[j]:
+        return types[i] < types[j]
     return shape[i] > shape[j] or (shape[i] == shape[j] and i < j)
 
 
@@ -332,7 +282,7 @@ def _settle(heap, n, k):
 
 @helper
 def _classify(outline, i, n):
-    """Return the kind of corner i of the n that are left, and the shape of its triangle: its area over the sum of its
+    """Return the type of corner i of the n that are left, and the shape of its triangle: its area over the sum of its
     sides' squares."""
     x, y, after = outline.x, outline.y, outline.after
     i_before, i_after = outline.before[i], after[i]
@@ -404,3 +354,52 @@ def _passes_through(a, b, c, p, q, parts):
             is_left, is_right = is_left or side > 0, is_right or side < 0
         u, v, w = v, w, u
     return is_left and is_right
+
+
+# --- on which side of a line a point lies, exactly ----------------------------------------------------------
+
+
+@helper
+def turn_of(a, b, c, parts):
+    """Return the sign of the turn a b c, exactly: 1 is counter-clockwise, 0 straight."""
+    left, right = (a[0] - c[0]) * (b[1] - c[1]), (a[1] - c[1]) * (b[0] - c[0])
+    area, total = left - right, abs(left) + abs(right)
+    if abs(area) > _TURN_ERROR * total and total > _MIN_SUM:
+        return 1 if area > 0.0 else -1
+    return exact_turn(a, b, c, parts)
+
+
+@helper
+def exact_turn(a, b, c, parts):
+    """Return the sign of ax by - ay bx + bx cy - by cx + cx ay - cy ax, summed without an error.
+
+    Twelve parts of six products are added one by one to a sum that is kept as parts that don't overlap; the sign is
+    that of its largest part (Shewchuk 1997: GROW-EXPANSION, theorem 10). parts: (N_PART,) float64, scratch.
+    """
+    n, u, v, w = 0, a, b, c
+    for k in range(6):
+        # ax by, then -ay bx; the same of b and c, and of c and a.
+        left, right = (u[0], v[1]) if k % 2 == 0 else (-u[1], v[0])
+        product = left * right
+        # The rounding error of the product (Dekker 1971, Numerische Mathematik 18, 224-242).
+        left_high = _SPLITTER * left - (_SPLITTER * left - left)
+        right_high = _SPLITTER * right - (_SPLITTER * right - right)
+        left_low, right_low = left - left_high, right - right_high
+        error = left_low * right_low - (
+            ((product - left_high * right_high) - left_low * right_high) - left_high * right_low
+        )
+        for number in (error, product):
+            carried = number
+            for i in range(n):
+                total = carried + parts[i]
+                taken = total - carried
+                parts[i] = (carried - (total - taken)) + (parts[i] - taken)
+                carried = total
+            parts[n] = carried
+            n += 1
+        if k % 2 == 1:
+            u, v, w = v, w, u
+    for i in range(n - 1, -1, -1):
+        if parts[i] != 0.0:
+            return 1 if parts[i] > 0.0 else -1
+    return 0

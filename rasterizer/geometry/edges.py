@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
-from .creases import is_smooth, smooth_cosine
-from .normals import polygon_normals
-from .points import unique_rows
+from .normals import is_smooth, polygon_normals, smooth_cosine
+from .points import number_polygons, unique_rows
 
 
 class Edges(NamedTuple):
@@ -40,8 +39,7 @@ def gather_edges(mesh: Mesh) -> Edges:
     """Gather the edges of a mesh's polygons."""
     first_of, vertex = unique_rows([mesh.vertices])
     faces = vertex[mesh.faces].astype(np.int64)
-    polygons = np.arange(mesh.n_face) if mesh.polygons is None else np.unique(mesh.polygons, return_inverse=True)[1]
-    polygons = polygons.reshape(-1).astype(np.uint32)
+    polygons = number_polygons(mesh)
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     owner = np.repeat(polygons, 3)
     is_edge = start != end

@@ -1,34 +1,58 @@
-"""Normals of faces, polygons and vertices, and the splitting of vertices at creases.
+"""Normals of polygons, and of vertices: averaged over the faces round them up to the creases, where vertices split.
 
-In: vertices (n_vertex, 3) and triangles (n_face, 3), counter-clockwise seen from outside. Out: unit normals;
-from `split_creases` new triangles over vertices that carry one normal each. The kernels are in `creases.py`.
+In: vertices (n_vertex, 3) and triangles (n_face, 3), counter-clockwise seen from outside, as a `Mesh` holds them. Out:
+unit normals; from `split_creases` new triangles over vertices that carry one normal each.
+
+      after            A *corner* is one vertex of one face, numbered 3 * face + k. It leaves along here-after
+      /  \\             and comes back along before-here. Two faces that share an edge are wound alike where
+     / A  \\            one leaves along it and the other comes back; else one of them is wound badly.
+ before - here         The *fan* is the corners at one vertex.
+
+Each fan is taken apart by itself, with the list of corners at each vertex and nothing else: no table of edges and no
+stored face normals. To compute a normal again at each corner costs less than to store and fetch it.
+
+Rounding: only differences of coordinates are used, so a common offset loses no more than the coordinates already have.
+Lengths may lie anywhere between 1e-60 and 1e60.
 """
 
 import math
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..errors import ModelError, SceneError
-from ..scene.mesh import DEFAULT_CREASE_ANGLE, WEIGHTINGS
-from ..scene.validate import choice, number
-from .creases import (
-    UNSET,
-    CreaseRule,
-    Fans,
-    SplitVertices,
-    average_fans,
-    list_corners,
-    make_fan_scratch,
-    smooth_cosine,
-    split_fans,
-    sum_by_polygon,
-)
+from ..choices import WEIGHTINGS, Weighting
+from ..compiler.kernels import helper, kernel
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
-_MOST_EXPONENT = 200  # of coordinates, see `within_range`
+_ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 
-WeightingName = Literal["angle", "area", "uniform"]
+# A corner without a split vertex yet; never an index, as there are at most as many split vertices as corners.
+UNSET = np.uint32(0xFFFFFFFF)
+
+# All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
+# nothing, so that the time stays below this many comparisons a corner.
+_MAX_AT_EDGE = 64
+
+# The dot product of two unit normals, each off unit length by 2 * 2^-53, is wrong by less than 8 * 2^-53.
+_DOT_ERROR = 2.0**-50
+
+# Two faces meet at the crease angle when they do so within this many degrees. Coordinates with six decimals
+# (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up
+# to 2 * 5e-7 / 0.52 rad, and two against each other by 2.2e-4 degrees. Take twice that.
+_ANGLE_SLACK = 5e-4
+
+# A cross product a x b of rounded differences is wrong by up to 5.3 * 2^-53 |a||b|: each product carries
+# three roundings, the difference one more, and |(|ay bz| + |az by|, ...)| <= sqrt(2) |a||b|. Under 8 * 2^-53
+# it is noise.
+_FLAT = 2.0**-50
+
+# A sum of weighted normals that is shorter than this part of the weights has cancelled: its direction shows
+# how the coordinates were rounded (single precision: 2^-24), not the surface.
+_CANCELLED = 2.0**-20
+
+_MAX_EXPONENT = 200  # of coordinates, see `within_range`
 
 
 class Split(NamedTuple):
@@ -46,21 +70,40 @@ class Split(NamedTuple):
     normals: NDArray[np.float64]
 
 
-def face_normals(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
-    """Compute the unit normal of every triangle.
+class Fans(NamedTuple):
+    """The corners of a mesh, sorted by vertex; made by `list_corners`."""
 
-    Parameters
-    ----------
-    vertices : (n_vertex, 3) real, scene units
-    faces : (n_face, 3) integer, counter-clockwise seen from outside
+    corner_vertices: NDArray[np.uint32]  # (n_corner,) the vertex at each corner
+    first: NDArray[np.uint32]  # (n_vertex + 2,) where each vertex's corners begin; the last entry is working space
+    corners: NDArray[np.uint32]  # (n_corner,) those of vertex v are corners[first[v] : first[v + 1]]
+    valence: int  # the most that one vertex has
 
-    Returns
-    -------
-    (n_face, 3) float64, unit length; zero for a face without area
 
-    Raises ModelError for wrong shapes and for an index out of range.
-    """
-    return polygon_normals(vertices, faces, np.arange(len(faces), dtype=np.uint32))
+class FanScratch(NamedTuple):
+    """What is known of one fan while it is worked on; a row or an entry for each corner with an area."""
+
+    corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
+    keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
+    members: NDArray[np.uint32]  # (valence,) the corner
+    parents: NDArray[np.int64]  # (valence,) the walk: see _find
+    signs: NDArray[np.int64]  # (valence,)
+    sums: NDArray[np.float64]  # (valence, 4) at the root of each group: weighted normals and weights
+    split_of: NDArray[np.int64]  # (valence, 2) there: the split vertices of both sides, or -1
+
+
+class CreaseRule(NamedTuple):
+    """Which corners are joined, and how they are averaged."""
+
+    smoothing: NDArray[np.int32]  # (n_face,) or empty: then the angle decides
+    smooth_cosine: float  # see `is_smooth`
+    weighting: int  # 0 to 2
+
+
+class SplitVertices(NamedTuple):
+    """Room for split vertices."""
+
+    source: NDArray[np.uint32]  # (n,) the vertex that each was split from
+    normals: NDArray[np.float64]  # (n, 3) unit length, or zero
 
 
 def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) -> NDArray[np.float64]:
@@ -76,47 +119,27 @@ def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) 
     -------
     (max(polygons) + 1, 3) float64, unit length; zero for a polygon without area
 
-    Raises ModelError for wrong shapes and for an index out of range.
     Source: Newell's method in Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1).
     """
-    vertices, faces = _check_mesh(vertices, faces)
-    polygons = _check_per_face("polygons", polygons, faces)
-    if polygons.size and polygons.min() < 0:
-        raise ModelError(f"polygons holds {polygons.min()}; an index can't be negative")
-    normals = np.zeros((int(polygons.max()) + 1 if polygons.size else 0, 3))
-    sum_by_polygon(vertices, faces, _freeze(polygons, np.uint32), normals, np.zeros(len(normals)))
+    vertices, faces, polygons = *_freeze_mesh(vertices, faces), _freeze(polygons, np.uint32)
+    normals = np.zeros((int(polygons.max()) + 1 if len(polygons) else 0, 3))
+    sum_by_polygon(vertices, faces, polygons, normals, np.zeros(len(normals)))
     return normals
 
 
-def vertex_normals(vertices: ArrayLike, faces: ArrayLike, weighting: WeightingName = "angle") -> NDArray[np.float64]:
-    """Average the normals of the faces round each vertex, across creases and wound as they are.
-
-    Parameters
-    ----------
-    vertices : (n_vertex, 3) real, scene units
-    faces : (n_face, 3) integer, counter-clockwise seen from outside
-    weighting : "angle" of the face's corner, "area" of the face, or "uniform"
-
-    Returns
-    -------
-    (n_vertex, 3) float64, unit length; the first face's where the faces cancel; zero where none has an area
-
-    Raises ModelError for wrong shapes and for an index out of range, SceneError for an unknown weighting.
-    Source: angle: Thürmer & Wüthrich 1998, J. Graphics Tools 3(1), 43-46; uniform: Gouraud 1971.
-    """
-    weighting = WEIGHTINGS.index(choice(weighting, WEIGHTINGS, "weighting"))
-    vertices, faces = _check_mesh(vertices, faces)
-    normals = np.zeros((len(vertices), 3))
-    fans = _list_fans(vertices, faces)
-    average_fans(vertices, fans, weighting, make_fan_scratch(fans.valence), normals)
-    return normals
+def split_mesh(mesh: Mesh) -> Split:
+    """Split the vertices of a mesh at its creases: at its crease angle, else by its smoothing groups, else at the
+    default angle."""
+    if mesh.crease_angle is not None:
+        return split_creases(mesh.vertices, mesh.faces, mesh.crease_angle, mesh.weighting)
+    return split_creases(mesh.vertices, mesh.faces, DEFAULT_CREASE_ANGLE, mesh.weighting, mesh.smoothing)
 
 
 def split_creases(
     vertices: ArrayLike,
     faces: ArrayLike,
     crease_angle: float,
-    weighting: WeightingName = "angle",
+    weighting: Weighting = "angle",
     smoothing: ArrayLike | None = None,
 ) -> Split:
     """Split each vertex so that faces that meet at more than the crease angle have normals of their own.
@@ -144,16 +167,79 @@ def split_creases(
     -------
     Split, without the vertices that no face uses
 
-    Raises ModelError for wrong shapes and for an index out of range, SceneError for weighting or angle.
     Source: creases: Gouraud 1971; angle weights: Thürmer & Wüthrich 1998, J. Graphics Tools 3(1), 43-46.
     """
-    weighting = WEIGHTINGS.index(choice(weighting, WEIGHTINGS, "weighting"))
-    if not 0 <= number(crease_angle, "crease_angle") <= 180:
-        raise SceneError(f"crease_angle must be 0 to 180 degrees; given {crease_angle}")
-    vertices, faces = _check_mesh(vertices, faces)
-    groups = np.empty(0) if smoothing is None else _check_per_face("smoothing", smoothing, faces)
-    groups = _freeze(groups, np.int32)
-    return _split(vertices, faces, CreaseRule(groups, smooth_cosine(crease_angle), weighting))
+    groups = _freeze(np.empty(0) if smoothing is None else smoothing, np.int32)
+    rule = CreaseRule(groups, smooth_cosine(crease_angle), WEIGHTINGS.index(weighting))
+    return _split(*_freeze_mesh(vertices, faces), rule)
+
+
+def fill_normals(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.uint32],
+    normals: NDArray[np.float64],
+    weighting: Weighting,
+    smoothing: NDArray[np.int32] | None,
+) -> NDArray[np.float64]:
+    """Compute the normals that are zero from the faces, up to the creases: as where a mesh has none.
+
+    Parameters
+    ----------
+    normals : (n_vertex, 3), or (n_face, 3, 3) for each corner
+    smoothing : (n_face,) smoothing groups; None = creases are at the default angle
+
+    Returns
+    -------
+    normals of the same shape; of each corner where a vertex needs several. Zero where only faces without area meet
+    """
+    split = split_creases(vertices, faces, DEFAULT_CREASE_ANGLE, weighting, smoothing)
+    is_zero: NDArray[np.bool_] = np.logical_not(normals.any(axis=-1))
+    if normals.ndim == 2:
+        n_split = np.bincount(split.source, minlength=len(vertices))
+        if n_split[is_zero].max() <= 1:
+            filled, chosen = normals.copy(), is_zero[split.source]
+            filled[split.source[chosen]] = split.normals[chosen]
+            return filled
+        normals, is_zero = normals[faces], is_zero[faces]
+    return np.where(is_zero[..., None], split.normals[split.faces], normals)
+
+
+def smooth_cosine(crease_angle: float) -> float:
+    """Return the least cosine of the angle between faces that is no crease, for `is_smooth`.
+
+    Parameters
+    ----------
+    crease_angle : degrees, 0 to 180. Faces that meet at exactly this angle are no crease, where 0.0005 degrees more are
+        still equal
+    """
+    # Cosines fall where angles grow.
+    return math.cos(math.radians(min(180.0, crease_angle + _ANGLE_SLACK))) - _DOT_ERROR
+
+
+@helper
+def is_smooth(cosine, least):
+    """Tell whether an edge between two faces is no crease: numbers in kernels, or arrays.
+
+    Parameters
+    ----------
+    cosine : of the angle between the faces' unit normals, wound alike
+    least : `smooth_cosine` of the crease angle
+    """
+    return cosine >= least
+
+
+def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vertices of which areas can be computed: times a power of two where fourth powers of edges, which are the
+    squares of areas, might leave float64. Directions, angles and the areas' shares stay what they are.
+
+    Edges are at most 2^202, and from 2^-200 on down to the rounding of coordinates, 2^-253; 2^1024 and 2^-1022 are the
+    limits of float64.
+    """
+    largest = max(float(vertices.max(initial=0.0)), -float(vertices.min(initial=0.0)))
+    exponent = math.frexp(largest)[1]  # 0 of what isn't finite
+    if largest == 0.0 or -_MAX_EXPONENT <= exponent <= _MAX_EXPONENT:
+        return vertices
+    return np.ldexp(vertices, -exponent)
 
 
 def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule) -> Split:
@@ -185,71 +271,9 @@ def _freeze(array: NDArray, dtype: DTypeLike) -> NDArray:
     return view
 
 
-def _check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """Return vertices as float64 and faces as uint32 for the kernels, or raise ModelError."""
-    vertices, faces = np.asarray(vertices), np.asarray(faces)
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise ModelError(f"vertices must be (n_vertex, 3) numbers; given shape {vertices.shape}")
-    if faces.size == 0:
-        faces = np.empty((0, 3), dtype=np.uint32)
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise ModelError(f"faces must be (n_face, 3) integers; given shape {faces.shape}, type {faces.dtype}")
-    if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
-        worst = faces.min() if faces.min() < 0 else faces.max()
-        raise ModelError(f"faces refer to vertex {worst}; the last of the vertices is {len(vertices) - 1}")
+def _freeze_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Return vertices and faces as the kernels take them."""
     return within_range(_freeze(vertices, np.float64)), _freeze(faces, np.uint32)
-
-
-def fill_normals(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.uint32],
-    normals: NDArray[np.float64],
-    weighting: WeightingName,
-    smoothing: NDArray[np.int32] | None,
-) -> NDArray[np.float64]:
-    """Compute the normals that are zero from the faces, up to the creases: as where a mesh has none.
-
-    Parameters
-    ----------
-    normals : (n_vertex, 3), or (n_face, 3, 3) for each corner
-    smoothing : (n_face,) smoothing groups; None = creases are at the default angle
-
-    Returns
-    -------
-    normals of the same shape; of each corner where a vertex needs several. Zero where only faces without area meet
-    """
-    split = split_creases(vertices, faces, DEFAULT_CREASE_ANGLE, weighting, smoothing)
-    is_zero: NDArray[np.bool_] = np.logical_not(normals.any(axis=-1))
-    if normals.ndim == 2:
-        n_split = np.bincount(split.source, minlength=len(vertices))
-        if n_split[is_zero].max() <= 1:
-            filled, chosen = normals.copy(), is_zero[split.source]
-            filled[split.source[chosen]] = split.normals[chosen]
-            return filled
-        normals, is_zero = normals[faces], is_zero[faces]
-    return np.where(is_zero[..., None], split.normals[split.faces], normals)
-
-
-def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return vertices of which areas can be computed: times a power of two where fourth powers of edges, which are the
-    squares of areas, might leave float64. Directions, angles and the areas' shares stay what they are.
-
-    Edges are at most 2^202, and from 2^-200 on down to the rounding of coordinates, 2^-253; 2^1024 and 2^-1022 are the
-    limits of float64.
-    """
-    largest = max(float(vertices.max(initial=0.0)), -float(vertices.min(initial=0.0)))
-    exponent = math.frexp(largest)[1]  # 0 of what isn't finite
-    if largest == 0.0 or -_MOST_EXPONENT <= exponent <= _MOST_EXPONENT:
-        return vertices
-    return np.ldexp(vertices, -exponent)
-
-
-def _check_per_face(name: str, values: ArrayLike, faces: NDArray) -> NDArray:
-    """Return an array with one integer for each face, or raise ModelError."""
-    values = np.asarray(values)
-    if values.shape != (len(faces),) or (values.size and values.dtype.kind not in "iu"):
-        raise ModelError(f"{name} must be {len(faces)} integers, one a face; given shape {values.shape}")
-    return values
 
 
 def _list_fans(vertices: NDArray, faces: NDArray) -> Fans:
@@ -258,3 +282,258 @@ def _list_fans(vertices: NDArray, faces: NDArray) -> Fans:
     first = np.zeros(len(vertices) + 2, dtype=np.uint32)
     corners = np.empty(faces.size, dtype=np.uint32)
     return Fans(corner_vertices, first, corners, list_corners(corner_vertices, first, corners))
+
+
+def make_fan_scratch(valence: int) -> FanScratch:
+    """Return room for the fans of a mesh in which no vertex has more corners than `valence`."""
+    return FanScratch(
+        np.empty((valence, 4)), np.empty(2 * valence, np.int64), np.empty(valence, np.uint32),
+        np.empty(valence, np.int64), np.empty(valence, np.int64), np.empty((valence, 4)),
+        np.empty((valence, 2), np.int64),
+    )  # fmt: skip
+
+
+# --- kernels -------------------------------------------------------------------------------------------------
+
+
+@kernel
+def sum_by_polygon(vertices, faces, polygons, out_normals, out_scales):
+    """Sum the area vectors by polygon and bring them to unit length, where they are more than rounding.
+
+    vertices (n_vertex, 3) f64, faces (n_face, 3) u32, polygons (n_face,) u32; out_normals (n_polygon, 3) f64
+    and out_scales (n_polygon,) f64, for the size that the rounding is relative to, come in as zero.
+    """
+    for face in range(len(faces)):
+        p0, p1 = vector_of_row(vertices, faces[face, 0]), vector_of_row(vertices, faces[face, 1])
+        area, scale, _ = _area_vector(p0, p1, vector_of_row(vertices, faces[face, 2]))
+        polygon = polygons[face]
+        out_scales[polygon] += scale
+        for axis in range(3):
+            out_normals[polygon, axis] += area[axis]
+    for polygon in range(len(out_normals)):
+        size = length(vector_of_row(out_normals, polygon))
+        has_area = size > _FLAT * out_scales[polygon]
+        for axis in range(3):
+            out_normals[polygon, axis] = out_normals[polygon, axis] / size if has_area else 0.0
+
+
+@kernel
+def list_corners(corner_vertices, out_first, out_corners):
+    """Sort the corners by vertex, each vertex's in their order; return the most that one vertex has.
+
+    corner_vertices (n_corner,) u32; out_corners (n_corner,) u32: those of vertex v are
+    out_corners[out_first[v] : out_first[v + 1]]; out_first (n_vertex + 2,) u32 comes in as zero, its last
+    entry is working space.
+    """
+    # Count two entries further on: one for the running sum, one because filling moves each start to its end.
+    for corner in range(len(corner_vertices)):
+        out_first[corner_vertices[corner] + 2] += np.uint32(1)
+    valence = 0
+    for slot in range(2, len(out_first)):
+        valence = max(valence, np.int64(out_first[slot]))
+        out_first[slot] += out_first[slot - 1]
+    for corner in range(len(corner_vertices)):
+        slot = corner_vertices[corner] + 1
+        out_corners[out_first[slot]] = corner
+        out_first[slot] += np.uint32(1)
+    return valence
+
+
+@kernel
+def split_fans(vertices, fans, rule, scratch, first_corner, n_split, out_faces, out):
+    """Join the corners of each fan into groups, and write split vertices for each, as long as there is room.
+
+    Return the first corner whose fan is still to be split, for which there is no room, or n_corner; and how many split
+    vertices there are. To go on, call again with both, and with more room in `out`: for `valence` more there is always
+    room for one more fan.
+
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; first_corner, n_split: 0 at first;
+    out_faces (n_corner,) u32 comes in as UNSET; out: SplitVertices, with what was written before.
+    """
+    corner_vertices = fans.corner_vertices
+    first, corners = fans.first, fans.corners
+    source, normals, n_corner = out.source, out.normals, len(corner_vertices)
+    fan, sums, split_of = scratch.corners, scratch.sums, scratch.split_of
+    for corner in range(first_corner, n_corner):
+        if out_faces[corner] != UNSET:
+            continue
+        vertex = corner_vertices[corner]
+        around = corners[first[vertex] : first[vertex + 1]]
+        # No corner has more than one split vertex.
+        if n_split + len(around) > len(source):
+            return corner, n_split
+        n_fan = _gather_fan(vertices, corner_vertices, around, rule.weighting, scratch)
+        _sort(scratch.keys[: 2 * n_fan])
+        _link_fan(n_fan, rule, scratch)
+        _sum_groups(n_fan, scratch)
+        # Write a split vertex for each side of a group, or for each corner where the group's normals cancel.
+        n_before = n_split
+        for i in range(n_fan):
+            root, sign = _find(scratch.parents, scratch.signs, i)
+            size = length(vector_of_row(sums, root))
+            has_average = size > _CANCELLED * sums[root, 3]
+            side = (sign + 1) >> 1
+            if not has_average or split_of[root, side] < 0:
+                split_of[root, side] = n_split
+                source[n_split] = vertex
+                for axis in range(3):
+                    normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan[i, axis]
+                n_split += 1
+            out_faces[scratch.members[i]] = split_of[root, side]
+        # The corners without area take the first of these, or a zero normal where there is none.
+        if n_fan == 0:
+            source[n_split] = vertex
+            for axis in range(3):
+                normals[n_split, axis] = 0.0
+            n_split += 1
+        for other in around[: len(around) if n_fan < len(around) else 0]:
+            if out_faces[other] == UNSET:
+                out_faces[other] = n_before
+    return n_corner, n_split
+
+
+@helper
+def _gather_fan(vertices, corner_vertices, around, weighting, out):
+    """Measure the corners with an area, and list their edges; return how many corners there are; out: FanScratch."""
+    n_fan = 0
+    for slot in range(len(around)):
+        corner = around[slot]
+        k = corner % 3
+        after = corner_vertices[corner - 2 if k == 2 else corner + 1]
+        before = corner_vertices[corner + 2 if k == 0 else corner - 1]
+        here = vector_of_row(vertices, corner_vertices[corner])
+        normal, weight = _measure_corner(
+            here, vector_of_row(vertices, after), vector_of_row(vertices, before), weighting
+        )
+        if weight > 0.0:
+            out.corners[n_fan, 0], out.corners[n_fan, 1], out.corners[n_fan, 2] = normal
+            out.corners[n_fan, 3] = weight
+            out.members[n_fan] = corner
+            out.keys[2 * n_fan] = np.int64(after) << 32 | n_fan << 1 | 1
+            out.keys[2 * n_fan + 1] = np.int64(before) << 32 | n_fan << 1
+            n_fan += 1
+    return n_fan
+
+
+@helper
+def _sort(keys):
+    """Sort in place: an insertion sort for the usual dozen, and not quadratic at the apex of a cone.
+
+    Source: Shell 1959, CACM 2(7), 30-32, with the gaps of Knuth, TAOCP 3, 5.2.1.
+    """
+    gap = 1
+    while gap < len(keys) // 9:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(gap, len(keys)):
+            key, slot = keys[i], i
+            while slot >= gap and keys[slot - gap] > key:
+                keys[slot] = keys[slot - gap]
+                slot -= gap
+            keys[slot] = key
+        gap //= 3
+
+
+@helper
+def _link_fan(n_fan, rule, fan):
+    """Unite the corners of a fan across every edge that isn't a crease; fan: FanScratch, its keys sorted."""
+    keys, smoothing = fan.keys, rule.smoothing
+    for i in range(n_fan):
+        fan.parents[i], fan.signs[i] = i, 1
+    end = 0
+    is_surface = True
+    for a in range(2 * n_fan):
+        if a == end:  # the corners at one edge stand side by side
+            end = a + 1
+            while end < 2 * n_fan and keys[a] >> 32 == keys[end] >> 32:
+                end += 1
+            is_surface = end - a <= _MAX_AT_EDGE
+        i = (keys[a] & 0xFFFFFFFF) >> 1
+        for b in range(a + 1, end if is_surface else a + 1):
+            j = (keys[b] & 0xFFFFFFFF) >> 1
+            sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
+            if len(smoothing) > 0:
+                group = smoothing[fan.members[i] // 3]
+                is_joined = group != 0 and group == smoothing[fan.members[j] // 3]
+            else:
+                cosine = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j))
+                is_joined = is_smooth(cosine, rule.smooth_cosine)
+            if is_joined:
+                _unite(fan.parents, fan.signs, i, j, sign)
+
+
+@helper
+def _find(parents, signs, i):
+    """Return the root of a corner's group and whether both are wound alike (1) or not (-1), halving the path.
+
+    signs[i] compares corner i with its parent; a root is its own parent, with sign 1.
+    Source: Tarjan & van Leeuwen 1984, JACM 31(2), 245-281.
+    """
+    sign = 1
+    while parents[i] != i:
+        signs[i] *= signs[parents[i]]
+        parents[i] = parents[parents[i]]
+        sign *= signs[i]
+        i = parents[i]
+    return i, sign
+
+
+@helper
+def _unite(parents, signs, i, j, sign):
+    """Unite the groups of two corners, the lower root on top; inside a group the first link counts."""
+    root_i, sign_i = _find(parents, signs, i)
+    root_j, sign_j = _find(parents, signs, j)
+    if root_i != root_j:
+        low, high = min(root_i, root_j), max(root_i, root_j)
+        parents[high], signs[high] = low, sign * sign_i * sign_j
+
+
+@helper
+def _sum_groups(n_fan, fan):
+    """Sum each group's weights and weighted normals, turned to its root's side; clear its split vertices.
+
+    fan: FanScratch.
+    """
+    corners, sums = fan.corners, fan.sums
+    for i in range(n_fan):
+        fan.split_of[i, 0], fan.split_of[i, 1] = -1, -1
+        for column in range(4):
+            sums[i, column] = 0.0
+    for i in range(n_fan):
+        root, sign = _find(fan.parents, fan.signs, i)
+        for axis in range(3):
+            sums[root, axis] += sign * corners[i, 3] * corners[i, axis]
+        sums[root, 3] += corners[i, 3]
+
+
+@helper
+def _measure_corner(here, after, before, weighting):
+    """Return the face's unit normal and the weight of its corner at `here`: 0 for a face without area."""
+    area, scale, cosine = _area_vector(here, after, before)
+    size = length(area)
+    if not size > _FLAT * scale:
+        return (0.0, 0.0, 0.0), 0.0
+    weight = 1.0
+    if weighting == _AREA:
+        weight = size
+    elif weighting == _ANGLE:
+        # From sine and cosine, both times the edges' lengths: exact to rounding for needles and caps.
+        weight = math.atan2(size, cosine)
+    return divide(area, size), weight
+
+
+@helper
+def _area_vector(p0, p1, p2):
+    """Return twice the area vector, the product of its edges' lengths, and the edges' dot product at p0.
+
+    The vector is the cross product of the two shorter edges: they enclose the largest angle, so least is lost
+    to rounding, and each corner of the face gets the same.
+    """
+    e0, e1, e2 = subtract(p2, p1), subtract(p0, p2), subtract(p1, p0)
+    d0, d1, d2 = dot(e0, e0), dot(e1, e1), dot(e2, e2)
+    a, b, scale = e0, e1, d0 * d1
+    if d0 >= d1 and d0 >= d2:
+        a, b, scale = e1, e2, d1 * d2
+    elif d1 >= d2:
+        a, b, scale = e2, e0, d2 * d0
+    return cross(a, b), math.sqrt(scale), -dot(e1, e2)

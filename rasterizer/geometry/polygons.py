@@ -1,7 +1,32 @@
-"""Polygons with more than three corners, found again among the triangles that they were cut into
-(scene/triangulation.py).
+"""Convex polygons with more than three corners: found again among the triangles that they were cut into, and drawn
+about their centres, so that methods that interpolate don't depend on which corner comes first.
 
-in:  triangles, and which polygon each came from      out: `Rings`, the corners of each convex polygon in turn
+In: triangles, and which polygon each came from (scene/triangulation.py). Out: `Rings`, the corners of each convex
+polygon in turn; `Split`, triangles about `Centers`.
+
+    d ─────── c        A fan has a diagonal, and along it only two corners count: with the values 0, 1, 0, 1 the middle
+    │ ╲     ╱ │        of a quad would be 0 or 1, as the list of its corners begins. Gouraud 1971 interpolates along the
+    │   ╲ ╱   │        edges, then along the scanline between them: no corner is preferred, but that depends on how the
+    │   ╱ ╲   │        polygon lies in the picture (turned by 45 degrees, the middle of this quad is 0 or 1 again), so a
+    │ ╱     ╲ │        turning object shimmers.
+    a ─────── b
+                       A convex polygon of k > 3 corners is drawn as k triangles between its edges and its centre.
+
+The centre's position is the mean of the corners'. It is no vertex: nothing is lit there. Its values are the means of
+the corners': intensities with Gouraud's method, normals with Phong's (not brought to unit length before they are
+interpolated, as nothing is along an edge), colours and texture coordinates with both. So:
+
+- values are linear along every edge, as with Gouraud 1971, and equal those of the neighbour on the other side;
+- every corner counts alike: what permutes the corners (another first corner, the other direction, a turned or mirrored
+  polygon) permutes the triangles, and nothing else. With two corners alike and opposite, as 0, 1, 0, 1, the middle has
+  0.5;
+- values stay within those of the corners, equal ones stay equal, and values that are linear over a plane polygon stay
+  so, because a mean commutes with what is linear: that is all of what a fan does right. Perspective doesn't come into
+  it: everything is interpolated in space.
+
+Flat shading has one value a polygon, and needs none of it. Concave polygons keep the triangles of their ears, which
+don't depend on the first corner either; a polygon whose corners don't have one point each, as where a crease goes
+through it, keeps its own.
 """
 
 from typing import NamedTuple
@@ -10,8 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import kernel
+from ..scene.arrays import distinct
 from ..scene.triangulation import CHUNK, classify_polygons, rotate_to_first
-from ..scene.validate import distinct
 
 
 class Rings(NamedTuple):
@@ -21,6 +46,22 @@ class Rings(NamedTuple):
     offsets: NDArray[np.int64]  # (n_ring + 1,) into `corners`
     corners: NDArray[np.int64]  # (n_corner,) the rows that the triangles index, wound as they are
     owners: NDArray[np.int64]  # (n_corner,) the triangle that has the edge from this corner to the next
+
+
+class Centers(NamedTuple):
+    """The points that are means of others: the last ones of a geometry."""
+
+    first: int  # the number of the first of them
+    offsets: NDArray[np.int64]  # (n_center + 1,) into `points`
+    points: NDArray[np.int64]  # (n_corner,) the points that each is the mean of
+
+
+class Split(NamedTuple):
+    """Triangles, some of them about centres."""
+
+    vertex: NDArray[np.uint32]  # (3, n) points; a centre's number is that of `Centers`
+    face: NDArray[np.uint32]  # (n,) the triangle before, of those that have the same edge of the polygon
+    centers: Centers
 
 
 def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) -> Rings:
@@ -41,9 +82,9 @@ def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) ->
     Rings, each begun at the corner with the smallest coordinates, so that what is computed of them in this order
     doesn't depend on where a polygon's list begins
     """
-    nothing = np.empty(0, np.int64)
+    none = np.empty(0, np.int64)
     if polygons is None:
-        return Rings(nothing, np.zeros(1, np.int64), nothing, nothing)
+        return Rings(none, np.zeros(1, np.int64), none, none)
     is_first = np.append(True, polygons[1:] != polygons[:-1])
     start = np.flatnonzero(is_first)
     count = np.diff(np.append(start, len(polygons)))
@@ -51,7 +92,7 @@ def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) ->
     if (polygons[1:] < polygons[:-1]).any():  # a polygon that is interrupted by others is no fan
         _, name, n_run = np.unique(polygons[start], return_inverse=True, return_counts=True)
         is_whole = n_run[name.ravel()] == 1
-    found = [(nothing, nothing.reshape(0, 1), nothing.reshape(0, 1))]
+    found = [(none, none.reshape(0, 1), none.reshape(0, 1))]
     for n in distinct(count[is_whole & (count > 1)]).tolist():
         of_size = start[is_whole & (count == n)]
         step = max(1, CHUNK // (n + 2))
@@ -108,57 +149,6 @@ def _following(groups: NDArray, middle: NDArray, steps: int) -> NDArray[np.int64
     return np.where(is_middle.any(axis=2), following, -1)
 
 
-# ----------------------------------------------------------------
-# Polygons drawn about their centres, so that methods that interpolate don't depend on which corner comes first.
-# d ─────── c        A fan has a diagonal, and along it only two corners count: with the values 0, 1, 0, 1 the
-#     middle
-#     │ ╲     ╱ │        of a quad would be 0 or 1, as the list of its corners begins. Gouraud 1971 interpolates along
-#     the
-#     │   ╲ ╱   │        edges, then along the scanline between them: no corner is preferred, but that depends on how
-#     the
-#     │   ╱ ╲   │        polygon lies in the picture (turned by 45 degrees, the middle of this quad is 0 or 1 again),
-#     so a
-#     │ ╱     ╲ │        turning object shimmers.
-#     a ─────── b
-#                        A convex polygon of k > 3 corners is drawn as k triangles between its edges and its centre.
-#
-# The centre's position is the mean of the corners'. It is no vertex: nothing is lit there. Its values are the means of
-# the corners': intensities with Gouraud's method, normals with Phong's (not brought to unit length before they are
-# interpolated, as nothing is along an edge), colours and texture coordinates with both. So:
-#
-# - values are linear along every edge, as with Gouraud 1971, and equal those of the neighbour on the other side;
-# - every corner counts alike: what permutes the corners (another first corner, the other direction, a turned or
-# mirrored
-#   polygon) permutes the triangles, and nothing else. With two corners alike and opposite, as 0, 1, 0, 1, the middle
-#   has
-#   0.5;
-# - values stay within those of the corners, equal ones stay equal, and values that are linear over a plane polygon
-# stay
-#   so, because a mean commutes with what is linear: that is all of what a fan does right. Perspective doesn't come
-#   into
-#   it: everything is interpolated in space.
-#
-# Flat shading has one value a polygon, and needs none of it. Concave polygons keep the triangles of their ears, which
-# don't depend on the first corner either; a polygon whose corners don't have one point each, as where a crease goes
-# through it, keeps its own.
-
-
-class Centers(NamedTuple):
-    """The points that are means of others: the last ones of a geometry."""
-
-    first: int  # the number of the first of them
-    offsets: NDArray[np.int64]  # (n_center + 1,) into `points`
-    points: NDArray[np.int64]  # (n_corner,) the points that each is the mean of
-
-
-class Split(NamedTuple):
-    """Triangles, some of them about centres."""
-
-    vertex: NDArray[np.uint32]  # (3, n) points; a centre's number is that of `Centers`
-    face: NDArray[np.uint32]  # (n,) the triangle before, of those that have the same edge of the polygon
-    centers: Centers
-
-
 def split_rings(vertex: NDArray, n_point: int, rings: Rings) -> Split:
     """Draw convex polygons as triangles about their centres, where they were in the order of the triangles.
 
@@ -204,12 +194,6 @@ def with_means(values: NDArray, centers: Centers) -> NDArray[np.float64]:
         low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
         out[len(values) :, k] = np.clip(np.add.reduceat(corners, starts) / count, low, high)
     return out
-
-
-# ----------------------------------------------------------------
-# Values of points that are means of others: the centres of polygons, see geometry/polygons.py.
-# In:  values of points, those of the centres, which are the last ones, still empty.
-# Out: the same, filled.
 
 
 @kernel

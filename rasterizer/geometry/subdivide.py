@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError, SceneError, shown
-from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, MAX_FACES, Mesh
 from ..scene.validate import is_whole
-from .normals import split_creases, within_range
-from .points import unique_rows
+from .normals import split_mesh, within_range
+from .points import unique_rows, units
 from .polygons import Centers, Rings, find_rings, with_means
 
-_FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 _HIDDEN_FOLD = math.sin(math.radians(DEFAULT_CREASE_ANGLE / 2))  # of a slope that both ends of an edge don't know
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
@@ -41,7 +40,7 @@ class _Cuts(NamedTuple):
     owner: NDArray[np.int64]  # (n_finer,) the triangle that a new one is made of
     corners: NDArray[np.int64]  # (n_finer, 3) its corners, as points 0..6 of that triangle
     rings: Rings  # the polygons that are cut about their centres; their corners are rows
-    rows: NDArray[np.int64] | None  # (n_row,) corners of faces, 3f + k, one of each kind; None: rows are vertices
+    rows: NDArray[np.int64] | None  # (n_row,) corners of faces, 3f + k, each different one; None: rows are vertices
     ring: NDArray[np.int64]  # (n_face,) which of the rings a triangle belongs to, -1 to none
 
 
@@ -49,9 +48,9 @@ def subdivide(mesh: Mesh, times: int) -> Mesh:
     """Return a mesh whose triangles are cut in four `times` times; see `Mesh.subdivide`."""
     times = _checked_times(times)
     n_face = mesh.n_face * 4**times
-    if n_face > _FACE_LIMIT:
+    if n_face > MAX_FACES:
         raise ModelError(
-            f"a mesh may have up to {_FACE_LIMIT} faces; subdivided {times} times, its {mesh.n_face} would be {n_face}"
+            f"a mesh may have up to {MAX_FACES} faces; subdivided {times} times, its {mesh.n_face} would be {n_face}"
         )
     for _ in range(times):
         mesh = _cut_once(mesh)
@@ -190,8 +189,8 @@ def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray, cuts: _Cuts) -> Mesh:
 
     Where the surface bends one way and then the other, as in a saw-tooth, the normals at its vertices may all be
     parallel while the faces between aren't. Such an edge runs uphill, or downhill, as both its ends see it; on a
-    surface that bends one way it falls off from both. The faces at the edge are what the ends don't know. To the centre
-    of a polygon lead such ways from its corners.
+    surface that bends one way it falls off from both. The faces at the edge are what the ends don't know. The
+    lines from a polygon's corners to its centre are such edges, too.
     Source: Overveld & Wyvill 1997, ACM Trans. Graphics 16(4), 397-419: interpolation that knows inflections.
 
     Parameters
@@ -206,9 +205,7 @@ def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray, cuts: _Cuts) -> Mesh:
         _spread(_center_means(values, mesh, cuts, is_direction), cuts)[:, None]
         for values, is_direction in ((vertices, False), (normals, True))
     )
-    lengths = np.linalg.norm(of_centers, axis=2, keepdims=True)
-    of_centers = of_centers / np.where(lengths > 0.0, lengths, 1.0)
-    to_center = _leans(points, centers, corners, of_centers).any(axis=1) & (cuts.ring >= 0)
+    to_center = _leans(points, centers, corners, units(of_centers)).any(axis=1) & (cuts.ring >= 0)
     is_hidden_ring = np.bincount(cuts.ring[to_center], minlength=len(cuts.rings.start)) > 0
     table = np.concatenate([np.zeros_like(hidden), hidden, _spread(is_hidden_ring, cuts)[:, None]], axis=1)
     if not table.any():
@@ -221,18 +218,16 @@ def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray, cuts: _Cuts) -> Mesh:
 
 
 def _leans(starts: NDArray, ends: NDArray, at_starts: NDArray, at_ends: NDArray) -> NDArray[np.bool_]:
-    """Tell which ways from points to others run uphill, or downhill, as the unit normals at both see it."""
-    ways = ends - starts
-    lengths = np.linalg.norm(ways, axis=-1)
-    rises = np.stack([(ways * at_starts).sum(axis=-1), (ways * at_ends).sum(axis=-1)])
+    """Tell which lines from points to others run uphill, or downhill, as the unit normals at both see it."""
+    lines = ends - starts
+    lengths = np.linalg.norm(lines, axis=-1)
+    rises = np.stack([(lines * at_starts).sum(axis=-1), (lines * at_ends).sum(axis=-1)])
     return (rises.min(axis=0) > _HIDDEN_FOLD * lengths) | (rises.max(axis=0) < -_HIDDEN_FOLD * lengths)
 
 
 def _averaged_normals(mesh: Mesh) -> NDArray[np.float64]:
     """Average the faces' normals up to the creases: (n_vertex, 3), or (n_face, 3, 3) where a vertex has several."""
-    angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
-    groups = mesh.smoothing if mesh.crease_angle is None else None
-    split = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, groups)
+    split = split_mesh(mesh)
     if len(np.unique(split.source)) < len(split.source):
         return split.normals[split.faces]
     normals = np.zeros_like(mesh.vertices)

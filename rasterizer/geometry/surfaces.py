@@ -1,8 +1,7 @@
-"""Questions about the triangles of a scene that are asked once, before anything is drawn: kernels over faces and
-points.
+"""What is measured of the triangles of a scene once, before anything is drawn: kernels over faces and points.
 
     flag_inverted           do a triangle's normals look against its winding?
-    compute_clearance          how near does the surface come to a point, as a light or the eye is?
+    compute_clearance       how near does the surface come to a point, such as a light or the eye?
     find_shortest_normal    how short can an interpolated normal become?
     compute_shapes          which plane is a triangle in, and how long is its longest side?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from ..compiler.kernels import helper, kernel
 from .vectors import add, cross, divide, dot, largest_component, length, scale, subtract, vector_of_column
 
-LEAST_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
+_MIN_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
 
 
 @kernel
@@ -39,7 +38,7 @@ def flag_inverted(positions, normals, vertex, out_is_inverted):
         n = add(add(vector_of_column(normals, i), vector_of_column(normals, j)), vector_of_column(normals, k))
         area = cross(e1, e2)
         agreement = dot(n, area)
-        out_is_inverted[face] = agreement < -LEAST_AGREEMENT * (abs(area[0]) + abs(area[1]) + abs(area[2]))
+        out_is_inverted[face] = agreement < -_MIN_AGREEMENT * (abs(area[0]) + abs(area[1]) + abs(area[2]))
 
 
 @kernel

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, checked_keywords, counted, one_file, shown, warn_caller
+from ..scene.arrays import fixed
 from ..scene.camera import Camera
 from ..scene.color import ColorLike
 from ..scene.lights import Light
 from ..scene.mesh import Mesh
-from ..scene.mesh_arrays import fixed, has_any_area
+from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike, is_one_mesh
 from ..scene.validate import number
 from . import formats

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import counted, warn_caller
+from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from ..scene.validate import distinct
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, text_of
 from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, report, split_words
 

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import counted
+from ..scene.arrays import distinct
 from ..scene.material import Material
-from ..scene.validate import distinct
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces
 from .text_numbers import numbers_in
 

@@ -35,8 +35,7 @@ from numpy.lib import format as npy
 from ..errors import ModelError, SceneError, one_file, shown
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
-from ..scene.fields import describe_fields
-from ..scene.lights import LIGHT_KINDS, PRESETS, Shadow
+from ..scene.lights import LIGHT_KINDS, PRESETS, Shadow, describe_fields
 from ..scene.material import NAMED_MATERIALS, Material
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene, checked_cue

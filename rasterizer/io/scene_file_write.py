@@ -17,8 +17,7 @@ import numpy as np
 
 from ..errors import OutputError, SceneError, shown
 from ..scene.color import LINEAR_OF_BYTE
-from ..scene.fields import describe_fields
-from ..scene.lights import kind_of
+from ..scene.lights import describe_fields, kind_of
 from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture

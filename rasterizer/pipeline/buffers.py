@@ -1,6 +1,7 @@
-"""Stage 7 for buffers: what is visible at each pixel's centre, one kernel a kind of buffer.
+"""Stage 7 for buffers: what is visible at each pixel's centre, one kernel for each buffer.
 
-In:  the band's visibility buffer, all of its entries indices of records, and the triangles that these show.
+In:  the band's visibility buffer, all of its entries indices of records, and the triangles that these show; for labels
+     and means a table: a label for each face, or values for the corners of each triangle.
 Out: the band's rows of a buffer. `clear_band` comes last: it leaves the visibility buffer clear for the next band.
 
 Every number is that of exact interpolation (interpolate.py) in float64, rounded once to float32, so it doesn't matter
@@ -9,7 +10,7 @@ interpolation one that differs from it by at most s; where d - s and d + s round
 round to. The other samples are those whose depth is next to the middle of two numbers of float32.
 
 How large s is. A plane of z is off by half a unit for each column and row of its triangle's box, and by
-DEPTH_PLANE_ROUNDING (planes.py). Both depths come from lines in z, offset + step·z, within S = |offset| + 2^38 |step|.
+DEPTH_PLANE_ROUNDING (setup.py). Both depths come from lines in z, offset + step·z, within S = |offset| + 2^38 |step|.
 With u = 2^-53, a value of the line is off by 2 u S; the means of exact interpolation by as much, and by 7 u S more for
 edge functions, products, sums and quotients. Together that is 11 u S < 2^-49 S. Without perspective the line is the
 depth. With it the line is v = 1/w; if v is off by m, d = 1/v is off by
@@ -25,7 +26,7 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
 from .fragments import BATCH_SIZE, NEXT, NORMAL
-from .gradients import MOST_EXTENT
+from .gradients import MAX_EXTENT
 from .interpolate import (
     ExactTriangle,
     corner_values,
@@ -40,106 +41,10 @@ from .interpolate import (
     run_end,
     weight_steps,
 )
-from .planes import DEPTH_PLANE_ROUNDING, DepthScale
 from .records import DEPTH, SIDE, Records, face_of
-from .setup import rotate_to_first
+from .setup import DEPTH_PLANE_ROUNDING, DepthScale, rotate_to_first
 from .transform import DEPTH_BITS, SUBPIXEL, Drawables
 from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
-
-# ----------------------------------------------------------------
-# Triangles that are fetched once more: those of visible samples whose records don't hold their corners.
-# In:  the index of a triangle in the picture, and the picture's drawables.
-# Out: what `exact_triangle` of interpolate.py reads from an exact record: the same numbers in the same order, so that
-#      what is interpolated has the same bits.
-#
-# A part of a clipped face always has an exact record: its weights come from planes.
-
-
-class VertexOrder(NamedTuple):
-    """How a record orders the vertices of a triangle: clockwise on the screen, the topmost (then leftmost) first."""
-
-    is_b_first: bool
-    is_c_first: bool
-    is_front: bool  # counter-clockwise as loaded
-
-
-@helper
-def fetch_triangle(face, drawables, depths):
-    """Return a whole triangle, and the depths of its vertices, as an exact record holds them.
-
-    `face` is its index in the picture, `depths` the DepthScale.
-    """
-    xs, ys = fetch_positions(face, drawables)
-    order, z = order_of(xs, ys), drawables.vertices.z
-    a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
-    (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
-    z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
-    offset, step = depths.inv_w_offset, depths.inv_w_scale
-    inv_w = (offset + step * z0, offset + step * z1, offset + step * z2)
-    dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
-    zeros, sums = (0.0, 0.0, 0.0), (min(inv_w), max(inv_w))
-    area = float(dx1 * dy2 - dx2 * dy1)
-    triangle = ExactTriangle(False, x0, y0, dx1, dy1, dx2, dy2, inv_w, zeros, zeros, zeros, sums, area)
-    offset, step = depths.depth_offset, depths.depth_scale
-    return triangle, (offset + step * z0, offset + step * z1, offset + step * z2)
-
-
-@helper
-def fetch_normals(face, drawables):
-    """Return the normals of a triangle, an axis a row and a corner a column, and the side that is seen: 1 or -1.
-
-    Normals are the first three attributes in float64.
-    """
-    triangles, attributes = drawables.triangles, drawables.double_attributes
-    xs, ys = fetch_positions(face, drawables)
-    order = order_of(xs, ys)
-    is_flipped = order.is_front == (triangles.is_inverted[face] != 0)
-    side = index(attributes.shape[0] - 1) if is_flipped else index(0)
-    corners = fetch_indices(triangles.corner_idx, face)
-    is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[face] < 0
-    if is_whole:  # the attributes of a part are those of its face, in the order of the planes
-        corners = ordered(corners, order)
-    a, b, c = corners
-    x = (attributes[side, a, index(0)], attributes[side, b, index(0)], attributes[side, c, index(0)])
-    y = (attributes[side, a, index(1)], attributes[side, b, index(1)], attributes[side, c, index(1)])
-    z = (attributes[side, a, index(2)], attributes[side, b, index(2)], attributes[side, c, index(2)])
-    return (x, y, z), -1 if is_flipped else 1
-
-
-@helper
-def fetch_indices(columns, face):
-    """Return the three indices of a triangle."""
-    return index(columns[index(0), face]), index(columns[index(1), face]), index(columns[index(2), face])
-
-
-@helper
-def fetch_positions(face, drawables):
-    """Return the columns and rows of a triangle's vertices, int64, 1/256 px, in the order of the file."""
-    x, y = drawables.vertices.x, drawables.vertices.y
-    a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
-    return (np.int64(x[a]), np.int64(x[b]), np.int64(x[c])), (np.int64(y[a]), np.int64(y[b]), np.int64(y[c]))
-
-
-@helper
-def order_of(xs, ys):
-    """Return the order of the vertices at these places, as setup.order_vertices finds it."""
-    (xa, xb, xc), (ya, yb, yc) = xs, ys
-    key_a, key_b, key_c = (ya << 32) + xa, (yb << 32) + xb, (yc << 32) + xc
-    is_c_first = key_c < min(key_a, key_b)
-    is_b_first = (key_b < key_a) and not is_c_first
-    return VertexOrder(is_b_first, is_c_first, (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0)
-
-
-@helper
-def ordered(values, order):
-    """Bring what a triangle has at its vertices into their order."""
-    a, b, c = values
-    return rotate_to_first(a, b, c, order.is_b_first, order.is_c_first, order.is_front)
-
-
-LONG_RUN = 16  # samples, from which on a line is worth its slope
-MOST_SLACK = 2.0**-26  # of a depth: beyond, float32 leaves most depths open, and 1/w could come near 0
-MANY = 16  # depths are interpolated by runs where more than one in so many is open
 
 
 class VisibleSurfaces(NamedTuple):
@@ -157,6 +62,63 @@ class VisibleSurfaces(NamedTuple):
     sources: np.ndarray = np.empty(0, np.uint32)  # (n,) which of all triangles each is a part of; empty as loaded_faces
 
 
+# ---------------------------------------------------------------- masks, faces and labels
+
+# Common parameters of kernels that write a buffer
+# ------------------------------------------------
+# surfaces : VisibleSurfaces
+# band : Rows or Band, the rows of the picture that are written
+# out : the whole buffer, height rows of width pixels; where nothing is visible it comes in with what is to stand there
+
+
+@kernel
+def write_mask(surfaces, band, out):
+    """Write where something is visible: out is (height, width) bool."""
+    visibility = surfaces.visibility
+    for row in range(band.y_end - band.y_start):
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        for x in range(left, right):
+            out[index(y), index(x)] = visibility.entries[index(row * visibility.pitch + x)] < CLEAR
+
+
+@kernel
+def write_face(surfaces, band, out):
+    """Write the index of the visible face as loaded: out is (height, width) int32."""
+    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
+    for row in range(band.y_end - band.y_start):
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        if left >= right:
+            continue
+        start = row * visibility.pitch + left
+        entries = visibility.entries[index(start) : index(start + right - left)]
+        here = out[index(y), index(left) : index(right)]
+        for k in range(index(len(entries))):
+            if entries[k] < CLEAR:
+                face = face_of(entries[k], records)
+                here[k] = loaded_faces[face] if len(loaded_faces) > 0 else face
+
+
+@kernel
+def write_label(surfaces, band, out, labels):
+    """Write the label of the visible face: out is (height, width) int32, `labels` (n_face,) int32 of loaded faces."""
+    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
+    for row in range(band.y_end - band.y_start):
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        for x in range(left, right):
+            entry = visibility.entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                face = face_of(entry, records)
+                loaded = index(loaded_faces[face]) if len(loaded_faces) > 0 else face
+                out[index(y), index(x)] = labels[loaded]
+
+
+# ---------------------------------------------------------------- depth
+
+LONG_RUN = 16  # samples, from which on a line is worth its slope
+MAX_SLACK = 2.0**-26  # of a depth: beyond, float32 leaves most depths open, and 1/w could come near 0
+MANY = 16  # depths are interpolated by runs where more than one in so many is open
+
+
 class DepthLine(NamedTuple):
     """How a depth, or 1/w in perspective, is found from z: offset + step·z, off by no more than `rounding`."""
 
@@ -165,13 +127,10 @@ class DepthLine(NamedTuple):
     rounding: float
 
 
-# ---------------------------------------------------------------- depth
-
-
 @kernel
 def write_depth(surfaces, band, out):
     """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
-    largest = MOST_EXTENT if surfaces.is_own else find_largest(band.faces, surfaces.drawables)
+    largest = MAX_EXTENT if surfaces.is_own else find_largest(band.faces, surfaces.drawables)
     visibility, line = surfaces.visibility, depth_line(0.5 * float(largest) + DEPTH_PLANE_ROUNDING, surfaces)
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
@@ -280,15 +239,6 @@ def put_exact_depths(entries, surfaces, is_many, x, y, out):
 
 
 @helper
-def triangle_of(entry, surfaces):
-    """Return the triangle that an entry shows, and the depths of its vertices."""
-    records, record = surfaces.records, record_of(entry)
-    if is_exact(entry) or surfaces.has_corners:
-        return exact_triangle(records, record), corner_values(records.reals, record, index(DEPTH))
-    return fetch_triangle(face_of(entry, records), surfaces.drawables, surfaces.depths)
-
-
-@helper
 def put_run_of_depths(triangle, depths, is_perspective, x, y, out):
     """Interpolate depths at a run of samples of a triangle from (x, y) on: along a line, where that is certain to round
     to the same float32, else each by itself."""
@@ -326,7 +276,7 @@ def line_of_run(triangle, depths, is_perspective, x, y):
     if is_perspective:
         first, step = q0 + q1 + q2, steps[0] + steps[1] + steps[2]
         slack = 2.0**-48 * largest / least
-        slack = slack if slack <= MOST_SLACK else np.inf
+        slack = slack if slack <= MAX_SLACK else np.inf
     else:
         first = q0 * depths[0] + q1 * depths[1] + q2 * depths[2]
         step = steps[0] * depths[0] + steps[1] * depths[1] + steps[2] * depths[2]
@@ -342,24 +292,18 @@ def fill_depths(triangle, depths, is_perspective, x, y, out):
         out[k] = mean_depth(triangle, depths, q, is_perspective)
 
 
-# ---------------------------------------------------------------- faces and normals
+# ---------------------------------------------------------------- normals
 
 
-@kernel
-def write_face(surfaces, band, out):
-    """Write the index of the visible face as loaded: out is (height, width) int32."""
-    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
-    for row in range(band.y_end - band.y_start):
-        y, (left, right) = band.y_start + row, row_extent(visibility, row)
-        if left >= right:
-            continue
-        start = row * visibility.pitch + left
-        entries = visibility.entries[index(start) : index(start + right - left)]
-        here = out[index(y), index(left) : index(right)]
-        for k in range(index(len(entries))):
-            if entries[k] < CLEAR:
-                face = face_of(entries[k], records)
-                here[k] = loaded_faces[face] if len(loaded_faces) > 0 else face
+def write_turned_normal(surfaces, band, out, rotation):
+    """Write the unit normal, turned by a rotation: out is (height, width, 3) float32, `rotation` (3, 3) float64.
+
+    The normal is rounded to float32 before and after. A component of it is off by 2^-25 at most, so the turned one by
+    √3·2^-25 and its own rounding: less than 2^-23.
+    """
+    write_normal(surfaces, band, out)
+    rows = out[band.y_start : band.y_end]
+    rows[...] = rows @ rotation.T + 0.0  # no -0 where nothing is
 
 
 def write_normal(surfaces, band, out):
@@ -409,58 +353,21 @@ def fill_normals(triangle, normals, side, x, y, n, out):
 
 
 @helper
-def normals_of(entry, surfaces):
-    """Return the normals of the triangle that an entry shows, an axis a row, and the side of it that is seen."""
-    records, record = surfaces.records, record_of(entry)
-    if surfaces.has_corners:
-        return corner_vectors(records, record, index(0)), np.int64(records.integers[record, index(SIDE)])
-    return fetch_normals(face_of(entry, records), surfaces.drawables)
-
-
-@helper
 def interleave(entries, batch, out):
     """Write the normals of a batch to the pixels of a row, x, y, z one after the other; 0 where nothing is."""
-    n, nothing = index(len(entries)), np.float32(0)
+    n, zero = index(len(entries)), np.float32(0)
     xs, ys, zs = batch[NORMAL : NORMAL + n], batch[NORMAL + NEXT :][:n], batch[NORMAL + NEXT + NEXT :][:n]
     for k in range(n):
         is_covered, first = entries[k] < CLEAR, index(3) * k
-        out[first] = xs[k] if is_covered else nothing
-        out[first + index(1)] = ys[k] if is_covered else nothing
-        out[first + index(2)] = zs[k] if is_covered else nothing
+        out[first] = xs[k] if is_covered else zero
+        out[first + index(1)] = ys[k] if is_covered else zero
+        out[first + index(2)] = zs[k] if is_covered else zero
 
 
-# ---------------------------------------------------------------- the end of a band
+# ---------------------------------------------------------------- means of what the corners of faces have
 
-
-@kernel
-def clear_band(visibility, n_row):
-    """Clear the first `n_row` rows of the visibility buffer; return how many samples are covered."""
-    n_covered = 0
-    for row in range(n_row):
-        strip = strip_of(row)
-        left, right, start = visibility.left[strip], visibility.right[strip], row * visibility.pitch
-        if left < right:
-            entries = visibility.entries[index(start + left) : index(start + right + PADDING)]
-            for k in range(index(right - left)):
-                n_covered += entries[k] < CLEAR
-                entries[k] = CLEAR
-            for k in range(index(right - left), index(len(entries))):
-                entries[k] = CLEAR
-    forget(visibility)
-    return n_covered
-
-
-# ----------------------------------------------------------------
-# Stage 7 for buffers that follow from the visible triangle and the pixel's centre: masks, labels, and means of what.
-# the corners of the faces have.
-#
-# In:  what buffers.py works on, and a table: a label for each face, or values for the corners of each triangle.
-# Out: the band's rows of a buffer.
-#
-# A mean is Σ p_i·a_i with the perspective weights p_i of interpolate.py, in float64, rounded once to float32. The
-# weights
-# come in the order of the record, which begins at the topmost vertex; the table is in the order of the file.
-# `corner_order` tells which is which.
+# A mean is Σ p_i·a_i with the perspective weights p_i of interpolate.py. The weights come in the order of the record,
+# which begins at the topmost vertex; the table is in the order of the file. `corner_order` tells which is which.
 
 
 class CornerTable(NamedTuple):
@@ -468,30 +375,6 @@ class CornerTable(NamedTuple):
 
     values: np.ndarray  # (n, n_component) float64
     rows: np.ndarray  # (3, n_triangle) uint32, of the triangles before any is clipped, corners in the order of the file
-
-
-@kernel
-def write_mask(surfaces, band, out):
-    """Write where something is visible: out is (height, width) bool."""
-    visibility = surfaces.visibility
-    for row in range(band.y_end - band.y_start):
-        y, (left, right) = band.y_start + row, row_extent(visibility, row)
-        for x in range(left, right):
-            out[index(y), index(x)] = visibility.entries[index(row * visibility.pitch + x)] < CLEAR
-
-
-@kernel
-def write_label(surfaces, band, out, labels):
-    """Write the label of the visible face: out is (height, width) int32, `labels` (n_face,) int32 of loaded faces."""
-    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
-    for row in range(band.y_end - band.y_start):
-        y, (left, right) = band.y_start + row, row_extent(visibility, row)
-        for x in range(left, right):
-            entry = visibility.entries[index(row * visibility.pitch + x)]
-            if entry < CLEAR:
-                face = face_of(entry, records)
-                loaded = index(loaded_faces[face]) if len(loaded_faces) > 0 else face
-                out[index(y), index(x)] = labels[loaded]
 
 
 @kernel
@@ -549,12 +432,129 @@ def fill_means(triangle, corners, values, x, y, out):
             out[k, component] = mean((values[a, component], values[b, component], values[c, component]), p)
 
 
-def write_turned_normal(surfaces, band, out, rotation):
-    """Write the unit normal, turned by a rotation: out is (height, width, 3) float32, `rotation` (3, 3) float64.
+# ---------------------------------------------------------------- triangles of visible samples
 
-    The normal is rounded to float32 before and after. A component of it is off by 2^-25 at most, so the turned one by
-    √3·2^-25 and its own rounding: less than 2^-23.
+# Those whose records don't hold their corners are fetched once more, from the picture's drawables: the same numbers in
+# the same order as in an exact record, so that what is interpolated has the same bits. A part of a clipped face always
+# has an exact record: its weights come from planes.
+
+
+@helper
+def triangle_of(entry, surfaces):
+    """Return the triangle that an entry shows, and the depths of its vertices."""
+    records, record = surfaces.records, record_of(entry)
+    if is_exact(entry) or surfaces.has_corners:
+        return exact_triangle(records, record), corner_values(records.reals, record, index(DEPTH))
+    return fetch_triangle(face_of(entry, records), surfaces.drawables, surfaces.depths)
+
+
+@helper
+def normals_of(entry, surfaces):
+    """Return the normals of the triangle that an entry shows, an axis a row, and the side of it that is seen."""
+    records, record = surfaces.records, record_of(entry)
+    if surfaces.has_corners:
+        return corner_vectors(records, record, index(0)), np.int64(records.integers[record, index(SIDE)])
+    return fetch_normals(face_of(entry, records), surfaces.drawables)
+
+
+class VertexOrder(NamedTuple):
+    """How a record orders the vertices of a triangle: clockwise on the screen, the topmost (then leftmost) first."""
+
+    is_b_first: bool
+    is_c_first: bool
+    is_front: bool  # counter-clockwise as loaded
+
+
+@helper
+def fetch_triangle(face, drawables, depths):
+    """Return a whole triangle, and the depths of its vertices, as an exact record holds them.
+
+    `face` is its index in the picture, `depths` the DepthScale.
     """
-    write_normal(surfaces, band, out)
-    rows = out[band.y_start : band.y_end]
-    rows[...] = rows @ rotation.T + 0.0  # no -0 where nothing is
+    xs, ys = fetch_positions(face, drawables)
+    order, z = order_of(xs, ys), drawables.vertices.z
+    a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
+    (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
+    z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
+    offset, step = depths.inv_w_offset, depths.inv_w_scale
+    inv_w = (offset + step * z0, offset + step * z1, offset + step * z2)
+    dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
+    zeros, sums = (0.0, 0.0, 0.0), (min(inv_w), max(inv_w))
+    area = float(dx1 * dy2 - dx2 * dy1)
+    triangle = ExactTriangle(False, x0, y0, dx1, dy1, dx2, dy2, inv_w, zeros, zeros, zeros, sums, area)
+    offset, step = depths.depth_offset, depths.depth_scale
+    return triangle, (offset + step * z0, offset + step * z1, offset + step * z2)
+
+
+@helper
+def fetch_normals(face, drawables):
+    """Return the normals of a triangle, an axis a row and a corner a column, and the side that is seen: 1 or -1.
+
+    Normals are the first three attributes in float64.
+    """
+    triangles, attributes = drawables.triangles, drawables.double_attributes
+    xs, ys = fetch_positions(face, drawables)
+    order = order_of(xs, ys)
+    is_flipped = order.is_front == (triangles.is_inverted[face] != 0)
+    side = index(attributes.shape[0] - 1) if is_flipped else index(0)
+    corners = fetch_indices(triangles.corner_idx, face)
+    is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[face] < 0
+    if is_whole:  # the attributes of a part are those of its face, in the order of the planes
+        corners = ordered(corners, order)
+    a, b, c = corners
+    x = (attributes[side, a, index(0)], attributes[side, b, index(0)], attributes[side, c, index(0)])
+    y = (attributes[side, a, index(1)], attributes[side, b, index(1)], attributes[side, c, index(1)])
+    z = (attributes[side, a, index(2)], attributes[side, b, index(2)], attributes[side, c, index(2)])
+    return (x, y, z), -1 if is_flipped else 1
+
+
+@helper
+def fetch_indices(columns, face):
+    """Return the three indices of a triangle."""
+    return index(columns[index(0), face]), index(columns[index(1), face]), index(columns[index(2), face])
+
+
+@helper
+def fetch_positions(face, drawables):
+    """Return the columns and rows of a triangle's vertices, int64, 1/256 px, in the order of the file."""
+    x, y = drawables.vertices.x, drawables.vertices.y
+    a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
+    return (np.int64(x[a]), np.int64(x[b]), np.int64(x[c])), (np.int64(y[a]), np.int64(y[b]), np.int64(y[c]))
+
+
+@helper
+def order_of(xs, ys):
+    """Return the order of the vertices at these places, as setup.order_vertices finds it."""
+    (xa, xb, xc), (ya, yb, yc) = xs, ys
+    key_a, key_b, key_c = (ya << 32) + xa, (yb << 32) + xb, (yc << 32) + xc
+    is_c_first = key_c < min(key_a, key_b)
+    is_b_first = (key_b < key_a) and not is_c_first
+    return VertexOrder(is_b_first, is_c_first, (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0)
+
+
+@helper
+def ordered(values, order):
+    """Bring what a triangle has at its vertices into their order."""
+    a, b, c = values
+    return rotate_to_first(a, b, c, order.is_b_first, order.is_c_first, order.is_front)
+
+
+# ---------------------------------------------------------------- the end of a band
+
+
+@kernel
+def clear_band(visibility, n_row):
+    """Clear the first `n_row` rows of a visibility buffer (VisibilityBuffer); return how many samples are covered."""
+    n_covered = 0
+    for row in range(n_row):
+        strip = strip_of(row)
+        left, right, start = visibility.left[strip], visibility.right[strip], row * visibility.pitch
+        if left < right:
+            entries = visibility.entries[index(start + left) : index(start + right + PADDING)]
+            for k in range(index(right - left)):
+                n_covered += entries[k] < CLEAR
+                entries[k] = CLEAR
+            for k in range(index(right - left), index(len(entries))):
+                entries[k] = CLEAR
+    forget(visibility)
+    return n_covered

@@ -13,7 +13,15 @@ all parts of a face, wherever it is clipped:
 
 * A part's corners are rounded to 1/256 px as all vertices are. Its depths are those of the whole face at the rounded
   corners; depth is affine on the screen, so the planes of all parts are the plane of the face.
-* Attributes are interpolated with the weights of the face's own three vertices, from planes (clip.py).
+* Attributes are interpolated with the weights q_i of the face's own three vertices, which are affine on the screen,
+  too. With the vertices P_i in eye space and the ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a
+  sample, q = M^-1 r, where P_0, P_1, P_2 are the columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i
+  (Olano & Greer 1997, "Triangle scan conversion using 2D homogeneous coordinates"). Without perspective
+  P_i = (across, upward, 1), and q_i = b_i.
+
+Where all three vertices have a place on the screen, near and far planes apart, they count where they are rounded to:
+the planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and all
+count where they are.
 
 The vertices of a face are sorted before anything is computed from them, and a part begins at its topmost, leftmost
 corner: so two faces with the same vertices have the same parts and the same depths to the last bit, in whatever order a
@@ -23,95 +31,149 @@ file lists them.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
-from ..geometry.vectors import dot, subtract, vector_of_column
 from .transform import LIMIT, LIMIT_PX, OUTSIDE, SUBPIXEL, Triangles, Vertices, compute_z, project, skew_stretch
 
-# ----------------------------------------------------------------
-# Outcodes: which triangles can't be seen in a view, because all their vertices lie beyond the same of its planes.
-# In:  positions and triangles, and planes through the eye.
-# Out: the triangles that may be seen, in order.
-#
-# Source: the outcodes of Cohen & Sutherland; Newman & Sproull 1973, "Principles of Interactive Computer Graphics".
-
-MOST_PLANES = 8  # bits of an outcode
-
-
-def list_seen_faces(positions: NDArray, vertex_idx: NDArray, eye: NDArray, planes: NDArray) -> NDArray[np.uint32]:
-    """Find the triangles that don't lie beyond one plane as a whole, (n,) indices in order.
-
-    Parameters
-    ----------
-    positions : (3, n_vertex) float64, world space, scene units
-    vertex_idx : (3, n_face) uint32
-    eye : (3,) float64, world space, on all planes
-    planes : (n_plane, 3) float64, up to MOST_PLANES normals; a point is beyond where n·(P - eye) < 0, and never where
-        that is no number
-    """
-    outcodes = np.empty(positions.shape[1], np.uint8)
-    compute_outcodes(positions, eye, planes, outcodes)
-    faces = np.empty(vertex_idx.shape[1], np.uint32)
-    return faces[: list_seen(vertex_idx, outcodes, faces)]
-
-
-@kernel
-def compute_outcodes(positions, eye, planes, out_outcodes):
-    """Compute a bit for each plane that a vertex lies beyond.
-
-    Parameters
-    ----------
-    out_outcodes : (n_vertex,) uint8
-    """
-    origin = eye[0], eye[1], eye[2]
-    for k in range(index(len(out_outcodes))):
-        away = subtract(vector_of_column(positions, k), origin)
-        outcode = np.int64(0)
-        for plane in range(index(len(planes))):
-            is_beyond = dot((planes[plane, 0], planes[plane, 1], planes[plane, 2]), away) < 0.0
-            outcode |= np.int64(is_beyond) << np.int64(plane)
-        out_outcodes[k] = outcode
-
-
-@kernel
-def list_seen(vertex_idx, outcodes, out_faces):
-    """List the triangles whose vertices have no bit in common; return how many they are.
-
-    Parameters
-    ----------
-    outcodes : (n_vertex,) uint8
-    out_faces : (n_face,) uint32
-    """
-    n = index(0)
-    for face in range(index(vertex_idx.shape[1])):
-        first, second, third = vertex_idx[0, face], vertex_idx[1, face], vertex_idx[2, face]
-        out_faces[n] = face
-        n += index((outcodes[first] & outcodes[second] & outcodes[third]) == 0)
-    return np.int64(n)
-
-
-# ----------------------------------------------------------------
-# The planes of clipped faces: how the weights of a whole face's vertices, and its depth, change over the screen.
-# In:  positions, and the faces that the clip stage has to clip.
-# Out: a row of planes for each face, from which every part of it is interpolated.
-#
-# The weights q_i of the face's own three vertices are affine on the screen: with the vertices P_i in eye space and the
-# ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a sample, q = M^-1 r, where P_0, P_1, P_2 are
-# the
-# columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i (Olano & Greer 1997, "Triangle scan conversion
-# using 2D homogeneous coordinates"). Without perspective P_i = (across, upward, 1), and q_i = b_i.
-#
-# Where all three vertices have a place on the screen, near and far planes apart, they count where they are rounded to:
-# the planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and
-# all
-# count where they are.
-
+NEAR, FAR, LEFT, RIGHT, TOP, BOTTOM = range(6)  # the clip planes
+N_CLIP_PLANE = 6
+MAX_CORNERS = 3 + N_CLIP_PLANE  # each plane adds at most one corner to a convex polygon
+# Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each
+# crossing are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
+ROOM = 28
+# Columns of a corner while it is clipped: distances along the viewing axis, the screen's `across` and up, scene units.
+W, ACROSS, UPWARD = 0, 1, 2
+N_CORNER_COLUMN = 3
 # Columns of the planes: q_i at the picture's corner (0, 0), and what 1/256 px to the right, and down, adds to them; the
 # range that their sum has where the face is seen, 1 without perspective; depths of the vertices, scene units.
-WEIGHT, WEIGHT_X, WEIGHT_Y, LEAST_SUM, LARGEST_SUM, FACE_DEPTH = 0, 3, 6, 9, 10, 11
+WEIGHT, WEIGHT_X, WEIGHT_Y, MIN_SUM, MAX_SUM, FACE_DEPTH = 0, 3, 6, 9, 10, 11
 N_COLUMN = 14
 NO_PLANES = np.empty((0, N_COLUMN))
+
+
+class Window(NamedTuple):
+    """What the four planes beside the view leave of the screen, px."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+
+GUARD_BAND = Window(-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))
+
+
+class ClipScratch(NamedTuple):
+    """Room for two polygons: what is clipped goes from one to the other and back."""
+
+    even: np.ndarray  # (ROOM, N_CORNER_COLUMN) float64
+    odd: np.ndarray  # the same
+
+
+def make_clip_scratch() -> ClipScratch:
+    """Return room for two polygons."""
+    return ClipScratch(np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN)))
+
+
+class Clipped(NamedTuple):
+    """What takes the place of the triangles and vertices; new vertices stand behind the old ones."""
+
+    triangles: Triangles  # a part has the corners of its face; its clipped_idx is a row of `planes`, that of others -1
+    vertices: Vertices
+    faces: np.ndarray  # (n,) uint32, the face that each triangle is a part of
+    planes: np.ndarray  # (n_clipped, N_COLUMN) float64
+    n_clipped: int  # faces that were clipped or lie wholly outside
+
+
+def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped:
+    """Clip every triangle that has an OUTSIDE vertex.
+
+    Parameters
+    ----------
+    positions : (3, n) float64, world space, scene units
+    """
+    vertex_idx = triangles.vertex_idx
+    touched = np.flatnonzero((vertices.x[vertex_idx] == OUTSIDE).any(axis=0))
+    crossing, scratch = np.empty(len(touched), np.uint32), make_clip_scratch()
+    crossing = crossing[: find_crossing(positions, vertex_idx, touched.astype(np.uint32), screen, scratch, crossing)]
+    room = len(crossing) * (MAX_CORNERS - 2)
+    parts, owners = np.empty((room, 3, N_CORNER_COLUMN)), np.empty(room, np.uint32)
+    n_part = clip_faces(positions, vertex_idx, crossing, screen, scratch, parts, owners)
+    parts, owners = parts[:n_part], owners[:n_part]
+
+    planes, z_planes = compute_face_planes(positions, vertex_idx[:, crossing], screen)
+    least, largest = compute_depth_ranges(parts[:, :, W], owners, len(crossing))
+    if screen.is_perspective:
+        planes[:, MIN_SUM], planes[:, MAX_SUM] = 1.0 / largest, 1.0 / least
+    # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See setup.py:
+    # MAX_CLIPPED_SLOPE.
+    z_ranges = np.sort(compute_z(np.stack([least, largest], axis=1), screen), axis=1)
+    new_vertices, is_placed = snap_corners(parts, np.repeat(owners, 3), z_planes, z_ranges, screen)
+    new_idx = np.arange(len(vertices.x), len(vertices.x) + 3 * n_part, dtype=np.uint32).reshape(-1, 3)[is_placed].T
+
+    # Put the new triangles where the old ones stood: order is what decides at equal depth.
+    is_whole = np.ones(vertex_idx.shape[1], bool)
+    is_whole[touched] = False
+    whole, owners = np.flatnonzero(is_whole).astype(np.uint32), owners[is_placed]
+    faces = np.concatenate([whole, crossing[owners]])
+    order = np.argsort(faces, kind="stable")
+    faces = faces[order]
+    parted = Triangles(
+        np.ascontiguousarray(np.concatenate([vertex_idx[:, whole], new_idx], axis=1)[:, order]),
+        np.ascontiguousarray(triangles.corner_idx[:, faces]),
+        triangles.is_inverted[faces],
+        triangles.material[faces] if len(triangles.material) else triangles.material,
+        np.concatenate([np.full(len(whole), -1, np.int32), owners.astype(np.int32)])[order],
+        z_ranges,
+    )
+    vertices = Vertices(*(np.append(old, new) for old, new in zip(vertices, new_vertices, strict=True)))
+    return Clipped(parted, vertices, faces, planes, len(touched))
+
+
+def snap_corners(parts, owners, z_planes, z_ranges, screen):
+    """Round the corners of parts to 1/256 px: (Vertices, which parts have all of their corners on the screen).
+
+    Parameters
+    ----------
+    parts : (n, 3, N_CORNER_COLUMN) float64
+    owners : (3 n,) uint32, the face that each corner is one of, below n_clipped
+    z_planes : (n_clipped, 3) float64, see compute_face_planes
+    z_ranges : (n_clipped, 2) float64, least and largest z that is seen of each face
+    """
+    corners = parts.reshape(-1, N_CORNER_COLUMN)
+    depth = corners[:, W]
+    w = depth if screen.is_perspective else np.ones(len(depth))
+    x, y = project(corners[:, ACROSS], corners[:, UPWARD], w, screen)
+    is_finite = np.isfinite(x) & np.isfinite(y) & np.isfinite(depth)
+    # New corners lie on the limits but for rounding.
+    x, y = (np.where(is_finite, np.rint(np.clip(values, -LIMIT, LIMIT)), 0.0) for values in (x, y))
+    plane = z_planes[owners]
+    z = plane[:, 0] + plane[:, 1] * x + plane[:, 2] * y
+    z = np.where(np.isnan(z), z_ranges.mean(axis=1)[owners], z)  # the face is seen edge-on
+    x, y = np.where(is_finite, x, OUTSIDE).astype(np.int32), np.where(is_finite, y, 0).astype(np.int32)
+    return Vertices(x, y, z), is_finite.reshape(-1, 3).all(axis=1)
+
+
+def compute_depth_ranges(w, owners, n_clipped):
+    """Compute the least and the largest depth of the parts of each face; 1 for a face of which nothing is left.
+
+    Parameters
+    ----------
+    w : (n_part, 3) float64, scene units
+    owners : (n_part,) uint32, the face that each part is one of, below n_clipped
+
+    Returns
+    -------
+    two arrays (n_clipped,) float64, scene units
+    """
+    least, largest = np.full(n_clipped, np.inf), np.full(n_clipped, -np.inf)
+    np.minimum.at(least, owners, w.min(axis=1))
+    np.maximum.at(largest, owners, w.max(axis=1))
+    is_left = least <= largest
+    return np.where(is_left, least, 1.0), np.where(is_left, largest, 1.0)
+
+
+# ---------------------------------------------------------------- planes of whole faces
 
 
 def compute_face_planes(positions, vertex_idx, screen):
@@ -126,7 +188,7 @@ def compute_face_planes(positions, vertex_idx, screen):
 
     Returns
     -------
-    planes : (n_clipped, N_COLUMN) float64; LEAST_SUM and LARGEST_SUM are 1
+    planes : (n_clipped, N_COLUMN) float64; MIN_SUM and MAX_SUM are 1
     z_planes : (n_clipped, 3) float64, z-buffer units at the picture's corner, and what 1/256 px to the right, and down,
         adds; NaN for faces that are seen edge-on
     """
@@ -212,140 +274,7 @@ def invert_corners(corners, is_perspective, stretch=1.0):
     return rows, is_edge_on
 
 
-NEAR, FAR, LEFT, RIGHT, TOP, BOTTOM = range(6)  # the clip planes
-N_CLIP_PLANE = 6
-MOST_CORNERS = 3 + N_CLIP_PLANE  # each plane adds at most one corner to a convex polygon
-# Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each
-# crossing are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
-ROOM = 28
-# Columns of a corner while it is clipped: distances along the viewing axis, the screen's `across` and up, scene units.
-W, ACROSS, UPWARD = 0, 1, 2
-N_CORNER_COLUMN = 3
-
-
-class Window(NamedTuple):
-    """What the four planes beside the view leave of the screen, px."""
-
-    left: float
-    right: float
-    top: float
-    bottom: float
-
-
-GUARD_BAND = Window(-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))
-
-
-class ClipScratch(NamedTuple):
-    """Room for two polygons: what is clipped goes from one to the other and back."""
-
-    even: np.ndarray  # (ROOM, N_CORNER_COLUMN) float64
-    odd: np.ndarray  # the same
-
-
-def make_clip_scratch() -> ClipScratch:
-    """Return room for two polygons."""
-    return ClipScratch(np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN)))
-
-
-class Clipped(NamedTuple):
-    """What takes the place of the triangles and vertices; new vertices stand behind the old ones."""
-
-    triangles: Triangles  # a part has the corners of its face; its clipped_idx is a row of `planes`, that of others -1
-    vertices: Vertices
-    faces: np.ndarray  # (n,) uint32, the face that each triangle is a part of
-    planes: np.ndarray  # (n_clipped, face_planes.N_COLUMN) float64
-    n_clipped: int  # faces that were clipped or lie wholly outside
-
-
-def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped:
-    """Clip every triangle that has an OUTSIDE vertex.
-
-    Parameters
-    ----------
-    positions : (3, n) float64, world space, scene units
-    """
-    vertex_idx = triangles.vertex_idx
-    touched = np.flatnonzero((vertices.x[vertex_idx] == OUTSIDE).any(axis=0))
-    crossing, scratch = np.empty(len(touched), np.uint32), make_clip_scratch()
-    crossing = crossing[: find_crossing(positions, vertex_idx, touched.astype(np.uint32), screen, scratch, crossing)]
-    most = len(crossing) * (MOST_CORNERS - 2)
-    parts, owners = np.empty((most, 3, N_CORNER_COLUMN)), np.empty(most, np.uint32)
-    n_part = clip_faces(positions, vertex_idx, crossing, screen, scratch, parts, owners)
-    parts, owners = parts[:n_part], owners[:n_part]
-
-    planes, z_planes = compute_face_planes(positions, vertex_idx[:, crossing], screen)
-    least, largest = compute_depth_ranges(parts[:, :, W], owners, len(crossing))
-    if screen.is_perspective:
-        planes[:, LEAST_SUM], planes[:, LARGEST_SUM] = 1.0 / largest, 1.0 / least
-    # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See setup.py:
-    # MAX_CLIPPED_SLOPE.
-    z_ranges = np.sort(compute_z(np.stack([least, largest], axis=1), screen), axis=1)
-    new_vertices, is_placed = snap_corners(parts, np.repeat(owners, 3), z_planes, z_ranges, screen)
-    new_idx = np.arange(len(vertices.x), len(vertices.x) + 3 * n_part, dtype=np.uint32).reshape(-1, 3)[is_placed].T
-
-    # Put the new triangles where the old ones stood: order is what decides at equal depth.
-    is_whole = np.ones(vertex_idx.shape[1], bool)
-    is_whole[touched] = False
-    whole, owners = np.flatnonzero(is_whole).astype(np.uint32), owners[is_placed]
-    faces = np.concatenate([whole, crossing[owners]])
-    order = np.argsort(faces, kind="stable")
-    faces = faces[order]
-    parted = Triangles(
-        np.ascontiguousarray(np.concatenate([vertex_idx[:, whole], new_idx], axis=1)[:, order]),
-        np.ascontiguousarray(triangles.corner_idx[:, faces]),
-        triangles.is_inverted[faces],
-        triangles.material[faces] if len(triangles.material) else triangles.material,
-        np.concatenate([np.full(len(whole), -1, np.int32), owners.astype(np.int32)])[order],
-        z_ranges,
-    )
-    vertices = Vertices(*(np.append(old, new) for old, new in zip(vertices, new_vertices, strict=True)))
-    return Clipped(parted, vertices, faces, planes, len(touched))
-
-
-def snap_corners(parts, owners, z_planes, z_ranges, screen):
-    """Round the corners of parts to 1/256 px: (Vertices, which parts have all of their corners on the screen).
-
-    Parameters
-    ----------
-    parts : (n, 3, N_CORNER_COLUMN) float64
-    owners : (3 n,) uint32, the face that each corner is one of, below n_clipped
-    z_planes : (n_clipped, 3) float64, see clip.py
-    z_ranges : (n_clipped, 2) float64, least and largest z that is seen of each face
-    """
-    corners = parts.reshape(-1, N_CORNER_COLUMN)
-    depth = corners[:, W]
-    w = depth if screen.is_perspective else np.ones(len(depth))
-    x, y = project(corners[:, ACROSS], corners[:, UPWARD], w, screen)
-    is_finite = np.isfinite(x) & np.isfinite(y) & np.isfinite(depth)
-    # New corners lie on the limits but for rounding.
-    x, y = (np.where(is_finite, np.rint(np.clip(values, -LIMIT, LIMIT)), 0.0) for values in (x, y))
-    plane = z_planes[owners]
-    z = plane[:, 0] + plane[:, 1] * x + plane[:, 2] * y
-    z = np.where(np.isnan(z), z_ranges.mean(axis=1)[owners], z)  # the face is seen edge-on
-    x, y = np.where(is_finite, x, OUTSIDE).astype(np.int32), np.where(is_finite, y, 0).astype(np.int32)
-    return Vertices(x, y, z), is_finite.reshape(-1, 3).all(axis=1)
-
-
-def compute_depth_ranges(w, owners, n_clipped):
-    """Compute the least and the largest depth of the parts of each face; 1 for a face of which nothing is left.
-
-    Parameters
-    ----------
-    w : (n_part, 3) float64, scene units
-    owners : (n_part,) uint32, the face that each part is one of, below n_clipped
-
-    Returns
-    -------
-    two arrays (n_clipped,) float64, scene units
-    """
-    least, largest = np.full(n_clipped, np.inf), np.full(n_clipped, -np.inf)
-    np.minimum.at(least, owners, w.min(axis=1))
-    np.maximum.at(largest, owners, w.max(axis=1))
-    is_left = least <= largest
-    return np.where(is_left, least, 1.0), np.where(is_left, largest, 1.0)
-
-
-# ---------------------------------------------------------------- kernels
+# ---------------------------------------------------------------- parts of faces
 
 
 @kernel
@@ -358,6 +287,7 @@ def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are looked at
+    screen : Screen
     scratch : ClipScratch
     out_faces : (n,) uint32
     """
@@ -388,9 +318,10 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are clipped
+    screen : Screen
     scratch : ClipScratch
-    out_parts : (n (MOST_CORNERS - 2), 3, N_CORNER_COLUMN) float64
-    out_owners : (n (MOST_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
+    out_parts : (n (MAX_CORNERS - 2), 3, N_CORNER_COLUMN) float64
+    out_owners : (n (MAX_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
     """
     polygon, other, n_out = scratch.even, scratch.odd, index(0)
     for owner in range(index(len(faces))):
@@ -400,7 +331,7 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
             n = clip_polygon(polygon, n, plane, screen, GUARD_BAND, other)
             polygon, other = other, polygon
         first = find_topmost(polygon, n, screen)
-        for k in range(index(2), index(min(max(n, 2), MOST_CORNERS))):
+        for k in range(index(2), index(min(max(n, 2), MAX_CORNERS))):
             for column in range(N_CORNER_COLUMN):
                 out_parts[n_out, 0, column] = polygon[first, column]
                 out_parts[n_out, 1, column] = polygon[(first + k - index(1)) % index(n), column]
@@ -421,44 +352,6 @@ def find_topmost(polygon, n, screen):
         if y < least_y or (y == least_y and x < least_x):
             topmost, least_x, least_y = k, x, y
     return topmost
-
-
-def find_nearest(positions, vertex_idx, screen, width, height) -> float:
-    """Find the least distance along the viewing axis at which any triangle is seen in the picture; infinite if none is.
-
-    For a camera inside the scene: what is behind it or beside the picture says nothing about the depths that are seen.
-
-    Parameters
-    ----------
-    positions : (3, n) float64, world space, scene units
-    vertex_idx : (3, n_face) uint32
-    width, height : of the picture, px
-    """
-    window = Window(0.0, float(width), 0.0, float(height))
-    return search_nearest(positions, vertex_idx, screen, window, make_clip_scratch())
-
-
-@kernel
-def search_nearest(positions, vertex_idx, screen, window, scratch):
-    """Clip every triangle that may lie nearer than those before it; return the least distance, see `find_nearest`.
-
-    Parameters
-    ----------
-    window : Window, the picture
-    scratch : ClipScratch
-    """
-    polygon, other, nearest = scratch.even, scratch.odd, np.inf
-    for face in range(index(vertex_idx.shape[1])):
-        gather_corners(positions, vertex_idx, face, screen, polygon)
-        if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest or is_beyond(polygon, screen, window):
-            continue
-        n = 3
-        for plane in range(N_CLIP_PLANE):
-            n = clip_polygon(polygon, n, plane, screen, window, other)
-            polygon, other = other, polygon
-        for k in range(index(n)):
-            nearest = min(nearest, polygon[k, W])
-    return nearest
 
 
 @helper
@@ -523,3 +416,46 @@ def signed_distance(corner, plane, screen, window):
     y = screen.scale_y * corner[UPWARD]
     border = screen.center_y - window.top if plane == TOP else window.bottom - screen.center_y
     return border * scale + (-y if plane == TOP else y)
+
+
+# ---------------------------------------------------------------- the nearest depth that is seen
+
+
+def find_nearest(positions, vertex_idx, screen, width, height) -> float:
+    """Find the least distance along the viewing axis at which any triangle is seen in the picture; infinite if none is.
+
+    For a camera inside the scene: what is behind it or beside the picture says nothing about the depths that are seen.
+
+    Parameters
+    ----------
+    positions : (3, n) float64, world space, scene units
+    vertex_idx : (3, n_face) uint32
+    width, height : of the picture, px
+    """
+    window = Window(0.0, float(width), 0.0, float(height))
+    return search_nearest(positions, vertex_idx, screen, window, make_clip_scratch())
+
+
+@kernel
+def search_nearest(positions, vertex_idx, screen, window, scratch):
+    """Clip every triangle that may lie nearer than those before it; return the least distance, see `find_nearest`.
+
+    Parameters
+    ----------
+    positions : (3, n) float64, world space, scene units · vertex_idx : (3, n_face) uint32
+    screen : Screen
+    window : Window, the picture
+    scratch : ClipScratch
+    """
+    polygon, other, nearest = scratch.even, scratch.odd, np.inf
+    for face in range(index(vertex_idx.shape[1])):
+        gather_corners(positions, vertex_idx, face, screen, polygon)
+        if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest or is_beyond(polygon, screen, window):
+            continue
+        n = 3
+        for plane in range(N_CLIP_PLANE):
+            n = clip_polygon(polygon, n, plane, screen, window, other)
+            polygon, other = other, polygon
+        for k in range(index(n)):
+            nearest = min(nearest, polygon[k, W])
+    return nearest

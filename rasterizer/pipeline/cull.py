@@ -1,8 +1,9 @@
-"""Stage 3, cull: which triangles can cover a sample, and in which bands.
+"""Stage 3, cull: which triangles can cover a sample, sorted into bands of scanlines.
 
 In:  index columns of the triangles, and the vertices on the screen.
-Out: `Visible`: the triangles that are left, in face order, each with the first and last band of scanlines that it
-     reaches.
+Out: `Visible`: the triangles that are left, in face order, each with the first and last band that it reaches; then
+     `BandLists`: a list of triangles for every band. Every part of the range of faces has its own, which the thread
+     sorts that has found them: no thread waits for another one. `join_lists` puts those of a band together.
 
 A triangle is dropped when it has no area, when a vertex is OUTSIDE (the clip stage has put its parts in its place),
 when its back is seen and backs are culled, when its box holds no sample of the picture, or when its box is small and
@@ -10,7 +11,7 @@ none of its samples is covered. PASS triangles at a time go through four loops: 
 side by side the compiler's vector instructions find the signs of their areas, then what their boxes hold, and what is
 left is written out without a branch.
 
-    box of a sliver   + . . +     Up to MOST_WIDE x MOST_WIDE samples are tested with the edge functions of the scan
+    box of a sliver   + . . +     Up to SMALL_BOX x SMALL_BOX samples are tested with the edge functions of the scan
                       |\\    |     stage, in exact integers. They hold the top-left rule, so a triangle that is dropped
     . sample          | '\\. |     covers none of these samples.
                       +----'+
@@ -19,18 +20,24 @@ What is covered lies in the half-open box that `first_sample` makes of the corne
 corners: a sample right of m is outside. One at m is inside only on a vertex or an edge there. An edge along m has the
 triangle on its left, so it is no left edge; every other edge that reaches m ends there, and of the two that meet, one
 has the triangle on its left. The same holds for the greatest y.
+
+Bands are a counting sort: the classic bucket-sorted edge table with bands instead of scanlines. A band is the unit of
+parallel work, and so small that its visibility buffer stays in the L2 cache. The order within a band is the order of
+the faces, whatever the number of threads, so the picture can't depend on it.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
+from ..geometry.vectors import dot, subtract, vector_of_column
 from .transform import HALF, OUTSIDE, SUBPIXEL
 
 PASS = 2048  # triangles: what is noted of them on the way stays in the L1 and L2 caches
 SUBPIXEL_SHIFT = 8  # log2 of SUBPIXEL
-MOST_WIDE = 3  # columns and rows of samples of a small box; 4 gains nothing: larger triangles hold many samples
+SMALL_BOX = 3  # columns and rows of samples of a small box; 4 gains nothing: larger triangles hold many samples
 
 
 class Grid(NamedTuple):
@@ -71,12 +78,6 @@ def make_cull_scratch() -> CullScratch:
     return CullScratch(np.empty(PASS, np.uint32), np.empty(N_ROW * PASS, np.int32))
 
 
-@helper
-def first_sample(coordinate):
-    """Compute the column or row of the first sample at or beyond a coordinate in 1/256 px, int64; exact."""
-    return (np.int64(coordinate) + HALF - 1) >> SUBPIXEL_SHIFT
-
-
 def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, then=None) -> list:
     """Drop the triangles that can't be seen; one Visible for each part of the range of faces, in order.
 
@@ -108,7 +109,11 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, cull_back, scratch, 
 
     Parameters
     ----------
+    start, end : the range of triangles, half-open
     vertex_idx : (3, n_face) uint32
+    vertices : Vertices, on the screen
+    grid : Grid
+    cull_back : bool, drop triangles that are seen clockwise
     scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
@@ -172,7 +177,7 @@ def flag_covering(n, grid, scratch):
         left, right = max(first_x, np.int32(0)), min(end_x, np.int32(grid.width))
         top, bottom = max(first_y, np.int32(0)), min(end_y, np.int32(grid.height))
         is_hit = (left < right) & (top < bottom) & (rows[SIDE + k] != 0)
-        is_large = (end_x - first_x > MOST_WIDE) | (end_y - first_y > MOST_WIDE)
+        is_large = (end_x - first_x > SMALL_BOX) | (end_y - first_y > SMALL_BOX)
         triangle = (x0, y0, x1, y1, x2, y2)
         rows[IS_KEPT + k] = is_hit & (is_large | is_any_covered(triangle, rows[SIDE + k], left, top))
         rows[TOP + k], rows[BOTTOM + k] = top, bottom
@@ -190,9 +195,9 @@ def is_any_covered(triangle, side, left, top):
     """
     (e0, e1, e2), (dx0, dx1, dx2), (dy0, dy1, dy2) = edge_functions(triangle, side, left, top)
     outside = np.int32(-1)  # its sign is set while no sample is inside of all edges
-    for _ in range(MOST_WIDE):
+    for _ in range(SMALL_BOX):
         at0, at1, at2 = e0, e1, e2
-        for _ in range(MOST_WIDE):
+        for _ in range(SMALL_BOX):
             outside = np.int32(outside & np.int32(np.int32(at0 | at1) | at2))
             at0, at1, at2 = np.int32(at0 + dx0), np.int32(at1 + dx1), np.int32(at2 + dx2)
         e0, e1, e2 = np.int32(e0 + dy0), np.int32(e1 + dy1), np.int32(e2 + dy2)
@@ -203,7 +208,7 @@ def is_any_covered(triangle, side, left, top):
 def edge_functions(triangle, side, left, top):
     """Evaluate the three edge functions of a triangle at a sample: values, and steps to the right and down; int32.
 
-    The corners of a small box lie within MOST_WIDE + 1 px of every sample in it. So products of two lengths are below
+    The corners of a small box lie within SMALL_BOX + 1 px of every sample in it. So products of two lengths are below
     2^21, and nothing wraps.
     """
     x0, y0, x1, y1, x2, y2 = triangle
@@ -224,6 +229,12 @@ def edge_function(xa, ya, xb, yb, side, sx, sy):
     is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
     value = np.int32(dx * np.int32(sy - ya) - dy * np.int32(sx - xa) - (0 if is_top_left else 1))
     return value, np.int32(dy * -SUBPIXEL), np.int32(dx * SUBPIXEL)
+
+
+@helper
+def first_sample(coordinate):
+    """Compute the column or row of the first sample at or beyond a coordinate in 1/256 px, int64; exact."""
+    return (np.int64(coordinate) + HALF - 1) >> SUBPIXEL_SHIFT
 
 
 @helper
@@ -249,3 +260,149 @@ def append_kept(n, n_kept, grid, scratch, out):
         histogram[index(out_first[k])] += 1  # for now: how many more than in the band before
         histogram[index(out_last[k]) + index(1)] -= 1
     return n_kept
+
+
+# ---------------------------------------------------------------- bands
+
+
+class BandLists(NamedTuple):
+    """Lists of the triangles of a part, one after the other: those of band b are faces[starts[b]:starts[b + 1]]."""
+
+    faces: np.ndarray  # (n,) uint32
+    starts: np.ndarray  # (n_band + 1,) int64
+    n_visible: int  # triangles
+    n_culled: int
+
+
+class Band(NamedTuple):
+    """Rows y_start..y_end of samples of the picture, and the triangles that meet them."""
+
+    faces: np.ndarray  # (n,) uint32, ascending
+    y_start: int
+    y_end: int
+
+    @property
+    def n_row(self) -> int:
+        """Rows of samples."""
+        return self.y_end - self.y_start
+
+
+class Rows(NamedTuple):
+    """Rows y_start..y_end of samples."""
+
+    y_start: int
+    y_end: int
+
+
+def sort_into_bands(visible) -> BandLists:
+    """Sort the visible triangles of a part into bands.
+
+    Parameters
+    ----------
+    visible : cull.Visible
+    """
+    starts = np.zeros(len(visible.histogram) + 1, np.int64)
+    np.cumsum(visible.histogram, out=starts[1:])
+    faces = np.empty(starts[-1], np.uint32)
+    scatter(visible.faces, visible.first_bands, visible.last_bands, starts[:-1].copy(), faces)
+    return BandLists(faces, starts, len(visible.faces), visible.n_culled)
+
+
+@kernel
+def scatter(faces, first_bands, last_bands, cursors, out_faces):
+    """Append every triangle to the lists of the bands that it reaches.
+
+    Parameters
+    ----------
+    faces : (n,) uint32
+    first_bands, last_bands : (n,) uint16 or uint32, inclusive
+    cursors : (n_band,) int64, where in `out_faces` each list's next entry goes; moved on
+    out_faces : (n_listed,) uint32
+    """
+    for k in range(len(faces)):
+        for band in range(index(first_bands[k]), index(last_bands[k]) + index(1)):
+            out_faces[index(cursors[band])] = faces[k]
+            cursors[band] += 1
+
+
+def join_lists(parts) -> BandLists:
+    """Put the lists of all parts together: those of a band one after the other, its triangles ascending.
+
+    It is done once, before the bands are drawn: numpy gives the GIL away for a copy, and threads that copied between
+    bands would wait for it.
+
+    Parameters
+    ----------
+    parts : list of BandLists, one for each part of the range of faces, in order
+    """
+    if len(parts) == 1:
+        return parts[0]
+    starts, cuts = sum(part.starts for part in parts), [part.starts.tolist() for part in parts]
+    lists = [part.faces[cut[k] : cut[k + 1]]
+             for k in range(len(starts) - 1) for part, cut in zip(parts, cuts, strict=True)]  # fmt: skip
+    n_visible, n_culled = sum(part.n_visible for part in parts), sum(part.n_culled for part in parts)
+    return BandLists(np.concatenate(lists), starts, n_visible, n_culled)
+
+
+# ---------------------------------------------------------------- views that see a part of the scene
+
+# Triangles can't be seen in a view where all their vertices lie beyond the same of its planes.
+#
+# Source: the outcodes of Cohen & Sutherland; Newman & Sproull 1973, "Principles of Interactive Computer Graphics".
+
+MAX_PLANES = 8  # bits of an outcode
+
+
+def list_seen_faces(positions: NDArray, vertex_idx: NDArray, eye: NDArray, planes: NDArray) -> NDArray[np.uint32]:
+    """Find the triangles that don't lie beyond one plane as a whole, (n,) indices in order.
+
+    Parameters
+    ----------
+    positions : (3, n_vertex) float64, world space, scene units
+    vertex_idx : (3, n_face) uint32
+    eye : (3,) float64, world space, on all planes
+    planes : (n_plane, 3) float64, up to MAX_PLANES normals; a point is beyond where n·(P - eye) < 0, and never where
+        that is no number
+    """
+    outcodes = np.empty(positions.shape[1], np.uint8)
+    compute_outcodes(positions, eye, planes, outcodes)
+    faces = np.empty(vertex_idx.shape[1], np.uint32)
+    return faces[: list_seen(vertex_idx, outcodes, faces)]
+
+
+@kernel
+def compute_outcodes(positions, eye, planes, out_outcodes):
+    """Compute a bit for each plane that a vertex lies beyond.
+
+    Parameters
+    ----------
+    positions : (3, n_vertex) float64, world space, scene units
+    eye : (3,) float64, world space · planes : (n_plane, 3) float64, see `list_seen_faces`
+    out_outcodes : (n_vertex,) uint8
+    """
+    origin = eye[0], eye[1], eye[2]
+    for k in range(index(len(out_outcodes))):
+        away = subtract(vector_of_column(positions, k), origin)
+        outcode = np.int64(0)
+        for plane in range(index(len(planes))):
+            is_beyond = dot((planes[plane, 0], planes[plane, 1], planes[plane, 2]), away) < 0.0
+            outcode |= np.int64(is_beyond) << np.int64(plane)
+        out_outcodes[k] = outcode
+
+
+@kernel
+def list_seen(vertex_idx, outcodes, out_faces):
+    """List the triangles whose vertices have no bit in common; return how many they are.
+
+    Parameters
+    ----------
+    vertex_idx : (3, n_face) uint32
+    outcodes : (n_vertex,) uint8
+    out_faces : (n_face,) uint32
+    """
+    n = index(0)
+    for face in range(index(vertex_idx.shape[1])):
+        first, second, third = vertex_idx[0, face], vertex_idx[1, face], vertex_idx[2, face]
+        out_faces[n] = face
+        n += index((outcodes[first] & outcodes[second] & outcodes[third]) == 0)
+    return np.int64(n)

@@ -42,15 +42,18 @@ def place_lines(segments, sides, width):
     (n, 3) float64: how far the middle of the line lies beside the edge, x and y, and how far it reaches from there
     """
     end = max(width, 0.5 + 0.5 * width)
-    shift, reach = np.where(sides != 0.0, 0.5 * end - 0.25, 0.0), np.where(sides != 0.0, 0.5 * end + 0.25, 0.5 * width)
+    shift, half_width = (
+        np.where(sides != 0.0, 0.5 * end - 0.25, 0.0),
+        np.where(sides != 0.0, 0.5 * end + 0.25, 0.5 * width),
+    )
     along = segments[:, 3:5] - segments[:, :2]
     size = np.hypot(along[:, 0], along[:, 1])
     scale = sides * shift / np.where(size > 0.0, size, np.inf)
-    return np.stack([-scale * along[:, 1], scale * along[:, 0], reach], axis=1)
+    return np.stack([-scale * along[:, 1], scale * along[:, 0], half_width], axis=1)
 
 
 @kernel
-def draw_edges(segments, lines, most, is_perspective, depth, out):
+def draw_edges(segments, lines, max_share, is_perspective, depth, out):
     """Find the share of each sample that lines along edges cover.
 
     Parameters
@@ -58,18 +61,19 @@ def draw_edges(segments, lines, most, is_perspective, depth, out):
     segments : (n, 6) float64, edges: x, y (samples) and nearness of both ends; nearness is 1/depth, without perspective
         the depth
     lines : (n, 3) float64, see `place_lines`
-    most : the largest share
+    max_share : the largest share, 0..1
+    is_perspective : whether nearness is 1/depth
     depth : (height, width) float32, inf where nothing is seen
     out : the same, comes in as 0
     """
     n_row, n_column = depth.shape
     for k in range(index(len(segments))):
-        aside_x, aside_y, reach = lines[k, 0], lines[k, 1], lines[k, 2]
+        aside_x, aside_y, half_width = lines[k, 0], lines[k, 1], lines[k, 2]
         x0, y0, near0 = segments[k, 0] + aside_x, segments[k, 1] + aside_y, segments[k, 2]
         dx, dy, d_near = segments[k, 3] + aside_x - x0, segments[k, 4] + aside_y - y0, segments[k, 5] - near0
         square = dx * dx + dy * dy
         inverse = 1.0 / square if square > 0.0 else 0.0
-        around = reach + 1.0  # where no more than nothing is covered
+        around = half_width + 1.0  # where no more than nothing is covered
         low, high = min(x0, x0 + dx) - around, max(x0, x0 + dx) + around
         half = around * np.sqrt(square) / abs(dy) if dy != 0.0 else np.inf  # along a row
         first, end = max(min(y0, y0 + dy) - around, 0.0), min(max(y0, y0 + dy) + around, float(n_row))
@@ -82,7 +86,7 @@ def draw_edges(segments, lines, most, is_perspective, depth, out):
                 x = column + 0.5
                 t = min(max(((x - x0) * dx + (y - y0) * dy) * inverse, 0.0), 1.0)
                 near_x, near_y, nearness = x0 + t * dx, y0 + t * dy, near0 + t * d_near
-                share = min(reach + 0.5 - np.sqrt((x - near_x) ** 2 + (y - near_y) ** 2), most)
+                share = min(half_width + 0.5 - np.sqrt((x - near_x) ** 2 + (y - near_y) ** 2), max_share)
                 if share > out[index(row), index(column)] and depth[index(row), index(column)] < np.inf:
                     z = 1.0 / nearness if is_perspective else nearness
                     point = near_x - aside_x, near_y - aside_y, z

@@ -1,57 +1,58 @@
 """Gradients: the planes of what is interpolated over a block of triangles, and whether they are good enough.
 
-In:  a `Block` of setup.py: vertices, slopes, attributes.
+In:  a `Block` of setup.py: vertices, slopes, attributes, and the error that is accepted.
 Out: planes (value at the anchor, d/dx, d/dy) in its rows PLANE_LEVEL and PLANE_ATTRIBUTE; HAS_LEVELS and HAS_PLANES are
      1 for the triangles of which these err by no more than the tolerance.
 
-There are three ways for a triangle's attributes to reach its samples. Its material says which is the cheapest that will
-do for its illumination; each triangle takes the cheapest from there on that is good enough for its shape:
+There are three paths for a triangle's attributes to its samples. Its material says which is the cheapest that will do
+for its illumination; each triangle takes the cheapest from there on that is good enough for its shape:
 
 * In entries: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
   (Gouraud 1971). One channel, flat shading and Gouraud's method.
-* In planes: a record holds value, d/dx and d/dy of every attribute in float32, over w or not: the normals of Phong's
-  method, and intensities of three channels or in strong perspective (planes.py).
+* In planes: a record holds value, d/dx and d/dy of every attribute in float32: the normals of Phong's method over w,
+  and intensities of three channels or in strong perspective.
 * Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
   perspective and in float64. What the first two can't do within the tolerance, and everything at tolerance 0.
 
 Which one is decided by bounds that stand beside the code, never by measuring. Letters: w distance along the viewing
-axis, r = w_0/w the same inverted, with w_0 the nearest one that is seen, I intensity, n normal, u = 2^-24 the rounding
-of float32. An index 0, 1, 2 is a vertex, x and y are slopes.
+axis, r = w_0/w the same inverted, with w_0 the nearest one that is seen, I intensity, n normal, a any other value, m
+the largest |a| of a triangle, s what a plane rises by over its box, u = 2^-24 the rounding of float32. An index 0, 1, 2
+is a vertex, x and y are slopes.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index
+from ..compiler.kernels import choice, class_of, helper, index
 from . import setup as s
-from .planes import (
+from .setup import (
+    MIN_INVERSE,
+    SINGLE,
     DepthScale,
     compute_plane,
-    compute_value_planes,
     depth_rounding,
-    inverse_depths,
-    straight_depths,
+    linear_in_z,
     values_at,
 )
-from .texture_planes import TEXCOORDS, TextureCoding, compute_texcoord_planes
+from .textures import TEXCOORDS, TextureCoding, compute_texcoord_planes
 from .visibility import LEVEL_MASK
 
-EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take
-# What a material needs, bits: float32, or float64 and so exact records; three channels; a texture; that what is behind
-# is seen, or nothing but that.
-NEEDS_SINGLE, NEEDS_DOUBLE, NEEDS_COLORS, NEEDS_TEXTURE, NEEDS_BEHIND, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
+EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest path that a material's triangles may take
+# Features of a material, bits: it is computed in float32, or in float64 and so from exact records; it has three
+# channels, a texture; what is behind it is seen, or nothing else.
+SINGLE_PRECISION, DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, IS_TRANSPARENT, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
 # Colours that are given with the model; an exact record beside the planes.
-NEEDS_ALBEDO, NEEDS_CORNERS = 64, 128
-MOST_CHANNELS = 3
-MOST_EXTENT = 128  # columns and rows together of the box of a triangle whose entries tell its depths, see buffers.py
+HAS_ALBEDO, HAS_CORNERS = 64, 128
+MAX_CHANNELS = 3
+MAX_EXTENT = 128  # columns and rows together of the box of a triangle whose entries tell its depths, see buffers.py
 
 
 class Coding(NamedTuple):
     """How this frame's attributes reach the samples. Its subclass, and what is None, decide what is compiled."""
 
-    ways: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
-    needs: np.ndarray  # (n_material,) uint8: the bits above
+    paths: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
+    features: np.ndarray  # (n_material,) uint8: the bits above
     reads_double: np.ndarray  # (n_material,) bool: attributes are those in float64
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
@@ -74,28 +75,16 @@ class BufferCoding(Coding):
     """Nothing in planes: small triangles leave their index alone, unless corners are asked for; see buffers.py."""
 
 
-def choose_gradients(n_attribute, coding, block):
-    """Return what is compiled in the place of `compute_gradients`: only what the coding needs."""
-    if coding.instance_class is LevelCoding:
-        return compute_levels
-    if coding.instance_class is NormalCoding:
-        return compute_normals
-    if coding.instance_class is BufferCoding:
-        return find_small
-    return compute_none
-
-
-@choice(choose_gradients)
+@choice
 def compute_gradients(n_attribute, coding, block):
     """Compute the planes of a block's attributes; clear HAS_LEVELS and HAS_PLANES where they aren't good enough."""
-    if isinstance(coding, LevelCoding):
-        compute_levels(n_attribute, coding, block)
-    elif isinstance(coding, NormalCoding):
-        compute_normals(n_attribute, coding, block)
-    elif isinstance(coding, BufferCoding):
-        find_small(n_attribute, coding, block)
-    else:
-        compute_none(n_attribute, coding, block)
+    if class_of(coding) is LevelCoding:
+        return compute_levels
+    if class_of(coding) is NormalCoding:
+        return compute_normals
+    if class_of(coding) is BufferCoding:
+        return find_small
+    return compute_none
 
 
 @helper
@@ -112,7 +101,10 @@ def find_small(n_attribute, coding, block):
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = ints[s.IS_WEIGHTED + k] = 0
-        ints[s.HAS_PLANES + k] &= ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k] <= MOST_EXTENT
+        ints[s.HAS_PLANES + k] &= ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k] <= MAX_EXTENT
+
+
+# ---------------------------------------------------------------- levels, in entries
 
 
 @helper
@@ -125,7 +117,7 @@ def compute_levels(n_attribute, coding, block):
     for k in range(index(s.BLOCK)):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
-        compute_value_planes(0, MOST_CHANNELS, coding.depths, block)
+        compute_value_planes(0, MAX_CHANNELS, coding.depths, block)
         compute_textured(n_attribute, coding.textures, coding.depths, block)
 
 
@@ -133,9 +125,57 @@ def compute_levels(n_attribute, coding, block):
 def compute_textured(n_attribute, textures, depths, block):
     """Compute the planes of what textured surfaces give off, and of texture coordinates, if any stand in planes."""
     if textures is not None:
-        if n_attribute > MOST_CHANNELS:
-            compute_value_planes(MOST_CHANNELS, MOST_CHANNELS, depths, block)
+        if n_attribute > MAX_CHANNELS:
+            compute_value_planes(MAX_CHANNELS, MAX_CHANNELS, depths, block)
         compute_texcoords(n_attribute, textures, depths, block)
+
+
+@helper
+def compute_level_plane(coding, block):
+    """Compute the plane, in whole levels, of the intensity of triangles whose materials have one channel.
+
+    Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no
+    value can leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both
+    ends; a range below 2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <=
+    |ΔI|·(r-1)/4 with r = w_max/w_min: the first is (r-1)/(√r+1)².
+    Whatever the intensities are, also none (NaN), negative or infinite ones, the levels are within 0..LEVEL_MASK - 1:
+    no entry can carry into the bits above it.
+    """
+    ints, longs, reals = block.ints, block.longs, block.reals
+    scale, highest = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
+    for k in range(index(s.BLOCK)):
+        path, tolerance = ints[s.PATH + k], reals[s.LIMIT + k] * scale
+        i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
+        level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
+        low, high = min(level0, level1, level2), max(level0, level1, level2)
+        spread, middle = high - low, 0.5 * (low + high)
+        margin = float(ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k]) + 1.0  # 2e
+        shrink = 1.0 - margin / spread if spread > margin else 0.0
+        drift = margin if spread > margin else 0.5 * spread
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
+        least = min(w0, w1, w2)
+        rise = max(w0, w1, w2) - least
+        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
+        # vertices.
+        is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
+        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)
+        ints[s.HAS_PLANES + k] &= path != EXACT
+        rise1, rise2 = (level1 - level0) * shrink, (level2 - level0) * shrink
+        dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
+        dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
+        value = middle + (level0 - middle) * shrink + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
+        longs[s.PLANE_LEVEL + k], longs[s.PLANE_LEVEL_DX + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
+        longs[s.PLANE_LEVEL_DY + k] = np.int64(np.rint(dy))
+
+
+@helper
+def clamp(level, highest):
+    """Return the level within 0..highest; 0 where it is no number."""
+    level = level if level > 0.0 else 0.0
+    return level if level < highest else highest
+
+
+# ---------------------------------------------------------------- normals
 
 
 @helper
@@ -144,7 +184,7 @@ def compute_normals(n_attribute, coding, block):
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = 0
-        ints[s.HAS_PLANES + k] &= ints[s.WAY + k] == IN_PLANES
+        ints[s.HAS_PLANES + k] &= ints[s.PATH + k] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
         for k in range(index(s.BLOCK)):
@@ -166,51 +206,6 @@ def compute_texcoords(n_attribute, textures, depths, block):
 
 
 @helper
-def compute_level_plane(coding, block):
-    """Compute the plane, in whole levels, of the intensity of triangles whose materials have one channel.
-
-    Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no
-    value can leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both
-    ends; a range below 2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <=
-    |ΔI|·(r-1)/4 with r = w_max/w_min: the first is (r-1)/(√r+1)².
-    Whatever the intensities are, also none (NaN), negative or infinite ones, the levels are within 0..LEVEL_MASK - 1:
-    no entry can carry into the bits above it.
-    """
-    ints, longs, reals = block.ints, block.longs, block.reals
-    scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
-    for k in range(index(s.BLOCK)):
-        way, tolerance = ints[s.WAY + k], reals[s.LIMIT + k] * scale
-        i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
-        level0, level1, level2 = clamp(i0 * scale, most), clamp(i1 * scale, most), clamp(i2 * scale, most)
-        low, high = min(level0, level1, level2), max(level0, level1, level2)
-        spread, middle = high - low, 0.5 * (low + high)
-        reach = float(ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k]) + 1.0  # 2e
-        shrink = 1.0 - reach / spread if spread > reach else 0.0
-        drift = reach if spread > reach else 0.5 * spread
-        w0, w1, w2 = inverse_depths(k, coding.depths, block)
-        least = min(w0, w1, w2)
-        rise = max(w0, w1, w2) - least
-        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
-        # vertices.
-        is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
-        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)
-        ints[s.HAS_PLANES + k] &= way != EXACT
-        rise1, rise2 = (level1 - level0) * shrink, (level2 - level0) * shrink
-        dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
-        dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
-        value = middle + (level0 - middle) * shrink + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
-        longs[s.PLANE_LEVEL + k], longs[s.PLANE_LEVEL_DX + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
-        longs[s.PLANE_LEVEL_DY + k] = np.int64(np.rint(dy))
-
-
-@helper
-def clamp(level, most):
-    """Return the level within 0..most; 0 where it is no number."""
-    level = level if level > 0.0 else 0.0
-    return level if level < most else most
-
-
-@helper
 def compute_normal_planes(coding, block):
     """Compute the planes of n/w: their direction is all that counts, so 1/w is scaled to at most 1.
 
@@ -220,7 +215,7 @@ def compute_normal_planes(coding, block):
     shortest_normal says how long n/w is at least. Where nothing is left of it, the record is exact.
     """
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = inverse_depths(k, coding.depths, block)
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         least = min(w0, w1, w2)
         largest = least + (max(w0, w1, w2) - least)
         sign = -1.0 if block.ints[s.IS_FLIPPED + k] else 1.0
@@ -229,13 +224,13 @@ def compute_normal_planes(coding, block):
         # Three equal normals stay exactly constant if no w is mixed in; then the length is 1.
         w0, w1, w2 = sign if is_flat else w0 * scale, sign if is_flat else w1 * scale, sign if is_flat else w2 * scale
         length *= 1.0 if is_flat else least / largest
-        most = 0.0
+        rise = 0.0
         for axis in range(index(3)):
             n0, n1, n2 = values_at(s.ATTRIBUTE + axis * s.NEXT_PLANE + k, block)
-            most = max(most, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
+            rise = max(rise, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
         # No normals at all are exact.
         limit = block.reals[s.LIMIT + k]
-        block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * most <= limit * length) | (most == 0.0)
+        block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * rise <= limit * length) | (rise == 0.0)
 
 
 @helper
@@ -271,9 +266,124 @@ def check_distances(coding, block):
     With perspective it is found from 1/w, else from the depth; the other one is a constant, and its scale 0.
     """
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = inverse_depths(k, coding.depths, block)
-        d0, d1, d2 = straight_depths(k, coding.depths, block)
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
+        d0, d1, d2 = linear_in_z(k, coding.depths.depth_offset, coding.depths.depth_scale, block)
         units = depth_rounding(k, block)
         is_good = units * abs(coding.depths.inv_w_scale) <= 8.0 * 2.0**-24 * min(w0, w1, w2)
         is_good &= units * abs(coding.depths.depth_scale) <= 8.0 * 2.0**-24 * min(abs(d0), abs(d1), abs(d2))
         block.ints[s.HAS_PLANES + k] &= is_good
+
+
+# ---------------------------------------------------------------- values: intensities and albedo
+
+# * Affine: planes of the values themselves, where a triangle spans so little depth that perspective hardly bends them.
+# * Weighted: planes of a·r. A sample divides by its own r, which is found from its depth, and what leaves the range of
+#   the vertices by rounding is brought back into it (samples.py): so a constant stays one.
+
+N_VALUE = 3  # attributes that are looked at together
+
+
+@helper
+def compute_value_planes(first, max_affine, depths, block):
+    """Compute the planes of N_VALUE attributes from number `first` on, as far as triangles have them.
+
+    Parameters
+    ----------
+    first : a constant: of rows that are known when it is compiled the compiler sees that they don't overlap
+    max_affine : materials of so many attributes may have affine planes
+    depths : DepthScale
+    """
+    ints, reals = block.ints, block.reals
+    for k in range(index(s.BLOCK)):
+        n_own, accepted = ints[s.N_OWN + k] - first, reals[s.LIMIT + k]  # other materials of the block may have more
+        magnitude, spread, not_finite = measure_values(k, first, n_own, block)
+        r0, r1, r2 = linear_in_z(k, depths.ratio_offset, depths.ratio_scale, block)
+        least, largest = min(r0, r1, r2), max(r0, r1, r2)
+        is_affine = (ints[s.N_OWN + k] <= max_affine) & is_bent_little(spread, least, largest, accepted)
+        factors = 1.0 if is_affine else r0, 1.0 if is_affine else r1, 1.0 if is_affine else r2
+        rise = not_finite
+        for number in range(index(N_VALUE)):
+            a0, a1, a2 = values_at(s.ATTRIBUTE + (index(first) + number) * s.NEXT_PLANE + k, block)
+            a0, a1, a2 = a0 * factors[0], a1 * factors[1], a2 * factors[2]
+            here = compute_plane(k, index(first) + number, a0, a1, a2, block)
+            rise = larger(rise, here if number < n_own else 0.0)
+        shift = depth_rounding(k, block) * abs(depths.ratio_scale)
+        shrinkage = affine_error(magnitude, rise)
+        error = 2.0 * shrinkage if is_affine else weighted_error(magnitude, rise, least, largest, shift)
+        is_good = error <= (0.5 * accepted if is_affine else accepted)
+        is_good &= is_affine | (least >= MIN_INVERSE)
+        ints[s.HAS_PLANES + k] &= is_good | (n_own <= 0)  # where it has none of these, any are good
+        ints[s.IS_WEIGHTED + k] = ints[s.IS_WEIGHTED + k] if n_own <= 0 else not is_affine
+        for number in range(index(N_VALUE)):
+            shrink_plane(k, index(first) + number, shrinkage if is_affine else 0.0, block)
+
+
+@helper
+def measure_values(k, first, n_own, block):
+    """Return the largest absolute value and the largest range of triangle k's attributes, and 0, or NaN where one isn't
+    finite: then no plane is good."""
+    magnitude = spread = not_finite = 0.0
+    for number in range(index(N_VALUE)):
+        a0, a1, a2 = values_at(s.ATTRIBUTE + (index(first) + number) * s.NEXT_PLANE + k, block)
+        is_own = number < n_own
+        magnitude = larger(magnitude, max(abs(a0), abs(a1), abs(a2)) if is_own else 0.0)
+        spread = larger(spread, max(a0, a1, a2) - min(a0, a1, a2) if is_own else 0.0)
+        not_finite += (a0 - a0) + (a1 - a1) + (a2 - a2) if is_own else 0.0
+    return magnitude, spread, not_finite
+
+
+@helper
+def larger(before, here):
+    """Return the larger number; `before` where one of them isn't any."""
+    return here if here > before else before
+
+
+@helper
+def is_bent_little(spread, least, largest, accepted):
+    """Tell whether affine planes take half of the error that is accepted, at most.
+
+    Interpolating a instead of a·r errs by at most |Δa|·(√q - 1)/(√q + 1) <= |Δa|·(q - 1)/4 with q = r_max/r_min: the
+    first is (q - 1)/(√q + 1)².
+    """
+    return spread * (largest - least) <= 2.0 * least * accepted
+
+
+@helper
+def affine_error(magnitude, rise):
+    """Bound what float32 takes from an affine plane.
+
+    With u = 2^-24 it rounds the value at the anchor, at most m + s, and the slopes; then two products and two sums:
+    u·(3 m + 4 s). One m and one s more leave room for products of roundings and for those of float64.
+    """
+    return SINGLE * (4.0 * magnitude + 5.0 * rise)
+
+
+@helper
+def weighted_error(magnitude, rise, least, largest, shift):
+    """Bound the error of a sample's value.
+
+    A weighted plane errs by u·(3 m r_max + 4 s); a sample's r, found from a depth that is off by d z-buffer units, by
+    d·|ratio_scale|/r_min of it and 2 u more of rounding; one more is for the product. So a is off by
+
+        (u·(3 m r_max + 4 s) + m·d·|ratio_scale|)/r_min + 3 u m
+
+    `shift` is d·|ratio_scale|.
+    """
+    return (SINGLE * (3.0 * magnitude * largest + 4.0 * rise) + magnitude * shift) / least + 3.0 * SINGLE * magnitude
+
+
+@helper
+def shrink_plane(k, attribute, margin, block):
+    """Shrink an affine plane about the middle of its range by `margin` at both ends, so that no rounding can leave it;
+    a range that is less becomes a constant. Weighted planes stay as they are: of these, `margin` is 0."""
+    reals = block.reals
+    a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
+    low, high = min(a0, a1, a2), max(a0, a1, a2)
+    spread, middle = high - low, 0.5 * (low + high)
+    is_wide = spread > 2.0 * margin
+    shrink = 1.0 - 2.0 * margin / spread if is_wide else 0.0
+    row = s.PLANE_ATTRIBUTE + attribute * s.NEXT_PLANE + k
+    value = middle + (reals[row] - middle) * shrink
+    reals[row] = value if margin > 0.0 else reals[row]
+    reals[row + s.NEXT] *= shrink if margin > 0.0 else 1.0
+    reals[row + s.NEXT + s.NEXT] *= shrink if margin > 0.0 else 1.0

@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index
-from .clip import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
+from .clip import MAX_SUM, MIN_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .gradients import Coding
 from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
+from .samples import ScreenPoints, subpixel_at
 from .scan import ScanCounts
-from .screen_points import ScreenPoints, subpixel_at
 from .transform import HALF, SUBPIXEL
 from .visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
 
@@ -35,7 +35,7 @@ class ScannedBand(NamedTuple):
     counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
     n_row: int
-    points: ScreenPoints | None = None  # where its samples lie, if it is a list of them (screen_points.py)
+    points: ScreenPoints | None = None  # where its samples lie, if it is a list of them (samples.py)
 
     def uncoded(self) -> "ScannedBand":
         """Return the band for kernels that don't ask how it is coded: they are compiled once for all codings."""
@@ -137,7 +137,7 @@ def exact_triangle(records, record):
     clipped = row[index(CLIPPED_IDX)]
     if clipped >= 0:
         planes, k = records.clipped_planes, index(clipped)
-        sums = (planes[k, index(LEAST_SUM)], planes[k, index(LARGEST_SUM)])
+        sums = (planes[k, index(MIN_SUM)], planes[k, index(MAX_SUM)])
         q, q_x = corner_values(planes, k, index(WEIGHT)), corner_values(planes, k, index(WEIGHT_X))
         q_y = corner_values(planes, k, index(WEIGHT_Y))
         area = 1.0
@@ -181,7 +181,7 @@ def corner_weights(triangle, x, y):
 
 @helper
 def sample_weights(triangle, first, k):
-    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (screen_points.py)."""
+    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (samples.py)."""
     sx, sy = subpixel_at(first, k)
     return weights_at(triangle, sx, sy)
 

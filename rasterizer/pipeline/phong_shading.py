@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, kernel
+from ..compiler.kernels import choice, helper, index, is_none, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, read_vector, set_vector
-from .gradients import NEEDS_ALBEDO, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE
+from .gradients import DOUBLE_PRECISION, HAS_ALBEDO, HAS_TEXTURE, SINGLE_PRECISION
 from .interpolate import (
     corner_values,
     corner_vectors,
@@ -36,18 +36,11 @@ from .interpolate import (
 from .lighting import light_batch, normalize_normals, view_from_direction
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
-from .screen_points import (
-    ScreenPoints,
-    evaluate_planes_here,
-    evaluate_values,
-    evaluate_with_slopes,
-    fill_positions_of_points,
-    is_list,
-    samples_from,
-)
+from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes, is_list, samples_from
 from .shade import fill_weights
-from .texture_packing import S_PLANE
+from .texture_lookup import S_PLANE
 from .texturing import fill_texels, has_texcoord_planes
+from .transform import SUBPIXEL
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -73,6 +66,8 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
     Parameters
     ----------
     band : ScannedBand. Attributes 0-2 of its records are the normals, 3-5 the albedo (only of materials that have one)
+    screen : Screen
+    lighting : Lighting (lighting.py)
     faces : FaceTable
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled
@@ -118,14 +113,14 @@ class Shown(NamedTuple):
 @helper
 def select_materials(band, is_double):
     """Return which materials of a band a call is for."""
-    counts, both = band.counts, NEEDS_SINGLE | NEEDS_DOUBLE
-    return Shown(counts.material, (counts.needs & both) != both, is_double)
+    counts, both = band.counts, SINGLE_PRECISION | DOUBLE_PRECISION
+    return Shown(counts.material, (counts.features & both) != both, is_double)
 
 
 @helper
 def is_lit_here(material, band, shown):
     """Tell whether a call is for a material."""
-    return shown.is_all or bool(band.coding.needs[material] & NEEDS_DOUBLE) == shown.is_double
+    return shown.is_all or bool(band.coding.features[material] & DOUBLE_PRECISION) == shown.is_double
 
 
 @helper
@@ -166,27 +161,21 @@ def write_radiance(batch, n, n_channel, tint, out_radiance, start):
 @helper
 def gather_fragments(entries, band, first, material, texturing, screen, is_double, batch):
     """Fill normals, distances and albedo of the samples, and evaluate planes of texture coordinates for them; `first`
-    says where they lie (screen_points.py).
+    says where they lie (samples.py).
 
     Samples that show nothing get anything.
     """
-    has_albedo = band.coding.needs[material] & NEEDS_ALBEDO != 0
+    has_albedo = band.coding.features[material] & HAS_ALBEDO != 0
     if band.counts.n_exact == 0 or has_planes(entries):
         gather_planes(entries, band, first, material, texturing, screen.is_perspective, batch)
     if band.counts.n_exact > 0 and has_exact(entries):
         interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
 
 
-def choose_planes(entries, band, first, material, texturing, is_perspective, batch):
-    """Return what is compiled in the place of `gather_planes`: nothing in float64."""
-    return evaluate_fragments if is_single(batch.dtype) else leave_fragments
-
-
-@choice(choose_planes)
+@choice
 def gather_planes(entries, band, first, material, texturing, is_perspective, batch):
     """Fill what stands in planes: normals, texture coordinates, albedo; and distances."""
-    if batch.dtype == np.float32:
-        evaluate_fragments(entries, band, first, material, texturing, is_perspective, batch)
+    return evaluate_fragments if is_single(batch.dtype) else leave_fragments
 
 
 @helper
@@ -194,44 +183,37 @@ def leave_fragments(entries, band, first, material, texturing, is_perspective, b
     """Do nothing."""
 
 
-def choose_normals(entries, band, first, material, texturing, batch):
-    """Return what is compiled in the place of `evaluate_normals`."""
-    has_texcoords = str(texturing) != "none" and has_texcoord_planes(band, batch)
-    return evaluate_with_texcoords if has_texcoords else evaluate_normals_alone
-
-
-@choice(choose_normals)
+@choice
 def evaluate_normals(entries, band, first, material, texturing, batch):
     """Evaluate the planes of normals, and those of texture coordinates where there are any."""
-    has_texcoords = texturing is not None and band.coding.textures is not None
-    evaluate = evaluate_with_texcoords if has_texcoords else evaluate_normals_alone
-    evaluate(entries, band, first, material, texturing, batch)
+    has_texcoords = not is_none(texturing) and has_texcoord_planes(band, batch)
+    return evaluate_with_texcoords if has_texcoords else evaluate_normals_alone
 
 
 @helper
 def evaluate_normals_alone(entries, band, first, material, texturing, batch):
     """See `evaluate_normals`."""
-    evaluate_planes_here(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
+    evaluate_planes(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
 
 
 @helper
 def evaluate_with_texcoords(entries, band, first, material, texturing, batch):
     """See `evaluate_normals`: texture coordinates stand right behind the normals, so both come in one go."""
     group = plane_group(band.records, NORMALS)
-    if band.coding.needs[material] & NEEDS_TEXTURE:
+    if band.coding.features[material] & HAS_TEXTURE:
         evaluate_with_slopes(entries, group, first, batch, f.NORMAL, f.NEXT, texturing.lookup_batch, S_PLANE)
     else:
-        evaluate_planes_here(entries, group, first, batch, f.NORMAL, f.NEXT)
+        evaluate_planes(entries, group, first, batch, f.NORMAL, f.NEXT)
 
 
 @helper
 def evaluate_fragments(entries, band, first, material, texturing, is_perspective, batch):
     """See `gather_planes`."""
-    depths, needs = band.coding.depths, band.coding.needs[material]
+    depths, features = band.coding.depths, band.coding.features[material]
     evaluate_normals(entries, band, first, material, texturing, batch)
-    if needs & NEEDS_ALBEDO:
+    if features & HAS_ALBEDO:
         fill_weights(entries, depths, batch)
-        group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
+        group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if features & HAS_TEXTURE else 0))
         evaluate_values(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
     if band.coding.needs_distance:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
@@ -244,11 +226,11 @@ def evaluate_fragments(entries, band, first, material, texturing, is_perspective
 
 @helper
 def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
-    """Put in the normals, distances and albedo of exact records; `first` says where they lie (screen_points.py)."""
+    """Put in the normals, distances and albedo of exact records; `first` says where they lie (samples.py)."""
     records, real = band.records, batch.dtype.type
     start, end = next_exact_run(entries, index(0))
     while start < end:
-        if bool(band.coding.needs[material_of(entries[start], records)] & NEEDS_DOUBLE) != is_double:
+        if bool(band.coding.features[material_of(entries[start], records)] & DOUBLE_PRECISION) != is_double:
             start, end = next_exact_run(entries, end)
             continue
         record = record_of(entries[start])
@@ -300,12 +282,12 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
 @helper
 def weight_albedo(entries, band, first, material, texturing, start, batch):
     """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that."""
-    needs, n = band.coding.needs[material], index(len(entries))
+    features, n = band.coding.features[material], index(len(entries))
     if texturing is not None:
-        if needs & NEEDS_TEXTURE:
-            quantity = f.TEXEL if needs & NEEDS_ALBEDO else f.ALBEDO
+        if features & HAS_TEXTURE:
+            quantity = f.TEXEL if features & HAS_ALBEDO else f.ALBEDO
             fill_texels(entries, band, first, material, texturing, start, batch, quantity)
-            if needs & NEEDS_ALBEDO:
+            if features & HAS_ALBEDO:
                 for channel in range(index(3)):
                     albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT
                     for k in range(n):
@@ -329,16 +311,10 @@ def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
 # ---------------------------------------------------------------- where the samples lie in the world
 
 
-def choose_rays(screen, first, n, needs_position, batch):
-    """Return what is compiled in the place of `fill_rays`."""
-    return fill_positions_of_points if is_list(first) else fill_positions
-
-
-@choice(choose_rays)
+@choice
 def fill_rays(screen, first, n, needs_position, batch):
     """Fill positions and view directions of samples in a row, or of points that lie anywhere."""
-    fill = fill_positions_of_points if isinstance(first, ScreenPoints) else fill_positions
-    fill(screen, first, n, needs_position, batch)
+    return fill_positions_of_points if is_list(first) else fill_positions
 
 
 @helper
@@ -382,3 +358,30 @@ def fill_positions(screen, first, n, needs_position, batch):
             column = real(np.int32(x + np.int64(k) - middle))
             on_plane = add(ray_start, scale(ray_step, column))
             set_vector(batch, f.POSITION, k, add(on_plane, scale(forward, batch[f.DISTANCE + k])))
+
+
+@helper
+def fill_positions_of_points(screen, first, n, needs_position, batch):
+    """Fill positions and view directions as `fill_positions`, for points that lie anywhere.
+
+    A ray is computed in float64: its parts are not longer than it is itself, with 4 roundings each, of a place, the
+    step and two products or sums. Then it is rounded once: so it errs by less than what counts there.
+    """
+    real = batch.dtype.type
+    right, up, forward = read_vector(screen.right, 0), read_vector(screen.up, 0), read_vector(screen.forward, 0)
+    along, one, part = 1.0 if screen.is_perspective else 0.0, real(1), 1.0 / SUBPIXEL
+    step_x, step_y = 1.0 / screen.scale_x, 1.0 / screen.scale_y
+    away = real(forward[0]), real(forward[1]), real(forward[2])
+    if not screen.is_perspective:
+        view_from_direction(batch, n, scale(away, -one))
+    for k in range(index(n)):
+        upward = (screen.center_y - (float(first.y[k]) * part + 0.5)) * step_y
+        across = ((float(first.x[k]) * part + 0.5 - screen.center_x) + screen.skew * upward) * step_x
+        exact = add(add(scale(right, across), scale(up, upward)), scale(forward, along))
+        ray = real(exact[0]), real(exact[1]), real(exact[2])
+        if screen.is_perspective:
+            set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
+            if needs_position:
+                set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
+        elif needs_position:
+            set_vector(batch, f.POSITION, k, add(ray, scale(away, batch[f.DISTANCE + k])))

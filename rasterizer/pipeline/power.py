@@ -10,12 +10,12 @@ import numpy as np
 from ..compiler.kernels import choice, helper
 
 
-def is_single(kind) -> bool:
-    """Tell whether a type of the compiler, a variable's or a constant's, is float32."""
-    return kind == np.float32 or getattr(kind, "bitwidth", 64) == 32
+def is_single(number) -> bool:
+    """Tell whether a number, a dtype, or what the compiler has in the place of these, its type, is float32."""
+    return str(getattr(number, "dtype", number)) == "float32"
 
 
-@choice(lambda cosine: (lambda cosine: np.float32(2.0**-20)) if is_single(cosine) else (lambda cosine: 2.0**-40))
+@choice
 def grazing(cosine):
     """Return the largest cosine that counts as 0 where a step lies at 0: 2^-40 in float64, 2^-20 in float32.
 
@@ -28,27 +28,46 @@ def grazing(cosine):
 
     `cosine` is any number of the type that is asked for.
     """
-    return np.float32(2.0**-20) if isinstance(cosine, np.float32) else 2.0**-40
+    return grazing_single if is_single(cosine) else grazing_double
 
 
-@choice(lambda base, exponent: power_single if is_single(base) else power_double)
+@helper
+def grazing_single(cosine):
+    """See `grazing`."""
+    return np.float32(2.0**-20)
+
+
+@helper
+def grazing_double(cosine):
+    """See `grazing`."""
+    return 2.0**-40
+
+
+@choice
 def power(base, exponent):
     """Return base ** exponent of a cosine, within 0..1, for any positive exponent.
 
     It is 0 where base <= 0 or no number, and 1 where base >= 1 by a rounding error. Float32: see `power_single`.
     """
-    return power_single(base, exponent) if isinstance(base, np.float32) else power_double(base, exponent)
+    return power_single if is_single(base) else power_double
 
 
+@helper
 def power_double(base, exponent):
     """Return base ** exponent in float64, see `power`."""
     return min(base, 1.0) ** exponent if base > 0.0 else 0.0
 
 
-@choice(lambda x: exponential_single if is_single(x) else (lambda x: np.exp(x)))
+@choice
 def exponential(x):
     """Return e ** x for x <= 0. Float32: see `exponential_single`."""
-    return exponential_single(x) if isinstance(x, np.float32) else np.exp(x)
+    return exponential_single if is_single(x) else exponential_double
+
+
+@helper
+def exponential_double(x):
+    """See `exponential`."""
+    return np.exp(x)
 
 
 @helper

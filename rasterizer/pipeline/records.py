@@ -4,7 +4,7 @@ In:  a `Block` of setup.py with the planes of gradients.py.
 Out: a row for each such triangle of the band. A record of planes holds them; an exact one holds the triangle itself.
 
 Records of planes are of different lengths, multiples of UNIT numbers in a flat array: the index of a record is that of
-its first unit, and is found by a shift. The planes of four attributes stand side by side, for simd.py; behind those
+its first unit, and is found by a shift. The planes of four attributes stand side by side, for samples.py; behind those
 whose samples must stay within the range of the vertices stands that range:
 
     material  anchor x  anchor y  face  |  4 values  4 d/dx  4 d/dy                          normals, texcoords,
@@ -20,9 +20,9 @@ import numpy as np
 from ..compiler.kernels import helper, index
 from . import setup as s
 from .clip import FACE_DEPTH, NO_PLANES
-from .gradients import MOST_CHANNELS, NEEDS_ALBEDO, NEEDS_TEXTURE, LevelCoding, NormalCoding
-from .simd import PLANE_GROUP, PlaneGroup
-from .texture_planes import TEXCOORD_PLANE
+from .gradients import HAS_ALBEDO, HAS_TEXTURE, MAX_CHANNELS, LevelCoding, NormalCoding
+from .samples import PLANE_GROUP, PlaneGroup
+from .textures import TEXCOORD_PLANE
 from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
 
 # Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and
@@ -54,9 +54,9 @@ class Records(NamedTuple):
 
 
 def make_records(n, n_attribute) -> Records:
-    """Return room for n records of either kind, of a unit each.
+    """Return room for n records of planes and for n exact ones, of a unit each.
 
-    Only what is written to becomes memory, so both kinds may have room for every triangle. Loops without branches read
+    Only what is written to becomes memory, so both may have room for every triangle. Loops without branches read
     the planes of exact records, too, as far as the longest record goes: the last has as much behind it.
     """
     integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute))
@@ -64,14 +64,14 @@ def make_records(n, n_attribute) -> Records:
     return Records(integers, reals, int_planes, int_planes.view(np.float32), NO_PLANES)
 
 
-def most_units(coding) -> int:
+def max_units(coding) -> int:
     """Return how many units a record has at most."""
     is_textured = coding.textures is not None
     end = UNIT
     if isinstance(coding, LevelCoding):
         end = BEHIND_VALUES + (PLAIN_GROUP + VALUE_GROUP) * is_textured
     elif isinstance(coding, NormalCoding):
-        has_albedo = bool((coding.needs & NEEDS_ALBEDO).any())
+        has_albedo = bool((coding.features & HAS_ALBEDO).any())
         end = BEHIND_NORMALS + PLAIN_GROUP * is_textured + VALUE_GROUP * has_albedo
     return -(-end // UNIT)
 
@@ -122,13 +122,13 @@ def begin_planes(records, n_record, k, face, block):
 def write_values(records, n_record, k, face, coding, block):
     """Write record number `n_record`, planes of intensities; return its length in units."""
     planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
-    needs = coding.needs[block.ints[s.MATERIAL + k]]
+    features = coding.features[block.ints[s.MATERIAL + k]]
     if not block.ints[s.IS_WEIGHTED + k]:
-        write_planes(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
+        write_planes(planes, record + index(VALUES), k, 0, MAX_CHANNELS, block)
         return units_of(FIRST_GROUP + PLAIN_GROUP)
-    write_value_group(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
+    write_value_group(planes, record + index(VALUES), k, 0, MAX_CHANNELS, block)
     end = BEHIND_VALUES
-    if needs & NEEDS_TEXTURE:
+    if features & HAS_TEXTURE:
         write_textured(planes, record + index(end), k, coding.textures, block)
         end += PLAIN_GROUP + VALUE_GROUP
     return units_of(end)
@@ -138,14 +138,14 @@ def write_values(records, n_record, k, face, coding, block):
 def write_normals(records, n_record, k, face, coding, block):
     """Write record number `n_record`: planes of normals and what stands behind them; return its length in units."""
     planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
-    needs = coding.needs[block.ints[s.MATERIAL + k]]
+    features = coding.features[block.ints[s.MATERIAL + k]]
     write_planes(planes, record + index(NORMALS), k, 0, 3, block)
     end = BEHIND_NORMALS
-    if needs & NEEDS_TEXTURE:
+    if features & HAS_TEXTURE:
         write_texcoords(planes, record + index(end), k, coding.textures, block)
         end += PLAIN_GROUP
-    if needs & NEEDS_ALBEDO:
-        write_value_group(planes, record + index(end), k, 3, MOST_CHANNELS, block)
+    if features & HAS_ALBEDO:
+        write_value_group(planes, record + index(end), k, 3, MAX_CHANNELS, block)
         end += VALUE_GROUP
     return units_of(end)
 
@@ -163,7 +163,7 @@ def write_textured(planes, target, k, textures, block):
     none stand in planes."""
     if textures is not None:
         write_texcoords(planes, target, k, textures, block)
-        write_value_group(planes, target + index(PLAIN_GROUP), k, MOST_CHANNELS, MOST_CHANNELS, block)
+        write_value_group(planes, target + index(PLAIN_GROUP), k, MAX_CHANNELS, MAX_CHANNELS, block)
 
 
 @helper

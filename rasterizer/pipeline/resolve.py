@@ -1,11 +1,14 @@
-"""Stage 7, resolve: a band's intensities into pixels of the picture, while they are in the cache.
+"""Stage 7, resolve: a band's intensities into pixels of the picture, and these into bytes, while they are in the cache.
 
 In:  the band's visibility entries (what is covered) and radiance (linear intensities).
-Out: all of the band's rows of the picture: linear colour float32, and, by the encode stage, 8 bits a channel. The
-     visibility buffer is left clear for the next band.
+Out: all of the band's rows of the picture: linear colour float32, and 8 bits a channel. The visibility buffer is left
+     clear for the next band.
 
-Samples are averaged over each pixel (resolve.py) where there are several; a pixel's colour is the mean of its
-covered samples in linear light, its alpha the covered fraction.
+A pixel's colour is the mean of its covered samples in linear light, its alpha the covered fraction: a box filter. Means
+are summed up row by row in float64: sixteen roundings of float32 would show at tolerance 0. Where a pixel is shaded
+once a polygon (shade_once.py), the points of its samples count.
+
+Bytes are made of that by the out-of-range policy, the sRGB curve (IEC 61966-2-1), and rounding to the nearest level.
 """
 
 from typing import NamedTuple
@@ -13,21 +16,232 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
-from .encode import ALPHA, PIXELS_SHAPE, RANGE_CLAMP, encode_batch
 from .fragments import BATCH_SIZE, NEXT
-from .shade_once import MOST_FACTOR, NO_POINT, SEVERAL, factor_of
+from .shade_once import MAX_FACTOR, NO_POINT, SEVERAL, factor_of
 from .visibility import CLEAR, clear, extent_of_pixels, strip_of
 
-# ----------------------------------------------------------------
-# The box filter: the samples of each pixel, or the points that it is shaded at, into one linear colour.
-# In:  the band's visibility entries and radiance; or the points of shade_once.py and theirs.
-# Out: a batch of pixels: linear colours, and the covered share as alpha.
-#
-# A pixel's colour is the mean of its covered samples, in linear light, summed up row by row in float64: sixteen
-# roundings
-# of float32 would show at tolerance 0.
 
-PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter way
+class Picture(NamedTuple):
+    """What is written; an array that isn't wanted has no rows."""
+
+    color: np.ndarray  # (height, width, 3) float32, linear
+    rgba: np.ndarray  # (height, width) uint32, a pixel's bytes in memory order red, green, blue, alpha
+    alpha: np.ndarray  # (height, width) float32
+
+
+RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL = 0, 1, 2  # out-of-range policies
+
+
+class Encoding(NamedTuple):
+    """How linear colour becomes 8 bits."""
+
+    is_grey: bool  # all colours are grey, also the background: what has one channel is encoded once
+    tint: np.ndarray  # (3,) float32: a picture with one channel is this colour times the intensity
+    background: np.ndarray  # (3,) float32, linear; black unless has_background
+    has_background: bool
+    policy: int  # RANGE_CLAMP, RANGE_GLOBAL or RANGE_LOCAL
+    scale: float  # RANGE_GLOBAL: 1 / the picture's largest component, if that is above 1
+    blank: int = 0  # the bytes of a pixel in which nothing is drawn, see `with_blank`
+
+
+# A batch of pixels is one flat array, as a batch of fragments is: red from 0 on, green from NEXT on, blue, alpha.
+ALPHA = index(3 * BATCH_SIZE)
+PIXELS_SHAPE = (4 * BATCH_SIZE,)
+PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter path
+
+
+class PixelBatch(NamedTuple):
+    """A batch of pixels on their way into the picture; see ALPHA for what stands where."""
+
+    values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
+    levels: np.ndarray  # PIXELS_SHAPE int32
+    sums: np.ndarray  # PIXELS_SHAPE float64: of the samples' colours, and of their weights
+    weights: np.ndarray  # (PIECE * MAX_FACTOR,) float64, of a row's samples
+
+
+def make_pixel_batch() -> PixelBatch:
+    """Return the batch of pixels of one thread."""
+    values, levels = np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32)
+    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MAX_FACTOR))
+
+
+def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out) -> int:
+    """Write rows of the picture from a band; clear the band.
+
+    Parameters
+    ----------
+    visibility : of the band
+    radiance : (n_channel, n_row * pitch) float32 or float64, linear
+    translucent : Translucent, the samples that nothing opaque is behind (a_buffer.py), or None where there are none
+    rows : (first, end) of the pixels; the band's rows are as many times that as a pixel has samples along an axis
+    grid : SampleGrid
+    encoding : Encoding
+    batch : PixelBatch, scratch
+    out : Picture
+
+    Returns
+    -------
+    how many samples are covered
+    """
+    if translucent is not None:
+        return resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out)
+    return resolve_averages(visibility, radiance, None, rows, grid, encoding, batch, out)
+
+
+@kernel
+def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, out):
+    """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
+
+    Parameters
+    ----------
+    radiance : (n_channel, n_row * pitch) float32 or float64, linear, of the points, or else of the samples
+    points : PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), or None
+    visibility, rows, grid, encoding, batch, out : as in `resolve`
+    """
+    n_covered, factor, (y_start, y_end) = np.int64(0), factor_of(grid), rows
+    for j in range(y_start, y_end):
+        row = (j - y_start) * factor
+        first, end = begin_row(visibility, row, factor, j, encoding, out)
+        for left in range(first, end, BATCH_SIZE):
+            n = index(min(end - left, BATCH_SIZE))
+            if points is not None:
+                n_covered += average_points(visibility.pitch, points, radiance, (row, left), grid, n, batch.values)
+            else:
+                n_covered += average_samples(visibility, radiance, None, (row, left), grid, n, batch)
+            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
+    clear(visibility, (y_end - y_start) * factor)
+    return n_covered
+
+
+@kernel
+def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out):
+    """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns.
+
+    The parameters are those of `resolve`.
+    """
+    n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
+    factor = factor_of(grid)
+    for j in range(y_start, y_end):
+        row = (j - y_start) * factor
+        first, end = begin_row(visibility, row, factor, j, encoding, out)
+        weighted, weighted_end = extent_of_pixels(translucent, row, factor, visibility.width)
+        weighted, weighted_end = (weighted, weighted_end) if weighted < weighted_end else (end, end)
+        left = first
+        while left < end:
+            is_weighted = weighted <= left < weighted_end
+            stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
+            n, here = index(min(stretch_end - left, BATCH_SIZE)), (row, left)
+            if is_weighted:
+                n_covered += average_samples(visibility, radiance, translucent, here, grid, n, batch)
+            else:
+                n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
+            write_pixels(batch, n, n_channel, encoding, (j, left), out)
+            left += np.int64(n)
+    clear(visibility, (y_end - y_start) * factor)
+    return n_covered
+
+
+@helper
+def begin_row(visibility, row, factor, j, encoding, out):
+    """Fill what is blank in row j of the picture; return the columns of pixels that any sample of `factor` rows of the
+    band, from `row` on, may cover, half-open."""
+    first, end = extent_of_pixels(visibility, row, factor, visibility.width)
+    fill_blank(out, j, first, end, encoding)
+    return first, end
+
+
+@helper
+def fill_blank(out, j, first, end, encoding):
+    """Fill a row's pixels on both sides of first..end, where nothing is drawn, with the background, or with
+    transparent black."""
+    red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
+    alpha, blank = np.float32(1) if encoding.has_background else np.float32(0), np.uint32(encoding.blank)
+    for left, right in ((0, first), (end, out.rgba.shape[1])):
+        for i in range(index(left), index(right)):
+            out.rgba[index(j), i] = blank
+        if out.color.shape[0] > 0:
+            for i in range(index(left), index(right)):
+                out.color[index(j), i, 0] = red
+                out.color[index(j), i, 1] = green
+                out.color[index(j), i, 2] = blue
+                out.alpha[index(j), i] = alpha
+
+
+@helper
+def write_pixels(batch, n, n_channel, encoding, first, out):
+    """Write n pixels of a batch that have `n_channel` channels; `first` is the row and the column of the first one."""
+    (j, left), pixels = first, batch.values
+    # One channel of pixels is enough where no more is read: in a grey picture of bytes.
+    is_single = encoding.is_grey and encoding.policy == RANGE_CLAMP and out.color.shape[0] == 0
+    if n_channel == 1 and not is_single:
+        tint_pixels(pixels, n, encoding)
+    if encoding.has_background:
+        show_background(pixels, n, encoding, 1 if is_single else 3)
+    if out.color.shape[0] > 0:
+        write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
+    if out.rgba.shape[0] > 0:
+        encode_batch(pixels, batch.levels, n, encoding, out.rgba[index(j), index(left) :])
+
+
+@helper
+def tint_pixels(pixels, n, encoding):
+    """Make three channels of one: multiples of the picture's tint."""
+    red, green, blue = encoding.tint[0], encoding.tint[1], encoding.tint[2]
+    for i in range(n):
+        intensity = pixels[i]
+        pixels[i] = intensity * red
+        pixels[NEXT + i] = intensity * green
+        pixels[NEXT + NEXT + i] = intensity * blue
+
+
+@helper
+def show_background(pixels, n, encoding, n_channel):
+    """Let the background show through what isn't covered."""
+    one = np.float32(1)
+    for channel in range(index(n_channel)):
+        behind, first = encoding.background[channel], channel * NEXT
+        for i in range(n):
+            pixels[first + i] = pixels[first + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
+    for i in range(n):
+        pixels[ALPHA + i] = one
+
+
+@helper
+def write_colors(pixels, n, color, alpha):
+    """Write linear colours as they are: color is (n, 3), alpha (n,)."""
+    for i in range(n):
+        color[i, 0] = pixels[i]
+        color[i, 1] = pixels[NEXT + i]
+        color[i, 2] = pixels[NEXT + NEXT + i]
+        alpha[i] = pixels[ALPHA + i]
+
+
+# ---------------------------------------------------------------- the box filter: samples into pixels
+
+
+@choice
+def average_samples(visibility, radiance, translucent, first, grid, n, batch):
+    """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
+    samples show anything.
+
+    Of a pixel that shows nothing transparent, these are the mean of its covered samples, and the covered share.
+
+    Parameters
+    ----------
+    translucent : Translucent; None where nothing transparent is seen
+    first : the band's row of samples and the column of pixels where the batch begins
+    grid : SampleGrid
+    """
+    return average_single if len(grid[0]) == 1 else average_several
+
+
+@helper
+def average_single(visibility, radiance, translucent, first, grid, n, batch):
+    """See `average_samples`, for one sample a pixel: nothing is to sum."""
+    if translucent is not None:
+        return weight_single_samples(visibility, radiance, translucent, first, n, batch.values)
+    start = index(first[0] * visibility.pitch + first[1])
+    return gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
 
 
 @helper
@@ -46,35 +260,22 @@ def gather_samples(entries, radiance, start, pixels):
     return n_covered
 
 
-def choose_average(visibility, radiance, translucent, first, grid, n, batch):
-    """Return what is compiled in the place of `average_samples`."""
-    return average_single if len(grid[0]) == 1 else average_several
-
-
-@choice(choose_average)
-def average_samples(visibility, radiance, translucent, first, grid, n, batch):
-    """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
-    samples show anything.
-
-    Of a pixel that shows nothing transparent, these are the mean of its covered samples, and the covered share.
-
-    Parameters
-    ----------
-    translucent : Translucent; None where nothing transparent is seen
-    first : the band's row of samples and the column of pixels where the batch begins
-    grid : SampleGrid
-    """
-    average = average_single if len(grid.axis) == 1 else average_several
-    return average(visibility, radiance, translucent, first, grid, n, batch)
-
-
 @helper
-def average_single(visibility, radiance, translucent, first, grid, n, batch):
-    """See `average_samples`, for one sample a pixel: nothing is to sum."""
-    if translucent is not None:
-        return weight_single_samples(visibility, radiance, translucent, first, n, batch.values)
-    start = index(first[0] * visibility.pitch + first[1])
-    return gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
+def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
+    """Copy one sample a pixel and its opacity; return how many show anything."""
+    (row, left), n_covered = first, np.int64(0)
+    start, sample = index(row * visibility.pitch + left), index(translucent.columns[index(row)] + left)
+    entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
+    for i in range(n):
+        weight = 1.0 if entries[i] < CLEAR else opacity[i]
+        n_covered += weight > 0.0
+        pixels[ALPHA + i] = weight
+    for channel in range(index(radiance.shape[0])):
+        source, target = radiance[channel, start : start + n], channel * NEXT
+        for i in range(n):
+            is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
+            pixels[target + i] = np.float32(source[i]) if is_seen else np.float32(0)
+    return n_covered
 
 
 @helper
@@ -207,24 +408,6 @@ def scale_sums(sums, n, n_channel, n_sample, pixels):
             pixels[first + i] = sums[first + i] * sums[ALPHA + i]
 
 
-@helper
-def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
-    """Copy one sample a pixel and its opacity; return how many show anything."""
-    (row, left), n_covered = first, np.int64(0)
-    start, sample = index(row * visibility.pitch + left), index(translucent.columns[index(row)] + left)
-    entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
-    for i in range(n):
-        weight = 1.0 if entries[i] < CLEAR else opacity[i]
-        n_covered += weight > 0.0
-        pixels[ALPHA + i] = weight
-    for channel in range(index(radiance.shape[0])):
-        source, target = radiance[channel, start : start + n], channel * NEXT
-        for i in range(n):
-            is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
-            pixels[target + i] = np.float32(source[i]) if is_seen else np.float32(0)
-    return n_covered
-
-
 # ---------------------------------------------------------------- points into pixels
 
 
@@ -305,175 +488,127 @@ def average_mixed(pitch, numbers, radiance, start, factor, i, pixels):
     return n_covered
 
 
-class Picture(NamedTuple):
-    """What is written; an array that isn't wanted has no rows."""
-
-    color: np.ndarray  # (height, width, 3) float32, linear
-    rgba: np.ndarray  # (height, width) uint32, a pixel's bytes in memory order red, green, blue, alpha
-    alpha: np.ndarray  # (height, width) float32
+# ---------------------------------------------------------------- encode: pixels into bytes
 
 
-class PixelBatch(NamedTuple):
-    """A batch of pixels on their way into the picture; see encode.py for what stands where."""
-
-    values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
-    levels: np.ndarray  # PIXELS_SHAPE int32
-    sums: np.ndarray  # PIXELS_SHAPE float64: of the samples' colours, and of their weights
-    weights: np.ndarray  # (PIECE * MOST_FACTOR,) float64, of a row's samples
-
-
-def make_pixel_batch() -> PixelBatch:
-    """Return the batch of pixels of one thread."""
-    values, levels = np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32)
-    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MOST_FACTOR))
-
-
-def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out) -> int:
-    """Write rows of the picture from a band; clear the band.
+@kernel
+def encode_picture(color, alpha, encoding, out_rgba):
+    """Encode a whole picture whose linear colours are known: for RANGE_GLOBAL, which needs the largest of them.
 
     Parameters
     ----------
-    visibility : of the band
-    radiance : (n_channel, n_row * pitch) float32 or float64, linear
-    translucent : Translucent, the samples that nothing opaque is behind (layers.py), or None where there are none
-    rows : (first, end) of the pixels; the band's rows are as many times that as a pixel has samples along an axis
-    grid : SampleGrid
+    color : (height, width, 3) float32, linear
+    alpha : (height, width) float32
     encoding : Encoding
-    batch : PixelBatch, scratch
-    out : Picture
-
-    Returns
-    -------
-    how many samples are covered
+    out_rgba : (height, width) uint32, see resolve.Picture
     """
-    if translucent is not None:
-        return resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out)
-    return resolve_averages(visibility, radiance, None, rows, grid, encoding, batch, out)
+    for j in range(index(color.shape[0])):
+        for i in range(index(color.shape[1])):
+            out_rgba[j, i] = encode_pixel(color[j, i, 0], color[j, i, 1], color[j, i, 2], alpha[j, i], encoding)
 
 
-# ---------------------------------------------------------------- kernels
+def with_blank(encoding: Encoding) -> Encoding:
+    """Return the encoding with the bytes of a pixel in which nothing is drawn: the background, or transparent black."""
+    if not encoding.has_background:
+        return encoding._replace(blank=0)
+    rgba = np.empty((1, 1), np.uint32)
+    encode_picture(encoding.background.reshape(1, 1, 3), np.ones((1, 1), np.float32), encoding, rgba)
+    return encoding._replace(blank=int(rgba[0, 0]))
 
 
-@kernel
-def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, out):
-    """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
+@helper
+def encode_batch(pixels, levels, n, encoding, out):
+    """Apply the out-of-range policy to n pixels of a batch, encode them, and pack them into bytes.
 
-    `points` is PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), and
-    `radiance` theirs; or None, and `radiance` that of the samples.
+    `levels` has room for three channels; out is (n,) uint32.
     """
-    n_covered, factor, (y_start, y_end) = np.int64(0), factor_of(grid), rows
-    for j in range(y_start, y_end):
-        row = (j - y_start) * factor
-        first, end = begin_row(visibility, row, factor, j, encoding, out)
-        for left in range(first, end, BATCH_SIZE):
-            n = index(min(end - left, BATCH_SIZE))
-            if points is not None:
-                n_covered += average_points(visibility.pitch, points, radiance, (row, left), grid, n, batch.values)
-            else:
-                n_covered += average_samples(visibility, radiance, None, (row, left), grid, n, batch)
-            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
-    clear(visibility, (y_end - y_start) * factor)
-    return n_covered
-
-
-@kernel
-def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out):
-    """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns."""
-    n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
-    factor = factor_of(grid)
-    for j in range(y_start, y_end):
-        row = (j - y_start) * factor
-        first, end = begin_row(visibility, row, factor, j, encoding, out)
-        weighted, weighted_end = extent_of_pixels(translucent, row, factor, visibility.width)
-        weighted, weighted_end = (weighted, weighted_end) if weighted < weighted_end else (end, end)
-        left = first
-        while left < end:
-            is_weighted = weighted <= left < weighted_end
-            stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
-            n, here = index(min(stretch_end - left, BATCH_SIZE)), (row, left)
-            if is_weighted:
-                n_covered += average_samples(visibility, radiance, translucent, here, grid, n, batch)
-            else:
-                n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
-            write_pixels(batch, n, n_channel, encoding, (j, left), out)
-            left += np.int64(n)
-    clear(visibility, (y_end - y_start) * factor)
-    return n_covered
-
-
-@helper
-def write_pixels(batch, n, n_channel, encoding, first, out):
-    """Write n pixels of a batch that have `n_channel` channels; `first` is the row and the column of the first one."""
-    (j, left), pixels = first, batch.values
-    # One channel of pixels is enough where no more is read: in a grey picture of bytes.
-    is_single = encoding.is_grey and encoding.policy == RANGE_CLAMP and out.color.shape[0] == 0
-    if n_channel == 1 and not is_single:
-        tint_pixels(pixels, n, encoding)
-    if encoding.has_background:
-        show_background(pixels, n, encoding, 1 if is_single else 3)
-    if out.color.shape[0] > 0:
-        write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
-    if out.rgba.shape[0] > 0:
-        encode_batch(pixels, batch.levels, n, encoding, out.rgba[index(j), index(left) :])
-
-
-@helper
-def begin_row(visibility, row, factor, j, encoding, out):
-    """Fill what is blank in row j of the picture; return the columns of pixels that any sample of `factor` rows of the
-    band, from `row` on, may cover, half-open."""
-    first, end = extent_of_pixels(visibility, row, factor, visibility.width)
-    fill_blank(out, j, first, end, encoding)
-    return first, end
-
-
-@helper
-def fill_blank(out, j, first, end, encoding):
-    """Fill a row's pixels on both sides of first..end, where nothing is drawn, with the background, or with
-    transparent black."""
-    red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
-    alpha, blank = np.float32(1) if encoding.has_background else np.float32(0), np.uint32(encoding.blank)
-    for left, right in ((0, first), (end, out.rgba.shape[1])):
-        for i in range(index(left), index(right)):
-            out.rgba[index(j), i] = blank
-        if out.color.shape[0] > 0:
-            for i in range(index(left), index(right)):
-                out.color[index(j), i, 0] = red
-                out.color[index(j), i, 1] = green
-                out.color[index(j), i, 2] = blue
-                out.alpha[index(j), i] = alpha
-
-
-# ---------------------------------------------------------------- pixels
-
-
-@helper
-def tint_pixels(pixels, n, encoding):
-    """Make three channels of one: multiples of the picture's tint."""
-    red, green, blue = encoding.tint[0], encoding.tint[1], encoding.tint[2]
-    for i in range(n):
-        intensity = pixels[i]
-        pixels[i] = intensity * red
-        pixels[NEXT + i] = intensity * green
-        pixels[NEXT + NEXT + i] = intensity * blue
-
-
-@helper
-def show_background(pixels, n, encoding, n_channel):
-    """Let the background show through what isn't covered."""
-    one = np.float32(1)
-    for channel in range(index(n_channel)):
-        behind, first = encoding.background[channel], channel * NEXT
+    blue_start = NEXT + NEXT
+    if encoding.policy != RANGE_CLAMP:
         for i in range(n):
-            pixels[first + i] = pixels[first + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
+            scale = range_scale(pixels[i], pixels[NEXT + i], pixels[blue_start + i], encoding)
+            pixels[i] *= scale
+            pixels[NEXT + i] *= scale
+            pixels[blue_start + i] *= scale
+    # A grey picture has three equal channels.
+    n_different = 1 if encoding.is_grey else 3
+    for channel in range(index(n_different)):
+        first = channel * NEXT
+        for i in range(n):
+            levels[first + i] = encode_channel(pixels[first + i])
+    green = NEXT if n_different == 3 else index(0)
+    blue = green + green
     for i in range(n):
-        pixels[ALPHA + i] = one
+        out[i] = pack_bytes(levels[i], levels[green + i], levels[blue + i], encode_alpha(pixels[ALPHA + i]))
 
 
 @helper
-def write_colors(pixels, n, color, alpha):
-    """Write linear colours as they are: color is (n, 3), alpha (n,)."""
-    for i in range(n):
-        color[i, 0] = pixels[i]
-        color[i, 1] = pixels[NEXT + i]
-        color[i, 2] = pixels[NEXT + NEXT + i]
-        alpha[i] = pixels[ALPHA + i]
+def encode_pixel(red, green, blue, alpha, encoding):
+    """Encode one linear colour."""
+    scale = np.float32(1) if encoding.policy == RANGE_CLAMP else range_scale(red, green, blue, encoding)
+    return pack_bytes(
+        encode_channel(red * scale), encode_channel(green * scale), encode_channel(blue * scale), encode_alpha(alpha)
+    )
+
+
+@helper
+def range_scale(red, green, blue, encoding):
+    """Return what a pixel is multiplied by to bring it into the display's range."""
+    if encoding.policy == RANGE_GLOBAL:
+        return np.float32(encoding.scale)
+    return np.float32(1) / max(max(red, green), max(blue, np.float32(1)))
+
+
+@helper
+def encode_alpha(alpha):
+    """Return the nearest of 256 levels of an alpha within 0..1."""
+    return np.int32(alpha * np.float32(255) + np.float32(0.5))
+
+
+@helper
+def pack_bytes(red, green, blue, alpha):
+    """Put four levels into the bytes red, green, blue, alpha, the first lowest."""
+    return np.uint32(red | (green << np.int32(8)) | (blue << np.int32(16)) | (alpha << np.int32(24)))
+
+
+# ---------------------------------------------------------------- the sRGB curve
+
+MIN_VALUE, MAX_VALUE = np.float32(2.0**-13), np.float32(1 - 2.0**-24)  # below the first threshold and above the last
+BUCKET_SHIFT = np.int32(16)  # floats with the same upper 16 bits share a bucket: 128 buckets an octave
+FIRST_BUCKET = np.int32(MIN_VALUE.view(np.int32) >> BUCKET_SHIFT)
+REST_MASK = np.int32((1 << BUCKET_SHIFT) - 1)
+
+
+def srgb_thresholds():
+    """Return the smallest float32 that is nearest to each of the levels 1..255 of the sRGB curve, (255,)."""
+    encoded = (np.arange(1, 256) - 0.5) / 255.0
+    exact = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    thresholds = exact.astype(np.float32)
+    return np.where(thresholds < exact, np.nextafter(thresholds, np.float32(2)), thresholds)
+
+
+def make_level_table():
+    """Return an int32 for every bucket of floats from MIN_VALUE to MAX_VALUE: the sum of it and of the lower bits of a
+    float in the bucket has the float's level in its upper bits.
+
+    A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the
+    sum carries into the level from there on. (Positive floats are ordered as their bits are.)
+    """
+    thresholds = srgb_thresholds().view(np.int32)
+    starts = np.arange(FIRST_BUCKET, (MAX_VALUE.view(np.int32) >> BUCKET_SHIFT) + 1, dtype=np.int32) << BUCKET_SHIFT
+    levels = np.searchsorted(thresholds, starts, side="right")
+    following = np.append(thresholds, np.iinfo(np.int32).max)[levels]
+    to_carry = np.where(following <= starts + REST_MASK, starts + (1 << BUCKET_SHIFT) - following, 0)
+    return ((levels << BUCKET_SHIFT) + to_carry).astype(np.int32)
+
+
+# A constant of the compiled code: what can't change can't be aliased, and look-ups become vector instructions.
+LEVEL_TABLE = make_level_table()
+
+
+@helper
+def encode_channel(value):
+    """Return the nearest of 256 levels of the sRGB curve, by one look-up and one addition; see make_level_table."""
+    value = min(value, MAX_VALUE) if value > MIN_VALUE else MIN_VALUE  # MIN_VALUE where it isn't a number, too
+    bits = np.float32(value).view(np.int32)
+    bucket = np.uint32(np.int32(bits >> BUCKET_SHIFT) - FIRST_BUCKET)
+    return np.int32(np.int32(LEVEL_TABLE[bucket] + np.int32(bits & REST_MASK)) >> BUCKET_SHIFT)

@@ -46,9 +46,9 @@ IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
-# What is known of its material, see gradients.py: its cheapest way, how many attributes are read.
-WAY, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
-IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see planes.py
+# What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
+PATH, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
+IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
 N_INT = 26
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
@@ -61,14 +61,13 @@ N_LONG = 6
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
-LEAST_Z, LARGEST_Z = _starts(9, 11)
-ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
-PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 10
-LIMIT = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES))
-N_REAL = 12 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
+MIN_Z, MAX_Z = _starts(9, 11)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 11), 11
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MAX_ATTRIBUTES)), 10
+LIMIT = index(BLOCK * (11 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 12 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
-
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
 # rounds a rise D over an edge to 38·2^-53·E·D (the same sum as below), a 2^-28 of it, less than float32 rounds it to.
 MAX_ELONGATION = 2.0**20
@@ -128,10 +127,10 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
         clipped = triangles.clipped_idx[face] if len(triangles.clipped_idx) > 0 else np.int32(-1)
         ints[CLIPPED_IDX + k] = clipped
-        reals[LEAST_Z + k], reals[LARGEST_Z + k] = -np.inf, np.inf
+        reals[MIN_Z + k], reals[MAX_Z + k] = -np.inf, np.inf
         if clipped >= 0:
-            reals[LEAST_Z + k] = triangles.z_ranges[index(clipped), 0]
-            reals[LARGEST_Z + k] = triangles.z_ranges[index(clipped), 1]
+            reals[MIN_Z + k] = triangles.z_ranges[index(clipped), 0]
+            reals[MAX_Z + k] = triangles.z_ranges[index(clipped), 1]
     for k in range(index(len(faces)), index(BLOCK)):
         ints[MATERIAL + k] = 0
 
@@ -141,18 +140,18 @@ def gather_materials(n, coding, block):
     """Fetch what is known of the first n triangles' materials, so that loops over the block needn't look it up; tell
     whether they have one material: as a rule they do, and then nothing is looked up triangle by triangle."""
     ints, reals = block.ints, block.reals
-    first, others = ints[MATERIAL] if len(coding.ways) > 1 else np.int32(0), np.int32(0)
-    if len(coding.ways) > 1:
+    first, others = ints[MATERIAL] if len(coding.paths) > 1 else np.int32(0), np.int32(0)
+    if len(coding.paths) > 1:
         for k in range(index(n)):
             others |= ints[MATERIAL + k] ^ first
     if others == 0:
-        way, n_own, limit = np.int32(coding.ways[first]), np.int32(coding.n_attributes[first]), coding.limits[first]
+        path, n_own, limit = np.int32(coding.paths[first]), np.int32(coding.n_attributes[first]), coding.limits[first]
         for k in range(index(BLOCK)):
-            ints[WAY + k], ints[N_OWN + k], reals[LIMIT + k] = way, n_own, limit
+            ints[PATH + k], ints[N_OWN + k], reals[LIMIT + k] = path, n_own, limit
         return True
     for k in range(index(n)):
         material = ints[MATERIAL + k]
-        ints[WAY + k], ints[N_OWN + k] = coding.ways[material], coding.n_attributes[material]
+        ints[PATH + k], ints[N_OWN + k] = coding.paths[material], coding.n_attributes[material]
         reals[LIMIT + k] = coding.limits[material]
     return False
 
@@ -291,3 +290,59 @@ def compute_depth_planes(block):
         reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y
         longs[PLANE_Z + k] = np.int64(np.rint(reals[Z0 + k] + dx * offset_x + dy * offset_y))
         longs[PLANE_Z_DX + k], longs[PLANE_Z_DY + k] = np.int64(np.rint(dx)), np.int64(np.rint(dy))
+
+
+# ---------------------------------------------------------------- planes of what stands at the vertices
+
+# Letters: w distance along the viewing axis, r = w_0/w the same inverted, with w_0 the nearest one that is seen. An
+# index 0, 1, 2 is a vertex, x and y are slopes.
+
+# How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and less
+# than 39 of float64, see MAX_LEVERAGE.
+DEPTH_PLANE_ROUNDING = 40.0
+# Where r is less, its inverse is no number that float32 is at home with.
+MIN_INVERSE = 2.0**-40
+SINGLE = 2.0**-24  # the unit roundoff of float32
+
+
+class DepthScale(NamedTuple):
+    """What the z of an entry says, z-buffer units."""
+
+    inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z; 1 + 0 z without perspective
+    inv_w_scale: float
+    depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
+    depth_scale: float
+    ratio_offset: float  # r = ratio_offset + ratio_scale · z; 1 + 0 z without perspective
+    ratio_scale: float
+
+
+@helper
+def linear_in_z(k, offset, scale, block):
+    """Compute offset + scale·z at the vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale."""
+    z0, z1, z2 = block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
+    return offset + scale * z0, offset + scale * z1, offset + scale * z2
+
+
+@helper
+def values_at(row, block):
+    """Return an attribute of a triangle at the three vertices."""
+    return block.reals[row], block.reals[row + NEXT], block.reals[row + NEXT + NEXT]
+
+
+@helper
+def compute_plane(k, plane, a0, a1, a2, block):
+    """Compute a plane through the values at the vertices of triangle k; return how much it rises over the whole box."""
+    ints, reals = block.ints, block.reals
+    rise1, rise2 = a1 - a0, a2 - a0
+    dx = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
+    dy = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
+    out = PLANE_ATTRIBUTE + plane * NEXT_PLANE + k
+    reals[out] = a0 + dx * reals[OFFSET_X + k] + dy * reals[OFFSET_Y + k]
+    reals[out + NEXT], reals[out + NEXT + NEXT] = dx, dy
+    return abs(dx) * float(ints[EXTENT_X + k] + 1) + abs(dy) * float(ints[EXTENT_Y + k] + 1)
+
+
+@helper
+def depth_rounding(k, block):
+    """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see MAX_LEVERAGE."""
+    return 0.5 * float(block.ints[EXTENT_X + k] + block.ints[EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING

@@ -1,4 +1,4 @@
-"""Stage 6, shade: the intensities of a band's visible samples.
+"""Stage 6, shade: the intensities of a band's visible samples, and how they fade with depth.
 
 In:  the band's visibility entries and records (scan.py, records.py).
 Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
@@ -16,16 +16,19 @@ Letters: q_i perspective weights of a triangle's corners, p_i the same with Σ p
 inverted distance along the viewing axis (gradients.py).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, kernel
+from ..compiler.kernels import choice, class_of, field_of, helper, index, kernel
 from ..geometry.vectors import scale
 from . import fragments as f
 from .fragments import BATCH_SIZE
-from .gradients import NEEDS_COLORS, LevelCoding
+from .gradients import HAS_COLORS, LevelCoding
 from .interpolate import (
     corner_values,
     corner_weights,
+    depth_at,
     exact_triangle,
     has_exact,
     inverse_sum,
@@ -35,9 +38,8 @@ from .interpolate import (
     row_extent,
 )
 from .records import ATTRIBUTE, VALUES, material_of, plane_group
-from .screen_points import evaluate_values
-from .simd import evaluate_planes
-from .visibility import IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, record_of
+from .samples import evaluate_planes, evaluate_values
+from .visibility import CLEAR, IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, is_exact, record_of
 
 WEIGHTED = f.VIEW_DIR  # where the values of weighted planes are put: four quantities that nothing is in yet
 
@@ -62,21 +64,14 @@ def shade_interpolated(band, tint, batch, out_radiance):
             if band.counts.n_exact == 0 or needs_decoding(entries):
                 decode_batch(entries, band, (first, y), tint, batch, out_radiance, start)
             if band.counts.n_exact > 0 and has_exact(entries):
-                interpolate_intensities(entries, records, (first, y), band.coding.needs, tint, out_radiance, start)
+                interpolate_intensities(entries, records, (first, y), band.coding.features, tint, out_radiance, start)
 
 
-def choose_decoding(entries, band, first, tint, batch, out_radiance, start):
-    """Return what is compiled in the place of `decode_batch`: nothing where all records are exact."""
-    coding = dict(zip(band.fields, band.types, strict=True))["coding"]
-    return decode_entries if coding.instance_class is LevelCoding else decode_nothing
-
-
-@choice(choose_decoding)
+@choice
 def decode_batch(entries, band, first, tint, batch, out_radiance, start):
     """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry, `start`
     its number in the band."""
-    if isinstance(band.coding, LevelCoding):
-        decode_entries(entries, band, first, tint, batch, out_radiance, start)
+    return decode_entries if class_of(field_of(band, "coding")) is LevelCoding else decode_nothing
 
 
 @helper
@@ -88,19 +83,18 @@ def decode_nothing(entries, band, first, tint, batch, out_radiance, start):
 def decode_entries(entries, band, first, tint, batch, out_radiance, start):
     """See `decode_batch`."""
     step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], index(len(entries))
-    has_affine, has_weighted = kinds_of_planes(entries) if band.counts.n_plane > 0 else (False, False)
+    has_affine, has_weighted = find_planes(entries) if band.counts.n_plane > 0 else (False, False)
     if not has_affine and not has_weighted:
         for channel in range(index(n_channel)):
             # A level times the tint, as the resolve stage multiplies it: rounded twice.
             factor = tint[channel] if n_channel > 1 else np.float32(1)
             decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
         return
-    (x, y), group = first, plane_group(band.records, VALUES)
     if has_affine:
-        evaluate_planes(entries, group, x, y, batch, f.NORMAL, f.NEXT)
+        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL, f.NEXT)
     if has_weighted:
         decode_weighted(entries, band, first, n_channel, has_affine, batch)
-    if band.counts.n_level == 0 and all_have_colors(band.coding.needs):
+    if band.counts.n_level == 0 and all_have_colors(band.coding.features):
         for channel in range(index(n_channel)):
             out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
             for k in range(n):
@@ -111,8 +105,50 @@ def decode_entries(entries, band, first, tint, batch, out_radiance, start):
         merge_colors(entries, band, step, tint, batch, out_radiance[:, start : start + n])
 
 
+# ---------------------------------------------------------------- levels of entries
+
+
 @helper
-def kinds_of_planes(entries):
+def decode_levels(entries, level_step, tint, out):
+    """Fill intensities that stand in the entries."""
+    for k in range(index(len(entries))):
+        out[k] = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step * tint
+
+
+@helper
+def merge_levels(entries, level_step, values, out):
+    """Fill the intensities of one channel: those of the entries, or `values` where these hold indices."""
+    for k in range(index(len(entries))):
+        level = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
+        out[k] = values[k] if entries[k] & IS_ID else level
+
+
+@helper
+def merge_colors(entries, band, level_step, tint, batch, out):
+    """Fill the intensities of three channels; those of the planes are in the batch."""
+    for k in range(index(len(entries))):
+        red, green, blue = batch[f.NORMAL + k], batch[f.NORMAL + f.NEXT + k], batch[f.NORMAL + f.NEXT + f.NEXT + k]
+        if not entries[k] & IS_ID:
+            red = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
+        if not entries[k] & IS_ID or not band.coding.features[material_of(entries[k], band.records)] & HAS_COLORS:
+            red, green, blue = red * tint[0], red * tint[1], red * tint[2]
+        out[0, k], out[1, k], out[2, k] = red, green, blue
+
+
+@helper
+def all_have_colors(features):
+    """Tell whether all materials have three channels."""
+    common = HAS_COLORS
+    for k in range(index(len(features))):
+        common &= features[k]
+    return common != 0
+
+
+# ---------------------------------------------------------------- planes
+
+
+@helper
+def find_planes(entries):
     """Tell whether any entry holds the index of affine planes, or of an exact record; and of weighted ones."""
     affine = weighted = np.int64(0)
     for k in range(index(len(entries))):
@@ -151,43 +187,19 @@ def next_weighted_run(entries, start):
 
 
 @helper
-def all_have_colors(needs):
-    """Tell whether all materials have three channels."""
-    common = NEEDS_COLORS
-    for k in range(index(len(needs))):
-        common &= needs[k]
-    return common != 0
-
-
-@helper
-def decode_levels(entries, level_step, tint, out):
-    """Fill intensities that stand in the entries."""
+def fill_weights(entries, depths, batch):
+    """Fill 1/r, by which the values of planes are multiplied; see gradients.py."""
+    offset, step = depths.ratio_offset, depths.ratio_scale
     for k in range(index(len(entries))):
-        out[k] = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step * tint
+        ratio = offset + step * float(entries[k] >> PAYLOAD_BITS)
+        batch[f.WEIGHT + k] = np.float32(1) / np.float32(ratio)
+
+
+# ---------------------------------------------------------------- exact records
 
 
 @helper
-def merge_levels(entries, level_step, values, out):
-    """Fill the intensities of one channel: those of the entries, or `values` where these hold indices."""
-    for k in range(index(len(entries))):
-        level = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
-        out[k] = values[k] if entries[k] & IS_ID else level
-
-
-@helper
-def merge_colors(entries, band, level_step, tint, batch, out):
-    """Fill the intensities of three channels; those of the planes are in the batch."""
-    for k in range(index(len(entries))):
-        red, green, blue = batch[f.NORMAL + k], batch[f.NORMAL + f.NEXT + k], batch[f.NORMAL + f.NEXT + f.NEXT + k]
-        if not entries[k] & IS_ID:
-            red = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
-        if not entries[k] & IS_ID or not band.coding.needs[material_of(entries[k], band.records)] & NEEDS_COLORS:
-            red, green, blue = red * tint[0], red * tint[1], red * tint[2]
-        out[0, k], out[1, k], out[2, k] = red, green, blue
-
-
-@helper
-def interpolate_intensities(entries, records, first, needs, tint, out_radiance, start):
+def interpolate_intensities(entries, records, first, features, tint, out_radiance, start):
     """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry, `start` its number in
     the band."""
     last_record, n_channel = index(len(records.integers) - 1), index(out_radiance.shape[0])
@@ -196,7 +208,7 @@ def interpolate_intensities(entries, records, first, needs, tint, out_radiance, 
         # Where levels stand in entries, a record's number is a matter of arithmetic: whatever it is, nothing else is
         # read.
         record = min(record_of(entries[k]), last_record)
-        is_colored = bool(needs[material_of(entries[k], records)] & NEEDS_COLORS)
+        is_colored = bool(features[material_of(entries[k], records)] & HAS_COLORS)
         for channel in range(n_channel):
             out, attribute = out_radiance[channel, start + k : start + end], channel if is_colored else index(0)
             interpolate_channel(records, record, attribute, (first[0] + np.int64(k), first[1]), out)
@@ -220,10 +232,64 @@ def interpolate_channel(records, record, attribute, first, out):
         out[k] = mean(of_corners, scale(q, inverse_sum(q)))
 
 
-@helper
-def fill_weights(entries, depths, batch):
-    """Fill 1/r, by which the values of planes are multiplied; see gradients.py."""
-    offset, step = depths.ratio_offset, depths.ratio_scale
-    for k in range(index(len(entries))):
-        ratio = offset + step * float(entries[k] >> PAYLOAD_BITS)
-        batch[f.WEIGHT + k] = np.float32(1) / np.float32(ratio)
+# ---------------------------------------------------------------- depth cueing
+
+# What is further away fades towards a colour C: by the depth d of a sample its intensity I becomes
+#
+#     I' = s·I + (1 - s)·C      s = d0 / (d0 + max(d - start, 0))
+#
+# Source of the mix: Foley, van Dam, Feiner & Hughes 1990, section 16.1.3; of s: the attenuation 1/(d + d0) by the
+# viewer's distance, Rogers 1985, section 5.2, scaled to 1 where it begins.
+#
+# The depth of what has an exact record is found from it, in float64, as that of the depth buffer is: 1/w errs by about
+# 2^-52 of the nearest one's. Elsewhere it is that of the entry, which errs by DEPTH_ERROR of itself at most (with
+# perspective: see `check_distances` in gradients.py). A relative error e of d moves s by no more than
+#
+#     d·|ds/dd|·e = d·d0/(d0 + d - start)²·e <= (1/4 + start/d0)·e
+#
+# since with t = d - start >= 0 the quotient is t d0/(d0 + t)² + start d0/(d0 + t)². It moves I' by as much of |I - C|.
+
+DEPTH_ERROR = 10 * 2.0**-24  # with perspective: how far off the depth of an entry may be, of itself
+
+
+class Cue(NamedTuple):
+    """How a picture fades with depth."""
+
+    scale: float  # d0, scene units: s is 1/2 at start + scale
+    start: float  # scene units
+    color: np.ndarray  # (n_channel,) float64, linear
+
+
+@kernel
+def fade(band, depths, is_perspective, cue, out_radiance):
+    """Fade the samples of a band; those that show nothing are left alone.
+
+    Parameters
+    ----------
+    band : ScannedBand, whose coding is not read
+    depths : DepthScale
+    is_perspective : bool
+    cue : Cue
+    out_radiance : (n_channel, n_row * pitch) float64, linear, changed
+    """
+    color = cue.color
+    visibility, records = band.visibility, band.records
+    for j in range(band.n_row):
+        left, right = row_extent(visibility, j)
+        for i in range(left, right):
+            sample = index(j * visibility.pitch + i)
+            entry = visibility.entries[sample]
+            if entry >= CLEAR:
+                continue
+            if is_exact(entry):
+                record = record_of(entry)
+                triangle = exact_triangle(records, record)
+                q = corner_weights(triangle, i, band.y_start + j)
+                depth = depth_at(records, record, triangle, q, is_perspective)
+            else:
+                z = float(entry >> PAYLOAD_BITS)
+                inverse = depths.inv_w_offset + depths.inv_w_scale * z
+                depth = 1.0 / inverse if is_perspective else depths.depth_offset + depths.depth_scale * z
+            share = cue.scale / (cue.scale + max(depth - cue.start, 0.0))
+            for channel in range(index(out_radiance.shape[0])):
+                out_radiance[channel, sample] = share * out_radiance[channel, sample] + (1.0 - share) * color[channel]

@@ -15,7 +15,7 @@ extrapolated. (What OpenGL and Direct3D call multisampling with centroid samplin
     a   | B B
 
 Depth at the centre is the mean of the samples' depths, because depth is affine. It errs no more than theirs
-(`planes.depth_rounding`), rounded to a unit as it is: their mean distance from where the plane has its value is shorter
+(`setup.depth_rounding`), rounded to a unit as it is: their mean distance from where the plane has its value is shorter
 than the largest one by half a sample or more along each axis, and half a unit a sample counts there.
 """
 
@@ -24,44 +24,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from ..compiler.widths import PLANE_GROUP
 from .fragments import BATCH_SIZE
-from .gradients import NEEDS_TEXTURE
+from .gradients import HAS_TEXTURE
 from .interpolate import ScannedBand
 from .records import material_of
-from .screen_points import ScreenPoints
+from .samples import PLANE_GROUP, ScreenPoints
 from .transform import SUBPIXEL
 from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
 
-# ----------------------------------------------------------------
-# How many samples a pixel has, as a type: each number of them has kernels of its own.
-# Loops over the samples of a pixel are unrolled, and those over pixels become vector instructions, where the number is
-# known when they are compiled. A picture has one number of samples: so one such loop is compiled, not one for each.
-
-MOST_FACTOR = 4  # samples a pixel along an axis
-
-
-class SampleGrid(NamedTuple):
-    """The samples of a pixel, as many along either axis as `axis` has items."""
-
-    axis: tuple  # zeros
-
-
-def make_grid(factor) -> SampleGrid:
-    """Return the samples of a pixel, `factor` along each axis."""
-    return SampleGrid((0,) * factor)
-
-
-@helper
-def factor_of(grid):
-    """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
-    return len(grid.axis)
-
-
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
 NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)
-MOST_SAMPLES = index(16)  # of a pixel
-PIECE = 64  # pixels that are listed together: those that show a record each take a shorter way
+MAX_SAMPLES = index(16)  # of a pixel
+PIECE = 64  # pixels that are listed together: those that show a record each take a shorter path
 
 
 class PointList(NamedTuple):
@@ -213,9 +187,9 @@ def list_mixed(band, first, start, factor, order, is_textured, n, out):
         number, is_new = n, True
         for other in range(k):
             is_same = keys[other] == key
-            number = index(keys[MOST_SAMPLES + other]) if is_same else number
+            number = index(keys[MAX_SAMPLES + other]) if is_same else number
             is_new = is_new & (not is_same)
-        keys[k], keys[MOST_SAMPLES + k] = key, np.int64(number)
+        keys[k], keys[MAX_SAMPLES + k] = key, np.int64(number)
         numbers[here] = np.int32(number) if is_point else NO_POINT
         # Written whether it is a new point or not: the next one takes the same place.
         out.visibility.entries[n] = entries[here]
@@ -230,7 +204,7 @@ def is_listed(entry, band, is_textured):
     """Tell whether a sample is shaded at a point: it shows a record, and a textured one where only those are wanted."""
     if entry & IS_ID == 0:
         return False
-    return not is_textured or band.coding.needs[material_of(entry, band.records)] & NEEDS_TEXTURE != 0
+    return not is_textured or band.coding.features[material_of(entry, band.records)] & HAS_TEXTURE != 0
 
 
 @kernel
@@ -257,3 +231,29 @@ def spread_points(visibility, n_row, factor, points, radiance, out_radiance):
             if point != NO_POINT:
                 for channel in range(index(radiance.shape[0])):
                     out_radiance[channel, sample] = radiance[channel, index(point)]
+
+
+# ---------------------------------------------------------------- how many samples a pixel has
+
+# As a type: each number of them has kernels of its own. Loops over the samples of a pixel are unrolled, and those over
+# pixels become vector instructions, where the number is known when they are compiled. A picture has one number of
+# samples: so one such loop is compiled, not one for each.
+
+MAX_FACTOR = 4  # samples a pixel along an axis
+
+
+class SampleGrid(NamedTuple):
+    """The samples of a pixel, as many along either axis as `axis` has items."""
+
+    axis: tuple  # zeros
+
+
+def make_grid(factor) -> SampleGrid:
+    """Return the samples of a pixel, `factor` along each axis."""
+    return SampleGrid((0,) * factor)
+
+
+@helper
+def factor_of(grid):
+    """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
+    return len(grid.axis)

@@ -15,7 +15,7 @@ the slopes of its polygon's plane times the way to the centre. On one plane both
                                     it also covers the rounding of the map's vertices, a 512th of a texel
     S + 40 units of the z-buffer    rounding of its values, S texels a side: a step of a plane of depth is rounded to
                                     whole units, so half of one for each texel that a polygon reaches over, along both
-                                    axes, beside DEPTH_PLANE_ROUNDING (planes.py). Of the map's range of 2^38 units that
+                                    axes, beside DEPTH_PLANE_ROUNDING (setup.py). Of the map's range of 2^38 units that
                                     is a 2^-28th at 1024 texels; a polygon that is no larger than 16 errs by a 2^-32nd
     the rounding of positions       in float32 ROUNDINGS·u of the distances, in float64 2^-40 of them; see below
 
@@ -85,7 +85,7 @@ ROUNDINGS = 35
 # in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube, or how many taps are lit.
 TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
 SLOPE_X, SLOPE_Y = f.LIMIT_SLOPES, f.LIMIT_SLOPES + f.NEXT
-MOST_MOVED = SLOPE_X  # before: how far a point may have been moved along its normal
+MAX_MOVED = SLOPE_X  # before: how far a point may have been moved along its normal
 CUBE_FACE = N_LIT = f.SHADOW_COUNT
 
 
@@ -128,7 +128,7 @@ def occlude(batch, n, shadow_map):
 def move_points(batch, header, n):
     """Move points onto the planes of their polygons and along their normals; count from the light.
 
-    Fills MOST_MOVED, too.
+    Fills MAX_MOVED, too.
     """
     origin, forward = read_vector(header, ORIGIN), read_vector(header, MAPS + FORWARD)
     is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
@@ -141,7 +141,7 @@ def move_points(batch, header, n):
         is_front = facing(plane, plane_offset, normal, origin, forward, is_perspective) < zero
         away = length(subtract(position, origin)) if is_perspective else one
         near = min(batch[f.FACE_SIDE + k], reach * away) if is_front else batch[f.FACE_SIDE + k]
-        batch[MOST_MOVED + k] = near
+        batch[MAX_MOVED + k] = near
         offset = scale(normal, tilt * near)
         moved = add(add(position, scale(plane, back)), offset)
         set_vector(batch, f.FROM_LIGHT, k, subtract(moved, origin))
@@ -204,10 +204,10 @@ def look_up(batch, header, texels, number, start, end):
         count_lit(batch, texels, first, (size, n_tap), start, end)
 
 
-@choice(lambda whole, like: store_bits if is_single(like) else store_number)
+@choice
 def stored_index(whole, like):
     """Return an int32 as a quantity of the batch, of the type of `like`, holds it: float32 holds its bits."""
-    return store_bits(whole, like) if isinstance(like, np.float32) else store_number(whole, like)
+    return store_bits if is_single(like) else store_number
 
 
 @helper
@@ -222,10 +222,10 @@ def store_number(whole, like):
     return float(whole)
 
 
-@choice(lambda stored: read_bits if is_single(stored) else read_number)
+@choice
 def index_of(stored):
     """Return the number that `stored_index` has stored, int32."""
-    return read_bits(stored) if isinstance(stored, np.float32) else read_number(stored)
+    return read_bits if is_single(stored) else read_number
 
 
 @helper
@@ -279,8 +279,8 @@ def compute_limits(batch, view, size, radius, start, end):
         column, line = np.int32(within_x if within_x < high else high), np.int32(within_y if within_y < high else high)
         reach = abs(position[0]) + abs(position[1]) + abs(position[2])
         nearness = abs(inverse) * (reach if view.is_perspective else one)  # 1 over the cosine of the ray's angle
-        most_distance = reach + view.far + batch[MOST_MOVED + k]
-        rounding = abs(inverse) * (magnification * view.position_rounding * most_distance + turned)
+        max_distance = reach + view.far + batch[MAX_MOVED + k]
+        rounding = abs(inverse) * (magnification * view.position_rounding * max_distance + turned)
         slack = (view.slack + view.normal_error * nearness) * (abs(slope_x) + abs(slope_y)) + rounding + view.rounding
         limit = value + slack + slope_x * (real(column) + half - map_x) + slope_y * (real(line) + half - map_y)
         # Lit is what lies behind the light, or is moved beyond it: its own plane hides nothing from such a point.
@@ -342,21 +342,22 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
 
     Parameters
     ----------
-    visibility : of the band
+    visibility : VisibilityBuffer, of the band
+    y_start, n_row : the rows of the map
     offset, slope : the texels are offset + slope·z, 1/w or minus the depth; computed in float64
     out_texels : (size, size) float32 or float64, row y_start.. of it; -inf where nothing is
     """
     entries, real = visibility.entries, out_texels.dtype.type
-    nothing = real(-np.inf)
+    furthest = real(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
         row = out_texels[index(y_start + j)]
         left, right = index(max(left, 0)), index(min(max(right, left, 0), len(row)))
         for i in range(min(left, index(len(row)))):
-            row[i] = nothing
+            row[i] = furthest
         for i in range(right, index(len(row))):
-            row[i] = nothing
+            row[i] = furthest
         here = entries[index(j * visibility.pitch) :]
         for i in range(left, right):
-            row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else nothing
+            row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else furthest
     clear(visibility, n_row)

@@ -1,9 +1,10 @@
-"""Textures in float32: what the texture of a batch's samples shows, side by side. For samples for which `texture_error`
-(texture_packing.py) is small enough; texture_sampling.py does the others. Their texture coordinates come from planes or
-are exact.
+"""Textures in float32: what the texture of a batch's samples shows, side by side.
 
-In:  a batch of samples of one texture, with the planes of their texture coordinates (letters:
-     texture_packing.py), or with s, t and the mip level, which texturing.py has filled.
+For samples for which `texture_error` (textures.py, where the letters are) is small enough; texture_sampling.py does the
+others. Their texture coordinates come from planes or are exact.
+
+In:  a batch of samples of one texture, with the planes of their texture coordinates, or with s, t and the mip level,
+     which texturing.py has filled.
 Out: red, green, blue and alpha, linear, a row each.
 
 A quotient s' = S/D errs relative to the extent of its triangle alone. It is turned into a fixed-point number, 2^32 of
@@ -12,58 +13,395 @@ them wrap around. The fixed-point number s lies in texel ⌊s·n/2^32⌋ of a mi
 read exists, whatever the planes hold.
 
 Work goes row by row, in loops without branches, which become vector instructions. Only texels are read sample by
-sample, by loops that are spelled out (texture_lookup.py).
+sample, by loops that intrinsics.py spells out for the compiler.
 """
 
 import numpy as np
 
 from ..compiler.kernels import helper, index, spelled_out
-from ..compiler.widths import PLANE_GROUP
-from .texture_packing import (
+from .fragments import BATCH_SIZE
+from .samples import PLANE_GROUP
+from .textures import (
     FILTER_NEAREST,
     FILTER_TRILINEAR,
-    INV_W,
-    INV_W_DX,
-    INV_W_DY,
-    MIP_LEVEL,
-    MIP_LEVEL_ROWS,
+    NEAREST_ERROR,
     ONE,
-    REFERENCES,
-    S_DX,
-    S_DY,
-    S_OFFSET,
-    SHARE,
-    T_DX,
-    T_DY,
-    T_OFFSET,
-    TEXEL,
-    TEXEL_ROWS,
+    REFERENCE_BITS,
     WRAP_CLAMP,
     WRAP_MIRROR,
+    WRAP_REPEAT,
     ZERO,
-    S,
-    T,
-    W,
-    bits_of,
-    from_bits,
-    locate_nearest_texels,
-    locate_picture_texels,
-    locate_texels,
+    halved,
+    level_start,
+    level_terms,
 )
-from .texture_planes import REFERENCE_BITS
 
-# ----------------------------------------------------------------
-# Read texels, and mean four or eight of them, as vector instructions: the inner loops of texture_lookup.py.
-# They stand here in Python, which is what runs with the JIT switched off; compiler/intrinsics.py spells them out for
-# the
-# compiler. tests/pipeline/test_texel_blend.py compares both. Everything but the last steps is done in whole numbers:
-# what
-# is constant stays so, and no mean leaves the range of its texels.
+# The batch is one flat array of float32, one quantity after the other, each for BATCH_SIZE samples, as in fragments.py.
+# Whole numbers stand in it, too: as the float32 with the same 32 bits.
+
+
+def _quantity(number):
+    """Return where a quantity begins in a batch."""
+    return index(BATCH_SIZE * number)
+
+
+# What comes in for each sample: four planes of its record and, for mip levels, the slopes of three of them
+# (textures.py).
+S_PLANE, T_PLANE, INV_W, REFERENCES = (_quantity(k) for k in range(4))
+S_DX, T_DX, INV_W_DX, S_DY, T_DY, INV_W_DY = (_quantity(k) for k in range(4, 10))
+# What comes of it: s', t' and w in the first rows; s and t in fixed point, the mip level.
+S_OFFSET, T_OFFSET, W = S_PLANE, T_PLANE, INV_W
+S, T, MIP_LEVEL = (_quantity(k) for k in range(10, 13))
+# Then, in place of the planes: the texels up left and down left of the sample (whole numbers), the weights of the two
+# on the left and of the two on the right (two of 16 bits); all four of the next mip level, too; the share of that one.
+TOP, BOTTOM, LEFT_WEIGHTS, RIGHT_WEIGHTS = (_quantity(k) for k in range(4))
+NEXT_MIP_LEVEL, SHARE = _quantity(4), _quantity(8)
+TEXEL, IS_DOUBTFUL = TOP, MIP_LEVEL  # of the filter "nearest"; doubtful is 1, and 0 certain
+TEXEL_ROWS = TOP, BOTTOM, LEFT_WEIGHTS, RIGHT_WEIGHTS
+MIP_LEVEL_ROWS = (*TEXEL_ROWS, *(row + NEXT_MIP_LEVEL for row in TEXEL_ROWS), SHARE)
+LOOKUP_SHAPE = (13 * BATCH_SIZE,)
+
+
+def make_lookup_batch() -> np.ndarray:
+    """Return room for the samples of a batch: LOOKUP_SHAPE zeros of float32."""
+    return np.zeros(LOOKUP_SHAPE, np.float32)
+
+
+@helper
+def compute_texcoords(batch, n, texture):
+    """Turn the planes of n <= BATCH_SIZE samples into texture coordinates and mip levels.
+
+    Parameters
+    ----------
+    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
+    texture : PackedTexture
+    """
+    n = padded(n)
+    divide_planes(batch, n)
+    wrap_texcoords(batch, n, texture)
+    if texture.filter == FILTER_TRILINEAR:
+        fill_mip_levels(batch, n, texture)
+
+
+@helper
+def clear_texcoords(batch, n):
+    """Let n samples show the picture's corner: those of which nothing is known read texels that there are."""
+    for k in range(index(padded(n))):
+        batch[S + k] = batch[T + k] = batch[MIP_LEVEL + k] = np.float32(0)
+
+
+@helper
+def read_texels(batch, n, texture, out, start, stride):
+    """Read the texels of n samples whose texture coordinates and mip levels are known, see `compute_texcoords`.
+
+    Parameters
+    ----------
+    out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
+        up to the next multiple of four may be written, too
+
+    Returns
+    -------
+    whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
+    "nearest", next to the border of two texels
+    """
+    n = padded(n)
+    if texture.filter == FILTER_NEAREST:
+        is_doubtful = locate_nearest_texels(batch, n, texture)
+        fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
+        return is_doubtful
+    if texture.filter == FILTER_TRILINEAR and fill_shares(batch, n):
+        locate_texels(batch, n, texture)
+        blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
+    else:
+        locate_picture_texels(batch, n, texture)
+        blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), out, start, stride, texture.step)
+    return False
+
+
+@helper
+def padded(n):
+    """Return for how many samples texels are read."""
+    return (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP
+
+
+@helper
+def bits_of(number):
+    """Return the 32 bits of a float32 as a whole number."""
+    return np.float32(number).view(np.int32)
+
+
+@helper
+def from_bits(bits):
+    """Return the float32 with these 32 bits: so whole numbers stand in the rows of a batch."""
+    return np.int32(bits).view(np.float32)
+
+
+# ---------------------------------------------------------------- texture coordinates
+
+
+@helper
+def divide_planes(batch, n):
+    """Turn S, T and D into s', t' and w."""
+    one = np.float32(1)
+    for k in range(index(n)):
+        w = one / batch[INV_W + k]
+        batch[W + k] = w
+        batch[S_OFFSET + k] *= w
+        batch[T_OFFSET + k] *= w
+
+
+@helper
+def wrap_texcoords(batch, n, texture):
+    """Fill s and t, in fixed point."""
+    wrap_axis(batch, n, S_OFFSET, S, texture.wraps[0], (texture.width, ZERO))
+    wrap_axis(batch, n, T_OFFSET, T, texture.wraps[1], (texture.height, REFERENCE_BITS))
+
+
+@helper
+def wrap_axis(batch, n, source, out, wrap, axis):
+    """Fill one of s and t: the fraction of the picture, 2^32 for all of it, that stands for any texture coordinate.
+
+    Mirrored, two pictures are one period of 2^32; the second half runs back, which is to invert all bits.
+
+    axis : how many texels the picture has along it, and where its reference begins in that of the sample, bits
+    """
+    to_picture = np.float32(1) / np.float32(axis[0])
+    if wrap == WRAP_CLAMP:
+        for k in range(index(n)):
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(18))
+            s = np.int32(reference + clamped_offset(batch[source + k] * to_picture))
+            s = min(max(s, ZERO), np.int32((1 << 29) - 1))
+            batch[out + k] = from_bits(np.int32(s << np.int32(3)))
+    elif wrap == WRAP_MIRROR:
+        to_period = np.float32(0.5) * to_picture
+        for k in range(index(n)):
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
+            s = np.int32(reference + periodic_offset(batch[source + k] * to_period))
+            s = np.int32(s ^ np.int32(s >> np.int32(31)))
+            batch[out + k] = from_bits(np.int32(s << ONE))
+    else:
+        for k in range(index(n)):
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
+            s = np.int32(reference + periodic_offset(batch[source + k] * to_picture))
+            batch[out + k] = from_bits(s)
+
+
+@helper
+def reference_of(references, first_bit):
+    """Return one of the two references of a sample, 2^11 for the whole picture or period; any for what is none."""
+    is_one = (references >= 0) & (references < np.float32(2.0**24))
+    both = np.int32(references if is_one else np.float32(0))
+    return np.int32(np.int32(both >> first_bit) & np.int32((1 << 12) - 1))
+
+
+@helper
+def periodic_offset(x):
+    """Return the fraction of a number of periods as a whole number, 2^32 a period; 0 for what is no fraction.
+
+    x - rint(x) is exact: a multiple of the last bit of x, and not larger than ½. Its product with 2^31 fits 32 bits.
+    """
+    x -= np.float32(np.rint(x))
+    x = x if abs(x) <= np.float32(0.5) else np.float32(0)
+    return np.int32(np.int32(x * np.float32(2.0**31)) << ONE)
+
+
+@helper
+def clamped_offset(x):
+    """Return a number within -1..1, the nearest to x, as a whole number, 2^29 for 1; 0 for NaN."""
+    one = np.float32(1)
+    low = x if x > -one else -one
+    x = low if x == x else np.float32(0)
+    x = x if x < one else one
+    return np.int32(x * np.float32(2.0**29))
+
+
+# ---------------------------------------------------------------- mip levels
+
+SQUARE_LIMIT = np.float32(2.0**60)
+
+
+@helper
+def fill_mip_levels(batch, n, texture):
+    """Fill the mip levels.
+
+    Source: see texture_sampling.py. With s' = S/D, ds/dx = (S_x - s'·D_x)/D.
+    """
+    coarsest = coarsest_level(texture)
+    for k in range(index(n)):
+        s, t, w = batch[S_OFFSET + k], batch[T_OFFSET + k], batch[W + k]
+        d_x, d_y = batch[INV_W_DX + k], batch[INV_W_DY + k]
+        across_s, across_t = batch[S_DX + k] - s * d_x, batch[T_DX + k] - t * d_x
+        down_s, down_t = batch[S_DY + k] - s * d_y, batch[T_DY + k] - t * d_y
+        across, down = across_s * across_s + across_t * across_t, down_s * down_s + down_t * down_t
+        square = w * w * (across if across > down else down)
+        batch[MIP_LEVEL + k] = mip_level(square, coarsest)
+
+
+@helper
+def coarsest_level(texture):
+    """Return the largest mip level: below the coarsest by 2^-20, so that there is a coarser one."""
+    return max(np.float32(texture.coarsest) - np.float32(2.0**-20), np.float32(0))
+
+
+@helper
+def mip_level(square, coarsest):
+    """Return the mip level where the longer side of a sample covers so many texels, squared; all float32."""
+    one = np.float32(1)
+    square = square if square > one else one  # also for what is no number
+    square = square if square < SQUARE_LIMIT else SQUARE_LIMIT
+    level = np.float32(0.5) * log2_coarse(square)
+    level = level if level > 0 else np.float32(0)
+    return level if level < coarsest else coarsest
+
+
+@helper
+def fill_shares(batch, n):
+    """Fill the shares of the coarser of the two mip levels that are mixed; tell whether any level isn't 0."""
+    union = ZERO
+    for k in range(index(n)):
+        union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))
+    for k in range(index(n)):
+        batch[SHARE + k] = batch[MIP_LEVEL + k] - np.float32(np.int32(batch[MIP_LEVEL + k]))
+    return union != ZERO
+
+
+@helper
+def log2_coarse(x):
+    """Return log2 x in float32 for 1 <= x <= 2^60, without a branch; within 2^-15.9.
+
+    For a mantissa 1 + f in [√½, √2] the polynomial, f times one of degree 4, errs by 1.5e-5 at most.
+    """
+    bits = np.float32(x).view(np.int32)
+    # The exponent of two, rounded so that the mantissa is in [√½, √2).
+    octave = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
+    f = np.int32(bits - np.int32(octave << np.int32(23))).view(np.float32) - np.float32(1)
+    series = np.float32(-0.3945709) + f * np.float32(0.252659)
+    series = np.float32(0.48668543) + f * series
+    series = np.float32(-0.7202421) + f * series
+    series = np.float32(1.4425781) + f * series
+    return np.float32(octave) + f * series
+
+
+# ---------------------------------------------------------------- which texels a sample needs, and their weights
+
+HALF_BITS, LOW_BITS = np.int32(16), np.int32(0xFFFF)
+WEIGHT_BITS = np.int32(15)
+
+
+@helper
+def locate_texels(batch, n, texture):
+    """Fill the texels and weights of mip level ⌊MIP_LEVEL⌋ and of the next one."""
+    width, height = np.int32(texture.width), np.int32(texture.height)
+    area, rim = level_terms(width, height)
+    for k in range(index(n)):
+        finer = np.int32(batch[MIP_LEVEL + k])
+        coarser = np.int32(finer + ONE)
+        size = halved(width, finer), halved(height, finer)
+        set_texels(batch, k, index(0), level_start(area, rim, finer), size)
+        size = halved(width, coarser), halved(height, coarser)
+        set_texels(batch, k, NEXT_MIP_LEVEL, level_start(area, rim, coarser), size)
+
+
+@helper
+def locate_picture_texels(batch, n, texture):
+    """Fill the texels and weights of the first mip level."""
+    size = np.int32(texture.width), np.int32(texture.height)
+    for k in range(index(n)):
+        set_texels(batch, k, index(0), ZERO, size)
+
+
+@helper
+def set_texels(batch, k, out, start, size):
+    """Set the texels of sample k in a mip level of `size` = (width, height) that begins at `start`, and their weights.
+
+    Weights are shares of 2^15, negative, so that -1 fits 16 bits. They add up to -2^15 exactly and none is positive:
+    with f, g and p, the shares to the right, down and both, p = f·g rounded is <= f and <= g, and 1 - f - g + p >= 0.
+    """
+    x, y = texel_position(bits_of(batch[S + k]), size[0]), texel_position(bits_of(batch[T + k]), size[1])
+    pitch = np.int32(size[0] + np.int32(2))
+    column = np.int32(np.int32(x >> HALF_BITS) + ONE)
+    row = np.int32(np.int32(y >> HALF_BITS) + ONE)
+    top = np.int32(np.int32(start + column) + np.int32(row * pitch))
+    batch[out + TOP + k], batch[out + BOTTOM + k] = from_bits(top), from_bits(np.int32(top + pitch))
+    f, g = np.int32(np.int32(x & LOW_BITS) >> ONE), np.int32(np.int32(y & LOW_BITS) >> ONE)
+    both = np.int32(np.int32(np.int32(f * g) + np.int32(1 << 14)) >> WEIGHT_BITS)
+    right, below = np.int32(both - f), np.int32(both - g)
+    rest = np.int32(np.int32(f - np.int32(1 << 15)) - below)
+    batch[out + LEFT_WEIGHTS + k] = from_bits(pack_weights(rest, below))
+    batch[out + RIGHT_WEIGHTS + k] = from_bits(pack_weights(right, np.int32(-both)))
+
+
+@helper
+def pack_weights(top, bottom):
+    """Return two numbers of 16 bits in one of 32, the first one in the lower half."""
+    return np.int32(np.int32(top & LOW_BITS) | np.int32(bottom << HALF_BITS))
+
+
+@helper
+def texel_position(s, n_texel):
+    """Return where the fraction s of n_texel <= 2^14 texels lies, in 1/2^16 of a texel, from the centre of the first.
+
+    Its 15 bits behind the point err by at most 2^-16 texels: the product is less than 2^-16 too small, is made larger
+    by 2^-16, and loses its last bit. It lies within -½..n - ½, so its texel and the next one are within -1..n.
+    """
+    return np.int32(product_of(s, n_texel) - np.int32((1 << 15) - 1))
+
+
+@helper
+def product_of(s, n_texel):
+    """Return ⌊s·n⌋ in 1/2^16 of a texel for the fraction s of n_texel <= 2^14 texels: less than n·2^16."""
+    high = np.int32(np.int32(np.int32(s >> HALF_BITS) & LOW_BITS) * n_texel)
+    low = np.int32(np.int32(np.int32(s & LOW_BITS) * n_texel) >> HALF_BITS)
+    return np.int32(high + low)
+
+
+# ---------------------------------------------------------------- the nearest texel
+
+BORDER_WIDTH = np.int32(int(NEAREST_ERROR * 2.0**16) + 4)
+
+
+@helper
+def locate_nearest_texels(batch, n, texture):
+    """Fill the texels that samples lie in, and whether a sample is so near to a border that it may lie in another one;
+    tell whether any is.
+
+    A border is near within NEAREST_ERROR, and 4/2^16 of a texel for what fixed point loses: less than 1 in
+    `product_of`, and 2 in 2^-29 of 2^14 texels.
+    """
+    width, height = np.int32(texture.width), np.int32(texture.height)
+    pitch, union = np.int32(width + np.int32(2)), ZERO
+    repeats_s, repeats_t = texture.wraps[0] == WRAP_REPEAT, texture.wraps[1] == WRAP_REPEAT
+    for k in range(index(n)):
+        x, y = product_of(bits_of(batch[S + k]), width), product_of(bits_of(batch[T + k]), height)
+        column, row = np.int32(x >> HALF_BITS), np.int32(y >> HALF_BITS)
+        batch[TEXEL + k] = from_bits(np.int32(np.int32(column + ONE) + np.int32(np.int32(row + ONE) * pitch)))
+        is_near = is_near_border(np.int32(x & LOW_BITS), column, width, repeats_s)
+        is_near |= is_near_border(np.int32(y & LOW_BITS), row, height, repeats_t)
+        is_doubtful = ONE if is_near else ZERO
+        batch[IS_DOUBTFUL + k] = from_bits(is_doubtful)
+        union = np.int32(union | is_doubtful)
+    return union != ZERO
+
+
+@helper
+def is_near_border(fraction, texel, n_texel, repeats):
+    """Tell whether another texel begins near a fraction of a texel, 1/2^16 of one.
+
+    Beyond the picture's border there is another one only where the picture repeats.
+    """
+    before = (fraction < BORDER_WIDTH) & (repeats | (texel > ZERO))
+    behind = (fraction >= np.int32((1 << 16) - BORDER_WIDTH)) & (repeats | (texel < np.int32(n_texel - ONE)))
+    return before | behind
+
+
+# ---------------------------------------------------------------- texels
+
+# Read texels, and mean four or eight of them. Everything but the last steps is done in whole numbers: what is constant
+# stays so, and no mean leaves the range of its texels.
 #
 # A texel is four int16, red, green, blue and alpha; -2^15 is 0. A step between two values is `step` of intensity, or
 # 1/65535 of alpha. With steps of 2^k/65535 the largest value, 2^15 - 1, is 2^k exactly: (2^15 - 1)·step and 2^15·step
-# are
-# rounded so that they add up to it.
+# are rounded so that they add up to it.
 #
 # Common parameters
 # -----------------
@@ -71,8 +409,7 @@ from .texture_planes import REFERENCE_BITS
 # batch : float32, rows of BATCH_SIZE; whole numbers are the 32 bits of what stands in them
 # rows : where rows begin in the batch, uint64
 # n : uint64, samples
-# out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
-# up
+# out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples up
 #     to the next multiple of PLANE_GROUP may be read and written, too
 # step : float32
 
@@ -173,207 +510,3 @@ def set_color(out, target, stride, color, factor, step):
     flat[target + stride] = color[1] * (factor * step) + ZERO_VALUE * step
     flat[target + stride + stride] = color[2] * (factor * step) + ZERO_VALUE * step
     flat[target + stride + stride + stride] = color[3] * (factor * ALPHA_STEP) + ZERO_VALUE * ALPHA_STEP
-
-
-SQUARE_LIMIT = np.float32(2.0**60)
-
-
-@helper
-def compute_texcoords(batch, n, texture):
-    """Turn the planes of n <= BATCH_SIZE samples into texture coordinates and mip levels.
-
-    Parameters
-    ----------
-    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
-    texture : PackedTexture
-    """
-    n = padded(n)
-    divide_planes(batch, n)
-    wrap_texcoords(batch, n, texture)
-    if texture.filter == FILTER_TRILINEAR:
-        fill_mip_levels(batch, n, texture)
-
-
-@helper
-def clear_texcoords(batch, n):
-    """Let n samples show the picture's corner: those of which nothing is known read texels that there are."""
-    for k in range(index(padded(n))):
-        batch[S + k] = batch[T + k] = batch[MIP_LEVEL + k] = np.float32(0)
-
-
-@helper
-def padded(n):
-    """Return for how many samples texels are read."""
-    return (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP
-
-
-@helper
-def read_texels(batch, n, texture, out, start, stride):
-    """Read the texels of n samples whose texture coordinates and mip levels are known, see `compute_texcoords`.
-
-    Parameters
-    ----------
-    out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
-        up to the next multiple of four may be written, too
-
-    Returns
-    -------
-    whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
-    "nearest", next to the border of two texels
-    """
-    n = padded(n)
-    if texture.filter == FILTER_NEAREST:
-        is_doubtful = locate_nearest_texels(batch, n, texture)
-        fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
-        return is_doubtful
-    if texture.filter == FILTER_TRILINEAR and fill_shares(batch, n):
-        locate_texels(batch, n, texture)
-        blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
-    else:
-        locate_picture_texels(batch, n, texture)
-        blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), out, start, stride, texture.step)
-    return False
-
-
-# ---------------------------------------------------------------- texture coordinates
-
-
-@helper
-def divide_planes(batch, n):
-    """Turn S, T and D into s', t' and w."""
-    one = np.float32(1)
-    for k in range(index(n)):
-        w = one / batch[INV_W + k]
-        batch[W + k] = w
-        batch[S_OFFSET + k] *= w
-        batch[T_OFFSET + k] *= w
-
-
-@helper
-def wrap_texcoords(batch, n, texture):
-    """Fill s and t, in fixed point."""
-    wrap_axis(batch, n, S_OFFSET, S, texture.wraps[0], (texture.width, ZERO))
-    wrap_axis(batch, n, T_OFFSET, T, texture.wraps[1], (texture.height, REFERENCE_BITS))
-
-
-@helper
-def wrap_axis(batch, n, source, out, wrap, axis):
-    """Fill one of s and t: the fraction of the picture, 2^32 for all of it, that stands for any texture coordinate.
-
-    Mirrored, two pictures are one period of 2^32; the second half runs back, which is to invert all bits.
-
-    axis : how many texels the picture has along it, and where its reference begins in that of the sample, bits
-    """
-    to_picture = np.float32(1) / np.float32(axis[0])
-    if wrap == WRAP_CLAMP:
-        for k in range(index(n)):
-            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(18))
-            s = np.int32(reference + clamped_offset(batch[source + k] * to_picture))
-            s = min(max(s, ZERO), np.int32((1 << 29) - 1))
-            batch[out + k] = from_bits(np.int32(s << np.int32(3)))
-    elif wrap == WRAP_MIRROR:
-        to_period = np.float32(0.5) * to_picture
-        for k in range(index(n)):
-            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
-            s = np.int32(reference + periodic_offset(batch[source + k] * to_period))
-            s = np.int32(s ^ np.int32(s >> np.int32(31)))
-            batch[out + k] = from_bits(np.int32(s << ONE))
-    else:
-        for k in range(index(n)):
-            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
-            s = np.int32(reference + periodic_offset(batch[source + k] * to_picture))
-            batch[out + k] = from_bits(s)
-
-
-@helper
-def reference_of(references, first_bit):
-    """Return one of the two references of a sample, 2^11 for the whole picture or period; any for what is none."""
-    is_one = (references >= 0) & (references < np.float32(2.0**24))
-    both = np.int32(references if is_one else np.float32(0))
-    return np.int32(np.int32(both >> first_bit) & np.int32((1 << 12) - 1))
-
-
-@helper
-def periodic_offset(x):
-    """Return the fraction of a number of periods as a whole number, 2^32 a period; 0 for what is no fraction.
-
-    x - rint(x) is exact: a multiple of the last bit of x, and not larger than ½. Its product with 2^31 fits 32 bits.
-    """
-    x -= np.float32(np.rint(x))
-    x = x if abs(x) <= np.float32(0.5) else np.float32(0)
-    return np.int32(np.int32(x * np.float32(2.0**31)) << ONE)
-
-
-@helper
-def clamped_offset(x):
-    """Return a number within -1..1, the nearest to x, as a whole number, 2^29 for 1; 0 for NaN."""
-    one = np.float32(1)
-    low = x if x > -one else -one
-    x = low if x == x else np.float32(0)
-    x = x if x < one else one
-    return np.int32(x * np.float32(2.0**29))
-
-
-# ---------------------------------------------------------------- mip levels
-
-
-@helper
-def fill_mip_levels(batch, n, texture):
-    """Fill the mip levels.
-
-    Source: see texture_sampling.py. With s' = S/D, ds/dx = (S_x - s'·D_x)/D.
-    """
-    coarsest = coarsest_level(texture)
-    for k in range(index(n)):
-        s, t, w = batch[S_OFFSET + k], batch[T_OFFSET + k], batch[W + k]
-        d_x, d_y = batch[INV_W_DX + k], batch[INV_W_DY + k]
-        across_s, across_t = batch[S_DX + k] - s * d_x, batch[T_DX + k] - t * d_x
-        down_s, down_t = batch[S_DY + k] - s * d_y, batch[T_DY + k] - t * d_y
-        across, down = across_s * across_s + across_t * across_t, down_s * down_s + down_t * down_t
-        square = w * w * (across if across > down else down)
-        batch[MIP_LEVEL + k] = mip_level(square, coarsest)
-
-
-@helper
-def coarsest_level(texture):
-    """Return the largest mip level: below the coarsest by 2^-20, so that there is a coarser one."""
-    return max(np.float32(texture.coarsest) - np.float32(2.0**-20), np.float32(0))
-
-
-@helper
-def mip_level(square, coarsest):
-    """Return the mip level where the longer side of a sample covers so many texels, squared; all float32."""
-    one = np.float32(1)
-    square = square if square > one else one  # also for what is no number
-    square = square if square < SQUARE_LIMIT else SQUARE_LIMIT
-    level = np.float32(0.5) * log2_coarse(square)
-    level = level if level > 0 else np.float32(0)
-    return level if level < coarsest else coarsest
-
-
-@helper
-def fill_shares(batch, n):
-    """Fill the shares of the coarser of the two mip levels that are mixed; tell whether any level isn't 0."""
-    union = ZERO
-    for k in range(index(n)):
-        union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))
-    for k in range(index(n)):
-        batch[SHARE + k] = batch[MIP_LEVEL + k] - np.float32(np.int32(batch[MIP_LEVEL + k]))
-    return union != ZERO
-
-
-@helper
-def log2_coarse(x):
-    """Return log2 x in float32 for 1 <= x <= 2^60, without a branch; within 2^-15.9.
-
-    For a mantissa 1 + f in [√½, √2] the polynomial, f times one of degree 4, errs by 1.5e-5 at most.
-    """
-    bits = np.float32(x).view(np.int32)
-    # The exponent of two, rounded so that the mantissa is in [√½, √2).
-    octave = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
-    f = np.int32(bits - np.int32(octave << np.int32(23))).view(np.float32) - np.float32(1)
-    series = np.float32(-0.3945709) + f * np.float32(0.252659)
-    series = np.float32(0.48668543) + f * series
-    series = np.float32(-0.7202421) + f * series
-    series = np.float32(1.4425781) + f * series
-    return np.float32(octave) + f * series

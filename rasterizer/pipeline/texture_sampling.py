@@ -29,8 +29,8 @@ from .interpolate import (
     weight_steps,
 )
 from .records import ATTRIBUTE, material_of
-from .screen_points import samples_from, skip_to, step_of
-from .texture_packing import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from .samples import samples_from, skip_to, step_of
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from .visibility import record_of, stretch_of, strip_of
 
 # Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,
@@ -68,7 +68,7 @@ def sample_textures(band, textures, batch, out_texels):
 
 @helper
 def sample_stretch(entries, records, first, textures, batch, out):
-    """Look textures up at the samples of a row; `first` says where they lie (screen_points.py)."""
+    """Look textures up at the samples of a row; `first` says where they lie (samples.py)."""
     start, end = next_exact_run(entries, index(0))
     while start < end:
         record = record_of(entries[start])
@@ -83,24 +83,24 @@ def sample_stretch(entries, records, first, textures, batch, out):
 @helper
 def sample_run(records, record, first, textures, texture, batch, out):
     """Look a texture up along a run of samples of one triangle; `first` says where they
-    lie (screen_points.py).
+    lie (samples.py).
 
     out : (4, n), n <= BATCH_SIZE
     """
     n = index(out.shape[1])
     first_level, last_level = textures.first_levels[texture], textures.first_levels[texture + index(1)] - 1
-    kind, wraps = textures.filters[texture], (textures.wraps[texture, 0], textures.wraps[texture, 1])
+    filtering, wraps = textures.filters[texture], (textures.wraps[texture, 0], textures.wraps[texture, 1])
     fill_texcoords(records, record, first, n, wraps, batch)
-    if kind == FILTER_TRILINEAR:
+    if filtering == FILTER_TRILINEAR:
         size, coarsest = mip_level_size(textures, first_level), float(last_level - first_level)
         fill_mip_levels(records, record, n, size, coarsest, step_of(first), batch)
     for k in range(n):
         s, t = batch[TEXCOORD_S + k], batch[TEXCOORD_T + k]
-        if kind == FILTER_NEAREST:
+        if filtering == FILTER_NEAREST:
             color = sample_nearest(textures, first_level, s, t)
         else:
             level, share = first_level, 0.0
-            if kind == FILTER_TRILINEAR:
+            if filtering == FILTER_TRILINEAR:
                 mip_level = batch[MIP_LEVEL + k]
                 level, share = first_level + np.int64(mip_level), mip_level - np.floor(mip_level)
             color = sample_bilinear(textures, level, wraps, s, t)

@@ -1,39 +1,52 @@
-"""Between scan and shade of textured surfaces: what their textures show at a run of samples, whichever way texture
-coordinates have come.
+"""Stage 6, shade, of textured surfaces: what their textures show, and intensities of vertices times texels.
 
-In:  the entries of samples that show one material, in records of planes or exact ones.
-Out: four quantities of a batch of fragments: red, green, blue and alpha.
+In:  the band's visibility entries and records: the paths by which texture coordinates come are planes, and exact.
+Out: of a run of samples that show one material, four quantities of a batch of fragments: red, green, blue and alpha
+     (`fill_texels`), by which Phong's method multiplies its albedo. By flat shading and Gouraud's method `radiance` of
+     the samples that show a textured surface; shade.py has filled that of the others.
 
 Planes are looked up in float32 (texture_lookup.py). So are exact records, such as those of large triangles, where exact
 texture coordinates make that good enough (`TextureCoding.is_exact_looked_up`); else in float64 (texture_sampling.py).
+
+Attributes 0-2 of a textured surface are what a black one gives off, 3-5 what the whole one gives off:
+
+    I = I_rest + texel · (I_whole - I_rest)
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, kernel
-from ..compiler.widths import PLANE_GROUP
+from ..compiler.kernels import choice, class_of, field_of, helper, index, is_none, kernel
 from . import fragments as f
 from .fragments import BATCH_SIZE, get_vector
-from .gradients import NEEDS_BEHIND, NEEDS_TEXTURE, LevelCoding
+from .gradients import HAS_TEXTURE, IS_TRANSPARENT, LevelCoding
 from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
 from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
-from .screen_points import evaluate_planes_here, evaluate_slopes_here, evaluate_values, samples_from, skip_to, step_of
+from .samples import (
+    PLANE_GROUP,
+    evaluate_planes,
+    evaluate_slopes,
+    evaluate_values,
+    samples_from,
+    skip_to,
+    step_of,
+)
 from .shade import fill_weights
-from .texture_lookup import clear_texcoords, coarsest_level, compute_texcoords, mip_level, read_texels
-from .texture_packing import (
-    FILTER_TRILINEAR,
+from .texture_lookup import (
     IS_DOUBTFUL,
     MIP_LEVEL,
     S_DX,
     S_PLANE,
     S,
     T,
-    Textures,
+    clear_texcoords,
+    coarsest_level,
+    compute_texcoords,
     from_bits,
-    packed_texture,
+    mip_level,
+    read_texels,
 )
 from .texture_sampling import (
     BARYCENTRIC,
@@ -45,6 +58,7 @@ from .texture_sampling import (
     sample_run,
 )
 from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
+from .textures import FILTER_TRILINEAR, Textures, packed_texture
 from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
 
 
@@ -52,9 +66,128 @@ class Texturing(NamedTuple):
     """The textures of a scene, and memory for looking them up."""
 
     textures: Textures
-    lookup_batch: np.ndarray  # see texture_packing.py
+    lookup_batch: np.ndarray  # see texture_lookup.py
     double_batch: np.ndarray  # see texture_sampling.py
     texels: np.ndarray  # (4, n_row * pitch) float64: those of exact records; the alpha of all, for transparent surfaces
+
+
+REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
+
+
+@kernel
+def shade_textured(band, texturing, batch, out_radiance):
+    """Interpolate the light that a texture weakens and the rest apart, for the samples that show a texture.
+
+    Parameters
+    ----------
+    band : ScannedBand
+    texturing : Texturing, after `sample_textures`
+    batch : see fragments.py, float32
+    out_radiance : (3, n_row * pitch) float32 or float64, linear
+    """
+    visibility = band.visibility
+    for j in range(band.n_row):
+        y, (first, right) = band.y_start + j, row_extent(visibility, j)
+        while first < right:
+            start = index(j * visibility.pitch + first)
+            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
+            n = min(end - first, BATCH_SIZE)
+            if material < 0:
+                n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
+            elif not band.coding.features[material] & HAS_TEXTURE:
+                n, material = end - first, np.int64(-1)
+            if material >= 0:
+                entries = visibility.entries[start : start + index(n)]
+                where = samples_from(band.points, (first, y), start, index(n))
+                shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
+                if has_exact(entries):
+                    shade_exact(entries, band.records, where, texturing, start, out_radiance)
+            first += n
+
+
+@helper
+def run_of_texture(entries, band):
+    """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
+    material = np.int64(-1)
+    for k in range(index(len(entries))):
+        if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
+            here = np.int64(-1)
+            if entries[k] & IS_ID:
+                here = material_of(entries[k], band.records)
+                here = here if band.coding.features[here] & HAS_TEXTURE else np.int64(-1)
+            if here != material:
+                if k > 0:
+                    return np.int64(k), material
+                material = here
+    return np.int64(len(entries)), material
+
+
+@choice
+def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
+    """Fill the intensities of samples that show planes; of exact records anything is written.
+
+    `first` says where the samples lie (samples.py), `start` is the index of the first in the band.
+    """
+    return evaluate_textured if class_of(field_of(band, "coding")) is LevelCoding else leave_textured
+
+
+@helper
+def leave_textured(entries, band, first, material, texturing, start, batch, out_radiance):
+    """Do nothing."""
+
+
+@helper
+def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
+    """See `shade_planes`. Of exact records, texels are looked up or kept for `shade_exact`."""
+    shows_planes = has_planes(entries)
+    if shows_planes:
+        evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
+    if fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL):
+        keep_exact(entries, texturing.texels, start, batch, f.TEXEL)
+    if shows_planes:
+        mix_values(entries, band, first, start, batch, out_radiance)
+
+
+@helper
+def mix_values(entries, band, first, start, batch, out_radiance):
+    """Evaluate the planes of intensities, and mix them by the texels that the batch holds."""
+    records, n = band.records, index(len(entries))
+    fill_weights(entries, band.coding.depths, batch)
+    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
+    group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
+    evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
+    for channel in range(index(3)):
+        step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
+        for k in range(n):
+            rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
+            out[k] = rest + batch[f.TEXEL + step + k] * (whole - rest)
+
+
+@helper
+def shade_exact(entries, records, first, texturing, start, out_radiance):
+    """Fill the intensities of exact records; `first` says where the samples lie (samples.py), `start` is the
+    index of the first in the band.
+
+    Channel by channel over weights that are known: so each loop becomes vector instructions.
+    """
+    batch, (k, end) = texturing.double_batch, next_exact_run(entries, index(0))
+    while k < end:
+        record, n = record_of(entries[k]), end - k
+        fill_barycentric(records, record, skip_to(first, k), n, batch)
+        for channel in range(index(3)):
+            column = index(ATTRIBUTE) + index(3) * channel
+            of_rest = corner_values(records.reals, record, column)
+            of_whole = corner_values(records.reals, record, column + index(9))
+            texels = texturing.texels[channel, start + k : start + end]
+            out = out_radiance[channel, start + k : start + end]
+            for i in range(n):
+                p = get_vector(batch, BARYCENTRIC, i)
+                rest, whole = mean(of_rest, p), mean(of_whole, p)
+                out[i] = rest + (whole - rest) * texels[i]
+        k, end = next_exact_run(entries, end)
+
+
+# ---------------------------------------------------------------- what a texture shows
 
 
 @helper
@@ -66,7 +199,7 @@ def fill_texels(entries, band, first, material, texturing, start, batch, quantit
     ----------
     entries : (n,) int64, n <= BATCH_SIZE; what doesn't show the material gets anything
     band : ScannedBand
-    first : where they lie (screen_points.py)
+    first : where they lie (samples.py)
     start : index of the first entry's sample in the band
     quantity : the first of the four, such as TEXEL
 
@@ -77,7 +210,7 @@ def fill_texels(entries, band, first, material, texturing, start, batch, quantit
     with_exact = look_up_planes(entries, band, first, material, texturing, start, batch, quantity)
     if not with_exact and has_exact(entries):
         put_in_exact(entries, texturing.texels, start, batch, quantity)
-    if band.coding.needs[material] & NEEDS_BEHIND:
+    if band.coding.features[material] & IS_TRANSPARENT:
         for k in range(index(len(entries))):
             texturing.texels[3, start + k] = batch[quantity + f.NEXT + f.NEXT + f.NEXT + k]
     return with_exact
@@ -108,28 +241,17 @@ def keep_exact(entries, texels, start, batch, quantity):
 
 def has_texcoord_planes(band, batch) -> bool:
     """Tell by their types whether texture coordinates stand in planes: not where a batch is of float64."""
-    return is_single(batch.dtype) and str(field_of(field_of(band, "coding"), "textures")) != "none"
+    return is_single(batch.dtype) and not is_none(field_of(field_of(band, "coding"), "textures"))
 
 
-def field_of(kind, name):
-    """Return the type of a field of a type of named tuples."""
-    return dict(zip(kind.fields, kind.types, strict=True))[name]
-
-
-def choose_texcoords(entries, band, first, material, group_column, texturing, batch):
-    """Return what is compiled in the place of `evaluate_texcoords`: nothing where there are no planes."""
-    return gather_texcoords if has_texcoord_planes(band, batch) else gather_nothing
-
-
-@choice(choose_texcoords)
+@choice
 def evaluate_texcoords(entries, band, first, material, group_column, texturing, batch):
     """Evaluate the planes of texture coordinates into the batch of `texturing`, with their slopes where it needs them.
 
     group_column : where they begin in records
     batch : see fragments.py; its type alone counts
     """
-    if batch.dtype == np.float32 and band.coding.textures is not None:
-        gather_texcoords(entries, band, first, material, group_column, texturing, batch)
+    return gather_texcoords if has_texcoord_planes(band, batch) else gather_nothing
 
 
 @helper
@@ -145,23 +267,16 @@ def gather_texcoords(entries, band, first, material, group_column, texturing, ba
     if texture < 0:  # computed in float64: all of its records are exact
         return
     if coding.packed.filters[index(texture)] == FILTER_TRILINEAR:
-        evaluate_slopes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+        evaluate_slopes(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
     else:
-        evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+        evaluate_planes(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
 
 
-def choose_look_up(entries, band, first, material, texturing, start, batch, quantity):
-    """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes."""
-    return look_up if has_texcoord_planes(band, batch) else look_up_nothing
-
-
-@choice(choose_look_up)
+@choice
 def look_up_planes(entries, band, first, material, texturing, start, batch, quantity):
     """Fill the quantities of samples whose texture coordinates stand in planes, or are exact and looked up as these;
     tell whether the latter are."""
-    if batch.dtype == np.float32 and band.coding.textures is not None:
-        return look_up(entries, band, first, material, texturing, start, batch, quantity)
-    return False
+    return look_up if has_texcoord_planes(band, batch) else look_up_nothing
 
 
 @helper
@@ -198,7 +313,7 @@ def put_in_exact_texcoords(entries, records, first, material, texture, double_ba
     """Put in texture coordinates and mip levels of a material's exact records, as they are looked up in float32.
 
     A coordinate within the picture is a fraction of 2^32: what it loses, and what the mip level does, is what those of
-    planes lose beside their own errors (texture_packing.py).
+    planes lose beside their own errors (textures.py).
     """
     coarsest, size = coarsest_level(texture), (texture.width, texture.height)
     start, end = next_exact_run(entries, index(0))
@@ -245,135 +360,3 @@ def look_up_doubtful(entries, band, first, texture, texturing, start, batch, qua
             sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
             for channel in range(index(4)):
                 batch[quantity + channel * f.NEXT + k] = np.float32(texels[channel, 0])
-
-
-# ----------------------------------------------------------------
-# Stage 6, shade, of textured surfaces by flat shading and Gouraud's method: intensities of vertices times texels.
-# In:  the band's visibility entries and records. Attributes 0-2 of a textured surface are what a black one gives off,
-# 3-5
-#      what the whole one gives off.
-# Out: `radiance` of the samples that show a textured surface. shade.py has filled that of the others.
-#
-#     I = I_rest + texel · (I_whole - I_rest)
-
-REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
-
-
-@kernel
-def shade_textured(band, texturing, batch, out_radiance):
-    """Interpolate the light that a texture weakens and the rest apart, for the samples that show a texture.
-
-    Parameters
-    ----------
-    band : ScannedBand
-    texturing : Texturing, after `sample_textures`
-    batch : see fragments.py, float32
-    out_radiance : (3, n_row * pitch) float32 or float64, linear
-    """
-    visibility = band.visibility
-    for j in range(band.n_row):
-        y, (first, right) = band.y_start + j, row_extent(visibility, j)
-        while first < right:
-            start = index(j * visibility.pitch + first)
-            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
-            n = min(end - first, BATCH_SIZE)
-            if material < 0:
-                n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
-            elif not band.coding.needs[material] & NEEDS_TEXTURE:
-                n, material = end - first, np.int64(-1)
-            if material >= 0:
-                entries = visibility.entries[start : start + index(n)]
-                where = samples_from(band.points, (first, y), start, index(n))
-                shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
-                if has_exact(entries):
-                    shade_exact(entries, band.records, where, texturing, start, out_radiance)
-            first += n
-
-
-@helper
-def run_of_texture(entries, band):
-    """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
-    material = np.int64(-1)
-    for k in range(index(len(entries))):
-        if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
-            here = np.int64(-1)
-            if entries[k] & IS_ID:
-                here = material_of(entries[k], band.records)
-                here = here if band.coding.needs[here] & NEEDS_TEXTURE else np.int64(-1)
-            if here != material:
-                if k > 0:
-                    return np.int64(k), material
-                material = here
-    return np.int64(len(entries)), material
-
-
-def choose_shading(entries, band, first, material, texturing, start, batch, out_radiance):
-    """Return what is compiled in the place of `shade_planes`: nothing where all records are exact."""
-    coding = dict(zip(band.fields, band.types, strict=True))["coding"]
-    return evaluate_textured if coding.instance_class is LevelCoding else leave_textured
-
-
-@choice(choose_shading)
-def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
-    """Fill the intensities of samples that show planes; of exact records anything is written.
-
-    `first` says where the samples lie (screen_points.py), `start` is the index of the first in the band.
-    """
-    if isinstance(band.coding, LevelCoding):
-        evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance)
-
-
-@helper
-def leave_textured(entries, band, first, material, texturing, start, batch, out_radiance):
-    """Do nothing."""
-
-
-@helper
-def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
-    """See `shade_planes`. Of exact records, texels are looked up or kept for `shade_exact`."""
-    shows_planes = has_planes(entries)
-    if shows_planes:
-        evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
-    if fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL):
-        keep_exact(entries, texturing.texels, start, batch, f.TEXEL)
-    if shows_planes:
-        mix_values(entries, band, first, start, batch, out_radiance)
-
-
-@helper
-def mix_values(entries, band, first, start, batch, out_radiance):
-    """Evaluate the planes of intensities, and mix them by the texels that the batch holds."""
-    records, n = band.records, index(len(entries))
-    fill_weights(entries, band.coding.depths, batch)
-    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
-    group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
-    evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
-    for channel in range(index(3)):
-        step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
-        for k in range(n):
-            rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
-            out[k] = rest + batch[f.TEXEL + step + k] * (whole - rest)
-
-
-@helper
-def shade_exact(entries, records, first, texturing, start, out_radiance):
-    """Fill the intensities of exact records; `first` says where the samples lie (screen_points.py), `start` is the
-    index of the first in the band.
-
-    Channel by channel over weights that are known: so each loop becomes vector instructions.
-    """
-    batch, (k, end) = texturing.double_batch, next_exact_run(entries, index(0))
-    while k < end:
-        record, n = record_of(entries[k]), end - k
-        fill_barycentric(records, record, skip_to(first, k), n, batch)
-        for channel in range(index(3)):
-            column = index(ATTRIBUTE) + index(3) * channel
-            of_rest = corner_values(records.reals, record, column)
-            of_whole = corner_values(records.reals, record, column + index(9))
-            texels = texturing.texels[channel, start + k : start + end]
-            out = out_radiance[channel, start + k : start + end]
-            for i in range(n):
-                p = get_vector(batch, BARYCENTRIC, i)
-                rest, whole = mean(of_rest, p), mean(of_whole, p)
-                out[i] = rest + (whole - rest) * texels[i]
-        k, end = next_exact_run(entries, end)

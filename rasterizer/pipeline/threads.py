@@ -18,7 +18,7 @@ PARTS_PER_THREAD = 4  # more parts than threads, so that a delayed thread does n
 class Workers:
     """A fixed number of threads, the caller's among them; with one thread everything runs in the caller's.
 
-    `turn` is a lock for those who share the workers: who draws a picture holds it. A process that is forked has neither
+    `lock` is for those who share the workers: who draws a picture holds it. A process that is forked has neither
     the threads nor, perhaps, the holder of the lock: there both are made anew.
     """
 
@@ -28,7 +28,7 @@ class Workers:
         _living.add(self)
 
     def _start(self) -> None:
-        self.turn = threading.RLock()
+        self.lock = threading.RLock()
         self._calls, self._helpers = SimpleQueue(), []  # the threads, but for the caller's, are started when needed
         self._end = weakref.finalize(self, self._calls.put, None)
 
@@ -49,14 +49,14 @@ class Workers:
         if n_helper < 1:
             return [function(item) for item in items]
         self._hire(n_helper)
-        results, turns, failures = [None] * len(items), iter(range(len(items))), []
+        results, numbers, failures = [None] * len(items), iter(range(len(items))), []
 
         def work():
             try:
-                for turn in turns:  # a range's iterator hands every number to one thread only
+                for number in numbers:  # a range's iterator hands every number to one thread only
                     if failures:
                         return
-                    results[turn] = function(items[turn])
+                    results[number] = function(items[number])
             except BaseException as fault:  # noqa: BLE001  raised where `map` was called
                 failures.append(fault)
 

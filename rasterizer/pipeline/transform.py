@@ -34,12 +34,10 @@ POSITION_BOUND = 0.5 / SUBPIXEL  # px, along either axis
 LIMIT_PX = 2**20  # vertices further out than this are clipped: edge functions stay below 2^60
 LIMIT = float(LIMIT_PX * SUBPIXEL)  # the same, 1/256 px
 OUTSIDE = np.int32(-(2**31))  # x of a vertex that must be clipped
-
 DEPTH_BITS = 38
 DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see setup.py
 DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
-
-LEAST_PART = 2 * MIN_PART  # vertices that are worth a thread of its own: one takes half of what a light takes
+MIN_VERTICES = 2 * MIN_PART  # vertices that are worth a thread of its own: one takes half of what a light takes
 
 
 class Screen(NamedTuple):
@@ -68,6 +66,29 @@ class Vertices(NamedTuple):
     x: np.ndarray  # (n,) int32, 1/256 px, or OUTSIDE
     y: np.ndarray  # (n,) int32, 1/256 px
     z: np.ndarray  # (n,) float64, z-buffer units
+
+
+class Triangles(NamedTuple):
+    """Index columns: which vertices triangles join, and where the attributes of their corners are.
+
+    The indices are unsigned: signed ones would cost a wrap-around test at every access.
+    """
+
+    vertex_idx: np.ndarray  # (3, n) uint32, into the vertices
+    corner_idx: np.ndarray  # (3, n) uint32, into the attributes
+    is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
+    material: np.ndarray = np.empty(0, np.uint32)  # (n,) uint32; empty where all have one
+    clipped_idx: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
+    z_ranges: np.ndarray = np.empty((0, 2))  # (n_clipped, 2) float64, as there
+
+
+class Drawables(NamedTuple):
+    """The triangles of a picture with all that they refer to."""
+
+    triangles: Triangles
+    vertices: Vertices
+    attributes: np.ndarray  # (side, n, n_attribute) float32
+    double_attributes: np.ndarray  # the same in float64, of the corners that need it: see Coding.reads_double
 
 
 def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
@@ -111,7 +132,7 @@ def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
     """
     n = positions.shape[1]
     out = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.float64))
-    parts = workers.ranges(n, LEAST_PART)
+    parts = workers.ranges(n, MIN_VERTICES)
     counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
     return out, sum(counts)
 
@@ -123,6 +144,7 @@ def transform_range(positions, start, end, screen, out):
     Parameters
     ----------
     positions : (3, n) float64, world space, scene units
+    screen : Screen
     out : Vertices, of which start..end is written
     """
     eye_x, eye_y, eye_z = screen.eye[0], screen.eye[1], screen.eye[2]
@@ -147,17 +169,6 @@ def transform_range(positions, start, end, screen, out):
     return n_outside
 
 
-def skew_stretch(screen) -> float:
-    """Return how many times as long as in the world a length may be that is measured along across, up and forward,
-    or as short: 1 without skew.
-
-    It is the largest singular value of the shear [[1, -s], [0, 1]], s = skew/scale_x; the least is its inverse, because
-    the determinant is 1. They are the roots of λ⁴ - (2 + s²) λ² + 1.
-    """
-    lean = abs(screen.skew / screen.scale_x) if screen.skew != 0.0 else 0.0
-    return 0.5 * (lean + math.sqrt(lean * lean + 4.0))
-
-
 @helper
 def project(across, upward, w, screen):
     """Project view space to the screen: (x, y) in 1/256 px, not rounded; numbers in kernels, or float64 arrays.
@@ -178,32 +189,12 @@ def compute_z(depth, screen):
     return screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
 
 
-# ----------------------------------------------------------------
-# What is drawn: triangles, their vertices on the screen, and the attributes of their corners.
-# The vertices come from the transform stage; the clip stage replaces triangles, and the scan stage draws them. A
-# corner
-# is where a triangle meets a vertex: two triangles that share a vertex may have a corner each there, with normals or
-# intensities of their own.
+def skew_stretch(screen) -> float:
+    """Return how many times as long as in the world a length may be that is measured along across, up and forward,
+    or as short: 1 without skew.
 
-
-class Triangles(NamedTuple):
-    """Index columns: which vertices triangles join, and where the attributes of their corners are.
-
-    The indices are unsigned: signed ones would cost a wrap-around test at every access.
+    It is the largest singular value of the shear [[1, -s], [0, 1]], s = skew/scale_x; the least is its inverse, because
+    the determinant is 1. They are the roots of λ⁴ - (2 + s²) λ² + 1.
     """
-
-    vertex_idx: np.ndarray  # (3, n) uint32, into the vertices
-    corner_idx: np.ndarray  # (3, n) uint32, into the attributes
-    is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
-    material: np.ndarray = np.empty(0, np.uint32)  # (n,) uint32; empty where all have one
-    clipped_idx: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
-    z_ranges: np.ndarray = np.empty((0, 2))  # (n_clipped, 2) float64, as there
-
-
-class Drawables(NamedTuple):
-    """The triangles of a picture with all that they refer to."""
-
-    triangles: Triangles
-    vertices: Vertices
-    attributes: np.ndarray  # (side, n, n_attribute) float32
-    double_attributes: np.ndarray  # the same in float64, of the corners that need it: see Coding.reads_double
+    lean = abs(screen.skew / screen.scale_x) if screen.skew != 0.0 else 0.0
+    return 0.5 * (lean + math.sqrt(lean * lean + 4.0))

@@ -17,11 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from ..compiler.widths import ID_BIT
-from .simd import MOST_WIDE
 from .transform import DEPTH_BITS
 
-LEVEL_BITS = ID_BIT
+LEVEL_BITS = 24
 PAYLOAD_BITS = LEVEL_BITS + 1
 IS_ID = np.int64(1 << LEVEL_BITS)  # the payload is the index of a record, not an intensity
 # ... of an exact record; of planes of intensities that a sample multiplies by its 1/r. These are the lowest bits, so
@@ -36,7 +34,8 @@ CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
 
 STRIP_SHIFT = 3  # log2 of the rows of a strip
 NO_START, NO_END = np.int64(1 << 30), np.int64(-1)  # the extent of a strip in which nothing was written
-PADDING = MOST_WIDE  # entries behind each row that lanes may read and write back
+LANES = 8  # samples of a small box that are merged side by side
+PADDING = 2 * LANES  # entries behind each row that lanes may read and write back
 
 
 class VisibilityBuffer(NamedTuple):
@@ -77,10 +76,10 @@ def pack(z, payload):
 
 
 @helper
-def id_payload(record, kind):
-    """Return what stands below the depth where a record is visible: its index, and its kind, IS_EXACT, IS_WEIGHTED or
-    0."""
-    return IS_ID | (np.int64(record) << RECORD_SHIFT) | kind
+def id_payload(record, flags):
+    """Return what stands below the depth where a record is visible: its index, and its flags: IS_EXACT, IS_WEIGHTED
+    or 0."""
+    return IS_ID | (np.int64(record) << RECORD_SHIFT) | flags
 
 
 @helper
@@ -191,5 +190,5 @@ def forget(visibility):
 
 @kernel
 def forget_extents(visibility):
-    """Forget all extents and materials of a buffer without entries."""
+    """Forget all extents and materials of a VisibilityBuffer without entries."""
     forget(visibility)

@@ -10,7 +10,7 @@ from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
 from .shade_once import PointList, make_point_list
-from .texture_packing import make_lookup_batch
+from .texture_lookup import make_lookup_batch
 from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
 
@@ -32,7 +32,7 @@ class Workspace(NamedTuple):
     points: PointList | None  # None where every sample is shaded
 
 
-class WorkspaceKind(NamedTuple):
+class WorkspaceShape(NamedTuple):
     """What a workspace is made for."""
 
     width: int  # samples
@@ -55,40 +55,40 @@ class WorkspacePool:
     def __init__(self):
         self._free = {}
 
-    def acquire(self, kind: WorkspaceKind, n_record: int) -> Workspace:
+    def acquire(self, shape: WorkspaceShape, n_record: int) -> Workspace:
         """Return a clear workspace with room for `n_record` records; a new one where none of its kind is free."""
         try:
-            workspace = self._free.setdefault(kind, []).pop()
+            workspace = self._free.setdefault(shape, []).pop()
         except IndexError:  # asking first whether there is one would leave room for another thread to take it
-            workspace = make_workspace(kind, n_record)
+            workspace = make_workspace(shape, n_record)
         if len(workspace.records.integers) < n_record:
-            records = make_records(n_record, kind.n_attribute)
+            records = make_records(n_record, shape.n_attribute)
             workspace = workspace._replace(records=records)
         return workspace
 
-    def release(self, kind: WorkspaceKind, workspace: Workspace) -> None:
+    def release(self, shape: WorkspaceShape, workspace: Workspace) -> None:
         """Return a workspace to the pool; its visibility buffer is clear."""
-        self._free[kind].append(workspace)
+        self._free[shape].append(workspace)
 
 
-def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
+def make_workspace(shape: WorkspaceShape, n_record: int) -> Workspace:
     """Return a clear workspace with room for `n_record` records."""
-    visibility = make_visibility_buffer(kind.width, kind.n_row)
+    visibility = make_visibility_buffer(shape.width, shape.n_row)
     n_sample = len(visibility.entries)
     return Workspace(
         visibility,
-        make_records(max(n_record, 1), kind.n_attribute),
+        make_records(max(n_record, 1), shape.n_attribute),
         make_block(),
-        np.zeros((kind.n_channel, n_sample), kind.dtype),
+        np.zeros((shape.n_channel, n_sample), shape.dtype),
         make_batch(np.float32),
         make_batch(np.float64),
-        make_lookup_batch() if kind.is_textured else np.zeros(0, np.float32),
+        make_lookup_batch() if shape.is_textured else np.zeros(0, np.float32),
         make_pixel_batch(),
-        np.zeros((4 if kind.is_textured else 0, n_sample)),
-        Room() if kind.is_transparent else None,
-        make_extents(kind.n_row) if kind.is_transparent else None,
-        make_point_list(visibility, kind.n_row, kind.points_factor, kind.n_channel, kind.dtype)
-        if kind.points_factor
+        np.zeros((4 if shape.is_textured else 0, n_sample)),
+        Room() if shape.is_transparent else None,
+        make_extents(shape.n_row) if shape.is_transparent else None,
+        make_point_list(visibility, shape.n_row, shape.points_factor, shape.n_channel, shape.dtype)
+        if shape.points_factor
         else None,
     )
 

@@ -1,17 +1,16 @@
 """The reference: the same pictures in plain numpy float64 and Python integers, slowly, by code of its own.
 
-It shares with the fast way the scene as it is loaded and checked, and with it the triangles that concave polygons are
-cut into; nothing that is compiled. The modules in the order of a polygon's way:
+It shares with the fast path the scene as it is loaded and checked, and with it the triangles that concave polygons are
+cut into; nothing that is compiled. The modules in the order in which a polygon passes through them:
 
-    surface      the faces of a scene, corner by corner        creases, polygons, tangents    what their corners carry
-    clip         near plane, limits of the screen
-    cover        which samples a triangle covers
+    surface      the faces of a scene, corner by corner            normals    of the corners, up to the creases
+    clip         near plane, limits of the screen, its grid
     visibility   which surface each sample sees, layer behind layer
-    shading      where the illumination equation is evaluated
-    light        the equation                                  materials, lamp, shadow, reflection, texture    its terms
-    picture      layers put on each other; samples to pixels
+    shading      where the illumination equation is evaluated; textures
+    light        the equation                                      lamp, shadow, reflection    its terms
+    picture      layers put on each other; samples to pixels       buffers    of the nearest surface
     edges        drawn over it, on the surfaces that are seen
-    explaining   one pixel, with the share of every light     explanation    what is said of it
+    explain      one pixel, with the share of every light, in words
 
 vectors holds the vector algebra of all of them.
 """

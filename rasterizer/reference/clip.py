@@ -1,4 +1,4 @@
-"""The frame of the eye: faces of the world are brought there, and cut where they leave what is seen.
+"""The frame of the eye: faces of the world are brought there, cut where they leave what is seen, and put on the screen.
 
 In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the
 viewing axis. A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see
@@ -97,23 +97,16 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
         source.append(np.full(len(fan), triangle_idx))
         fans.append(fan)
         ranges.append(np.broadcast_to(_depth_range(polygon[None]) if len(fan) else 0.0, (len(fan), 2)))
-    source = np.concatenate(source)
-    order = np.argsort(source, kind="stable")
-    source = source[order]
+    order = np.argsort(np.concatenate(source), kind="stable")
+    source, fans, ranges = (np.concatenate(rows)[order] for rows in (source, fans, ranges))
     corners = triangles[source]
     if not is_rounded:
-        return Pieces(
-            face[source],
-            np.concatenate(fans)[order],
-            np.ones(len(source), bool),
-            corners,
-            np.concatenate(ranges)[order],
-        )
+        return Pieces(face[source], fans, np.ones(len(source), bool), corners, ranges)
     is_on_grid = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
     for plane in _screen_planes(projection):
         is_on_grid &= (_plane_distance(corners, plane) >= 0).all(axis=1)
     corners[is_on_grid] = _onto_grid(corners[is_on_grid], projection)
-    return Pieces(face[source], np.concatenate(fans)[order], ~is_whole[source], corners, np.concatenate(ranges)[order])
+    return Pieces(face[source], fans, ~is_whole[source], corners, ranges)
 
 
 def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:

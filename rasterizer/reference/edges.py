@@ -11,7 +11,7 @@ wide than a sample is drawn as wide as one, and fainter.
 
 Only samples that see the edge's surface are covered: the segment's nearest point belongs to what the sample next to it
 sees, and to what the covered sample sees. That has the depths of the 3x3 samples around it, which may change by as much
-again for every sample on the way. The covered sample may lie before the edge by twice that: what is round bends away.
+again for every sample between. The covered sample may lie before the edge by twice that: what is round bends away.
 """
 
 from collections import Counter
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..scene.camera import Projection, View
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .clip import Range, to_eye
-from .creases import NO_AREA, is_crease
+from .normals import NO_AREA, is_crease
 from .vectors import dot, length
 
 NEAREST = 2.0**-30  # of an edge's furthest depth: what is nearer to the eye's plane lies 2^30 px away, at 2^-22 px
@@ -111,7 +111,7 @@ def _fill_planes(normals: dict[int, NDArray], sides: dict[tuple[int, int], list]
                 longest[taker], normals[taker] = size, turn * normals[giver]
 
 
-def find_side(edge: Edge, kinds: tuple[str, ...], view: View, is_perspective: bool, is_culled: bool) -> int | None:
+def find_side(edge: Edge, types: tuple[str, ...], view: View, is_perspective: bool, is_culled: bool) -> int | None:
     """Tell on which side of an edge, as it is seen, its polygons lie: 1 to the right, -1 to the left, 0 to both; None
     where it isn't drawn.
 
@@ -125,8 +125,8 @@ def find_side(edge: Edge, kinds: tuple[str, ...], view: View, is_perspective: bo
     if not len(is_left):
         return None
     is_outline = is_left.all() or not is_left.any()
-    is_asked_for = "wire" in kinds or ("crease" in kinds and edge.is_crease)
-    if not is_asked_for and not ("silhouette" in kinds and (is_outline or edge.is_open)):
+    is_asked_for = "wire" in types or ("crease" in types and edge.is_crease)
+    if not is_asked_for and not ("silhouette" in types and (is_outline or edge.is_open)):
         return None
     return (-1 if is_left[0] else 1) if is_outline else 0
 
@@ -176,16 +176,16 @@ def cover_samples(
     around = [np.pad(depth, 1, mode="edge")[j : j + len(depth), i : i + depth.shape[1]] for j, i in np.ndindex(3, 3)]
     low, high = np.min(around, axis=0), np.max(around, axis=0)
     for segment, side in segments:
-        middle, reach = segment.copy(), 0.5 * width
+        middle, radius = segment.copy(), 0.5 * width
         if side:
             # Of the width, half a sample lies beyond the edge: what is within it counts as covered.
             border = max(width, 0.5 * (1.0 + width))
-            reach = 0.5 * (border + 0.5)
+            radius = 0.5 * (border + 0.5)
             along = segment[1, :2] - segment[0, :2]
             if along.any():
-                middle[:, :2] += side * (border - reach) * np.array([-along[1], along[0]]) / np.hypot(*along)
-        row, column, t, distance = near_samples(middle, depth.shape, reach + 0.5)
-        share = np.clip(reach + 0.5 - distance, 0.0, min(1.0, width))
+                middle[:, :2] += side * (border - radius) * np.array([-along[1], along[0]]) / np.hypot(*along)
+        row, column, t, distance = near_samples(middle, depth.shape, radius + 0.5)
+        share = np.clip(radius + 0.5 - distance, 0.0, min(1.0, width))
         point = segment[0] + t[:, None] * (segment[1] - segment[0])
         distance = np.hypot(column + 0.5 - point[:, 0], row + 0.5 - point[:, 1])
         z = 1.0 / point[:, 2] if is_perspective else point[:, 2]

@@ -1,7 +1,11 @@
 """One pixel, explained: which surfaces its samples see, and what each light adds to them.
 
-It goes the way of picture.py, with the same functions, for the samples of one pixel alone. Only the sum is taken apart:
+It does what picture.py does, with the same functions, for the samples of one pixel alone. Only the sum is taken apart:
 the illumination equation is evaluated at the same points, and its terms are kept one by one.
+
+Every share of light is linear RGB, as it comes out of its layer: textures, vertex colours, exposure and depth cue are
+in it. So a layer's colour is the sum of its shares, and a sample's colour the sum of its layers' colours, each times
+`visible`.
 """
 
 from dataclasses import dataclass
@@ -16,7 +20,7 @@ from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
 from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions
-from .picture import Look, encode, lit_fragments, look_at, render, resolve, shared_points, spread_samples
+from .picture import Look, encode, in_range, lit_fragments, look_at, render, resolve, shared_points, spread_samples
 from .shading import (
     Fragments,
     Points,
@@ -30,14 +34,7 @@ from .shading import (
     world_positions,
 )
 from .surface import Surface
-from .visibility import NOTHING, Window, find_visible
-
-# ----------------------------------------------------------------
-# What `explain` says about a pixel: frozen records, and the text that a person reads.
-# Every share of light is linear RGB, as it comes out of its layer: textures, vertex colours, exposure and depth cue
-# are
-# in it. So a layer's colour is the sum of its shares, and a sample's colour the sum of its layers' colours, each times
-# `visible`.
+from .visibility import NO_KEY, Window, find_visible
 
 Vector = tuple[float, float, float]
 
@@ -147,7 +144,7 @@ class Explanation:
     linear : linear RGB of the pixel: the mean over its samples, over the background; without one not premultiplied
     alpha : of the pixel
     rgb : its 8-bit sRGB values
-    way : how the fast way draws the nearest surface; None where nobody asked
+    way : how the renderer draws the nearest surface; None where nobody asked
     """
 
     x: int
@@ -183,68 +180,6 @@ class Explanation:
     __repr__ = __str__
 
 
-def _describe_sample(sample: Sample) -> list[str]:
-    """Return the lines about one sample."""
-    where = f"sample at {sample.x:g}, {sample.y:g} px"
-    if not sample.layers:
-        return [f"{where}: nothing is seen here but the background"]
-    n_layer = counted(len(sample.layers), "layer")
-    lines = [f"{where}: {n_layer}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"]
-    for number, layer in enumerate(sample.layers, 1):
-        lines += [f"  {line}" for line in _describe_layer(number, layer)]
-    return lines
-
-
-def _describe_layer(number: int, layer: Layer) -> list[str]:
-    """Return the lines about one layer: what is seen, where it is, and what each light adds."""
-    name = f" {layer.mesh_name!r}" if layer.mesh_name else ""
-    material = f" {layer.material.name!r}" if layer.material.name else ""
-    mesh = f"mesh {layer.mesh}{name}"
-    lines = [
-        f"{number}. face {layer.face}: face {layer.mesh_face} of {mesh}, material {layer.material_index}{material}",
-        f"   {_describe_material(layer.material)}",
-        f"   depth {layer.depth:.9g}, weights {_numbers(layer.weights)}",
-        f"   position {_numbers(layer.position)}, normal {_numbers(layer.normal)}",
-        f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}",
-        f"   lit {layer.lit_at}",
-        f"   {'ambient':<22}{_numbers(layer.ambient)}",
-        f"   {'emission':<22}{_numbers(layer.emission)}",
-    ]
-    for light in layer.lights:
-        lines += [
-            f"   {f'{light.index} {light.kind}':<22}to {_numbers(light.direction)}, N.L {light.n_dot_l:.6g}, "
-            f"attenuation {light.attenuation:.6g}, unshadowed {light.unshadowed:.6g}",
-            f"   {'':<22}diffuse {_numbers(light.diffuse)}, specular {_numbers(light.specular)}",
-        ]
-    if any(layer.depth_cue):
-        lines.append(f"   {'depth cue':<22}{_numbers(layer.depth_cue)}")
-    return [*lines, f"   {'sum':<22}{_numbers(layer.color)}"]
-
-
-def _describe_material(material: Material) -> str:
-    """Return the numbers of a material that its reflection model uses."""
-    numbers = {key: getattr(material, key) for key in ("ambient", "diffuse", "specular", "emissive")}
-    numbers |= {
-        "lambert": {},
-        "oren-nayar": {"roughness": material.roughness},
-        "cook-torrance": {"roughness": material.roughness, "fresnel": material.fresnel},
-        "toon": {"shininess": material.shininess, "levels": material.levels},
-    }.get(material.reflection, {"shininess": material.shininess})
-    return f"{material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
-
-
-def _shown(value: object) -> str:
-    """Return a number, three of them, or anything else as short text."""
-    if isinstance(value, tuple):
-        return _numbers(value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    """Return numbers in brackets, six digits each."""
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
-
-
 def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
     """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
 
@@ -266,28 +201,27 @@ def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
     """
     width, height = options.size
     x, y = _checked_index(x, "x", width, "columns"), _checked_index(y, "y", height, "rows")
-    look = look_at(scene, options.size, options.shading, limits=(None, None), **_settings_of(options))
+    look = look_at(scene, options.size, options)
     found = _explain_samples(look, x, y, options.factor)
-    return _sum_up(look, x, y, found, options)
+    return _sum_up(look, x, y, found)
 
 
-def _settings_of(options: Options) -> dict:
-    """Return the options that decide what is seen and how it is lit."""
-    names = "cull", "exposure", "spectral", "antialias"
-    return {name: getattr(options, name) for name in names}
+# --- what its samples see ------------------------------------------------------------------------------------
 
 
-def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options) -> Explanation:
+def _sum_up(look: Look, x: int, y: int, samples: list[Sample]) -> Explanation:
     """Average the samples of a pixel, and bring the mean to 8 bits."""
-    scene, square = look.scene, (options.factor, options.factor)
+    scene, options = look.scene, look.options
+    square = options.factor, options.factor
     color = np.array([sample.color for sample in samples]).reshape(*square, 3)
     alpha = np.array([sample.alpha for sample in samples]).reshape(square)
     color, alpha = resolve(color, alpha, options.factor, scene.background)
     largest = None
     if options.color_range == "global":
-        settings = _settings_of(options) | {"shading": options.shading, "samples": options.samples}
+        names = "shading", "samples", "antialias", "cull", "exposure", "spectral"
+        settings = {name: getattr(options, name) for name in names}
         largest = float(render(scene, options.size, **settings).color.max())
-    red, green, blue = (int(value) for value in encode(color, options.color_range, largest)[0, 0])
+    red, green, blue = (int(value) for value in encode(in_range(color, options.color_range, largest))[0, 0])
     background = None if scene.background is None else _vector(scene.background)
     linear, opaque = _vector(color[0, 0]), float(alpha[0, 0])
     return Explanation(x, y, options.size, look.shading, tuple(samples), background, linear, opaque, (red, green, blue))
@@ -318,7 +252,7 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
             layers[at[0]][at[1]].append(layer)
             through[at] *= 1.0 - layer.opacity
         is_open = (visible.piece >= 0) & (through > 0)
-        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
+        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
     return [
         _sample((window.left + column + 0.5) / per_axis, (window.top + row + 0.5) / per_axis, layers[row][column])
         for row, column in np.ndindex(window.shape)
@@ -450,3 +384,68 @@ def _vector(values) -> Vector:
     """Return three numbers as floats."""
     a, b, c = (float(value) for value in values)
     return a, b, c
+
+
+# --- the text that a person reads ----------------------------------------------------------------------------
+
+
+def _describe_sample(sample: Sample) -> list[str]:
+    """Return the lines about one sample."""
+    where = f"sample at {sample.x:g}, {sample.y:g} px"
+    if not sample.layers:
+        return [f"{where}: nothing is seen here but the background"]
+    n_layer = counted(len(sample.layers), "layer")
+    lines = [f"{where}: {n_layer}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"]
+    for number, layer in enumerate(sample.layers, 1):
+        lines += [f"  {line}" for line in _describe_layer(number, layer)]
+    return lines
+
+
+def _describe_layer(number: int, layer: Layer) -> list[str]:
+    """Return the lines about one layer: what is seen, where it is, and what each light adds."""
+    name = f" {layer.mesh_name!r}" if layer.mesh_name else ""
+    material = f" {layer.material.name!r}" if layer.material.name else ""
+    mesh = f"mesh {layer.mesh}{name}"
+    lines = [
+        f"{number}. face {layer.face}: face {layer.mesh_face} of {mesh}, material {layer.material_index}{material}",
+        f"   {_describe_material(layer.material)}",
+        f"   depth {layer.depth:.9g}, weights {_numbers(layer.weights)}",
+        f"   position {_numbers(layer.position)}, normal {_numbers(layer.normal)}",
+        f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}",
+        f"   lit {layer.lit_at}",
+        f"   {'ambient':<22}{_numbers(layer.ambient)}",
+        f"   {'emission':<22}{_numbers(layer.emission)}",
+    ]
+    for light in layer.lights:
+        lines += [
+            f"   {f'{light.index} {light.kind}':<22}to {_numbers(light.direction)}, N.L {light.n_dot_l:.6g}, "
+            f"attenuation {light.attenuation:.6g}, unshadowed {light.unshadowed:.6g}",
+            f"   {'':<22}diffuse {_numbers(light.diffuse)}, specular {_numbers(light.specular)}",
+        ]
+    if any(layer.depth_cue):
+        lines.append(f"   {'depth cue':<22}{_numbers(layer.depth_cue)}")
+    return [*lines, f"   {'sum':<22}{_numbers(layer.color)}"]
+
+
+def _describe_material(material: Material) -> str:
+    """Return the numbers of a material that its reflection model uses."""
+    numbers = {key: getattr(material, key) for key in ("ambient", "diffuse", "specular", "emissive")}
+    numbers |= {
+        "lambert": {},
+        "oren-nayar": {"roughness": material.roughness},
+        "cook-torrance": {"roughness": material.roughness, "fresnel": material.fresnel},
+        "toon": {"shininess": material.shininess, "levels": material.levels},
+    }.get(material.reflection, {"shininess": material.shininess})
+    return f"{material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
+
+
+def _shown(value: object) -> str:
+    """Return a number, three of them, or anything else as short text."""
+    if isinstance(value, tuple):
+        return _numbers(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    """Return numbers in brackets, six digits each."""
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

@@ -13,20 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import (
-    ANTIALIASES,
-    COLOR_RANGES,
-    CULLS,
-    SAMPLES,
-    SHADINGS,
-    Antialias,
-    ColorRange,
-    Cull,
-    EdgeKind,
-    Samples,
-    Shading,
-)
-from ..errors import SceneError
+from ..choices import Antialias, ColorRange, Cull, EdgeType, Samples, Shading
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
@@ -39,7 +26,7 @@ from .reflection import palette_of
 from .shading import Fragments, light_samples
 from .surface import Surface, compute_sides, gather
 from .visibility import (
-    NOTHING,
+    NO_KEY,
     Raster,
     VisibilityBuffer,
     Window,
@@ -50,23 +37,261 @@ from .visibility import (
     weights_at,
 )
 
-# ----------------------------------------------------------------
-# Shading once a pixel and polygon: which point of a polygon is lit in the place of the samples that see it in a
-# pixel.
-# In: the `Fragments` of a grid of per_axis² samples a pixel. Out: the same, with the weights and the place of the
-# points
-# that are lit.
-#
-# The samples of a pixel that see one opaque piece share a point: the pixel's centre where all samples see the piece,
-# else
-# the sample that is nearest to the centre, the first of these row by row. What is transparent is lit at every sample;
-# so
-# is what has its light from the vertices or the polygon and no texture. A step of a texture is one from pixel to
-# pixel.
+
+class Picture(NamedTuple):
+    """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
+
+    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have
+    margins too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins
+    are brought to the depth of the nearest surface: as many steps there.
+
+    Attributes
+    ----------
+    color : (height, width, 3) float64, linear, not clamped, not premultiplied
+    alpha : (height, width) float64
+    rgb : (height, width, 3) uint8, sRGB
+    depth : (height, width) float64, scene units along the viewing axis, of the nearest surface; inf where nothing is
+    face : (height, width) int32, index into the faces as loaded, of the nearest surface; -1 where nothing is
+    normal : (height, width, 3) float64, unit, world space, towards the viewer, of the nearest surface; 0 where nothing
+        is
+    margin : (height, width) float64, how much deeper the runner-up lies, inf where there is none
+    surface : SurfaceBuffers, masks, labels and coordinates of the nearest surface
+    """
+
+    color: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float64]
+    face: NDArray[np.int32]
+    normal: NDArray[np.float64]
+    margin: NDArray[np.float64]
+    surface: SurfaceBuffers
+
+
+class Look(NamedTuple):
+    """How a scene is looked at: what doesn't depend on the number of samples."""
+
+    scene: Scene
+    camera: Camera
+    surface: Surface
+    size: tuple[int, int]  # (width, height) in pixels
+    options: Options  # without its size
+    limits: tuple[float | None, float | None, float]  # near, far, and the deepest corner, as `choose_range` takes them
+    is_rounded: bool
+
+    @property
+    def shading(self) -> str:
+        """Where light is evaluated: "flat", "gouraud" or "phong"."""
+        return _shading_of(self.options)
+
+
+class Layers(NamedTuple):
+    """The surfaces that a grid of samples sees, put on each other."""
+
+    color: NDArray[np.float64]  # (h, w, 3) linear, premultiplied
+    alpha: NDArray[np.float64]  # (h, w)
+    normal: NDArray[np.float64]  # (h, w, 3) of the nearest surface
+    face: NDArray[np.int32]  # (h, w) of the nearest surface
+    depth: NDArray[np.float64]  # (h, w) of the nearest surface
+    margin: NDArray[np.float64]  # (h, w) as in `Picture`
+    fragments: Fragments  # of the nearest surface
+
+
+def render(
+    scene: Scene,
+    size: tuple[int, int] = (640, 480),
+    *,
+    shading: Shading = "gouraud",
+    samples: Samples = 1,
+    antialias: Antialias = "supersample",
+    cull: Cull = "none",
+    color_range: ColorRange = "clamp",
+    near: float | None = None,
+    far: float | None = None,
+    exposure: float = 0.0,
+    spectral: int | None = None,
+    rounded: bool = True,
+    edges: EdgeType | Sequence[EdgeType] | None = None,
+    edge_color: ColorLike = "black",
+    edge_width: float = 1.0,
+) -> Picture:
+    """Render a scene slowly, and as exactly as float64 allows.
+
+    Parameters
+    ----------
+    scene : what to draw
+    size : (width, height) in pixels
+    shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
+    samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
+    antialias : "supersample", or "shade-once": once a pixel and polygon, see `SharedPoints`
+    cull : "none", or "back" to leave out faces whose winding is clockwise as the viewer sees it
+    color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
+    near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
+    exposure : stops by which all light is multiplied, 2^exposure; not the background
+    spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
+    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as
+        in the fast path; False takes them from the polygons as they are, of which a sample at the very edge sees the
+        nearest point, and leaves the rounding to what is covered. The difference of both pictures is what the rounding
+        of vertices does to colours
+    edges, edge_color, edge_width : drawn over the picture, as in `Options`
+
+    Returns
+    -------
+    Picture
+
+    Raises
+    ------
+    SceneError : an option is not legal
+    """
+    # Refuses what isn't legal.
+    options = Options(
+        shading=shading, samples=samples, antialias=antialias, cull=cull, color_range=color_range, exposure=exposure,
+        spectral=spectral, edges=edges, edge_color=edge_color, edge_width=edge_width,
+    )  # fmt: skip
+    look = look_at(scene, size, options, (near, far), rounded)
+    per_axis = options.factor
+    centres = _draw(look, 1)
+    fine = _draw(look, per_axis) if per_axis > 1 else centres
+    color, alpha = resolve(fine.color, fine.alpha, per_axis, scene.background)
+    shown = in_range(color, color_range)
+    if options.edges:
+        share, seen = cover_edges(look, fine.depth, per_axis)
+        seen = seen if scene.background is None else np.ones_like(seen)
+        ink = np.array(linear_rgb(options.edge_color))
+        shown, _ = lay_over(shown, alpha, share, seen, ink)
+        color, alpha = lay_over(color, alpha, share, seen, ink)
+    of_surface = describe_surface(scene, look.surface, centres.fragments, centres.normal, look.camera.view())
+    return Picture(color, alpha, encode(shown), centres.depth, centres.face, centres.normal, centres.margin, of_surface)
+
+
+def look_at(
+    scene: Scene,
+    size: tuple[int, int],
+    options: Options,
+    limits: tuple[float | None, float | None] = (None, None),
+    is_rounded: bool = True,
+) -> Look:
+    """Gather what a picture is made from; `limits` and `is_rounded` are `near`, `far` and `rounded` of `render`."""
+    camera = scene.camera_for(size)
+    near, far = (
+        given if limit is None else limit for limit, given in zip(limits, (camera.near, camera.far), strict=True)
+    )
+    deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
+    surface = gather(scene, _shading_of(options))
+    return Look(scene, camera, surface, size, options, (near, far, deepest), is_rounded)
+
+
+def _shading_of(options: Options) -> str:
+    """Return the method of shading by one of its names."""
+    return "flat" if options.is_flat else options.shading
+
+
+def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
+    """Bring the surface to a grid of per_axis² samples a pixel, and gather what lights it."""
+    grid = look.size[0] * per_axis, look.size[1] * per_axis
+    view, projection, surface, options = look.camera.view(), look.camera.projection(grid), look.surface, look.options
+    lighting = make_lighting(look.scene, surface, view, projection, look.shading, options.spectral, options.exposure)
+    position = to_eye(surface.corners, view)
+    depths = choose_range(position[..., 2], projection.is_perspective, *look.limits)
+    pieces = clip_to_view(position, projection, depths, look.is_rounded)
+    screen = snap(pieces.position, projection)
+    facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
+    is_drawn = facing > 0 if options.cull == "back" else facing != 0
+    side = compute_sides(surface, pieces.face, facing)
+    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
+
+
+def _draw(look: Look, per_axis: int) -> Layers:
+    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing
+    through.
+
+    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA,
+    "Interactive order-independent transparency", for a picture of the next layer behind the one before.
+    """
+    raster, lighting = spread_samples(look, per_axis)
+    surface, shape = look.surface, raster.window.shape
+    color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
+    alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
+    nearest = visible = find_visible(raster)
+    points = shared_points(look, raster, lighting, per_axis)
+    front = fragments = lit_fragments(visible, raster, points)
+    layer, normal, opacity = light_samples(surface, fragments, shape, lighting)
+    face = np.full(shape, -1, np.int32)
+    face[fragments.rows, fragments.columns] = surface.loaded_faces(fragments.face)
+    while len(fragments.face):
+        at = visible.piece >= 0
+        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if raster.projection.is_perspective else 1.0
+        margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
+        color += (through * opacity)[..., None] * layer
+        alpha += through * opacity
+        through *= 1.0 - opacity
+        is_open = at & (through > 0)
+        if not is_open.any():
+            break
+        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
+        fragments = lit_fragments(visible, raster, points)
+        layer, _, opacity = light_samples(surface, fragments, shape, lighting)
+    return Layers(color, alpha, normal, face, nearest.depth, margin, front)
+
+
+def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -> tuple[NDArray, NDArray]:
+    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where
+    nothing is, and alpha (h, w), over any background.
+    """
+    height, width = alpha.shape[0] // per_axis, alpha.shape[1] // per_axis
+    total_alpha = alpha.reshape(height, per_axis, width, per_axis).sum(axis=(1, 3))
+    total = color.reshape(height, per_axis, width, per_axis, 3).sum(axis=(1, 3))
+    color, alpha = total / np.where(total_alpha > 0, total_alpha, 1)[..., None], total_alpha / per_axis**2
+    if background is None:
+        return color, alpha
+    opaque = alpha[..., None]
+    return color * opaque + np.array(linear_rgb(background)) * (1 - opaque), np.ones_like(alpha)
+
+
+def cover_edges(look: Look, depth: NDArray, per_axis: int) -> tuple[NDArray, NDArray]:
+    """Return which share of each pixel the edges cover that the options ask for, and which share of it sees anything,
+    (h, w) each; `depth` is that of a grid of per_axis² samples a pixel."""
+    (width, height), view, options = look.size, look.camera.view(), look.options
+    projection = look.camera.projection((width * per_axis, height * per_axis))
+    depths = choose_range(to_eye(look.surface.corners, view)[..., 2], projection.is_perspective, *look.limits)
+    segments = []
+    for edge in (edge for mesh in look.scene.meshes for edge in list_edges(mesh)):
+        side = find_side(edge, options.edges, view, projection.is_perspective, options.cull == "back")
+        if side is not None and len(segment := make_segment(edge, view, projection, depths)):
+            segments.append((segment, side))
+    share = cover_samples(segments, depth, options.edge_width * per_axis, projection.is_perspective)
+    blocks = height, per_axis, width, per_axis
+    return share.reshape(blocks).mean(axis=(1, 3)), np.isfinite(depth).reshape(blocks).mean(axis=(1, 3))
+
+
+def encode(color: NDArray) -> NDArray[np.uint8]:
+    """Return linear colours within 0..1 as 8-bit sRGB, rounded to nearest."""
+    return np.rint(255 * srgb_from_linear(color)).astype(np.uint8)
+
+
+def in_range(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.float64]:
+    """Bring linear colours into 0..1 as the colour range says.
+
+    largest : the largest value of the whole picture, for "global"; None = that of `color`
+    """
+    if color_range == "global":
+        color = color / max(color.max() if largest is None else largest, 1.0)
+    elif color_range == "local":
+        color = color / np.maximum(color.max(axis=-1, keepdims=True), 1.0)
+    return np.clip(color, 0, 1)
+
+
+# --- shading once a pixel and polygon: which point is lit in the place of the samples that see it ------------
 
 
 class SharedPoints:
-    """The points that the samples of a grid share."""
+    """The points that the samples of a grid share, where a pixel and polygon is shaded once.
+
+    The samples of a pixel that see one opaque piece share a point: the pixel's centre where all samples see the piece,
+    else the sample that is nearest to the centre, the first of these row by row. What is transparent is lit at every
+    sample; so is what has its light from the vertices or the polygon and no texture. A step of a texture is one from
+    pixel to pixel.
+    """
 
     def __init__(self, raster: Raster, surface: Surface, lighting: Lighting, is_opaque: NDArray, per_axis: int):
         """Find them; `is_opaque` is (n_material,) bool."""
@@ -121,169 +346,9 @@ def _has_texture(lighting: Lighting) -> NDArray[np.bool_]:
     return np.array([texture is not None for texture in lighting.textures])
 
 
-class Picture(NamedTuple):
-    """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
-
-    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have
-    margins too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins
-    are brought to the depth of the nearest surface: as many steps there.
-
-    Attributes
-    ----------
-    color : (height, width, 3) float64, linear, not clamped, not premultiplied
-    alpha : (height, width) float64
-    rgb : (height, width, 3) uint8, sRGB
-    depth : (height, width) float64, scene units along the viewing axis, of the nearest surface; inf where nothing is
-    face : (height, width) int32, index into the faces as loaded, of the nearest surface; -1 where nothing is
-    normal : (height, width, 3) float64, unit, world space, towards the viewer, of the nearest surface; 0 where nothing
-        is
-    margin : (height, width) float64, how much deeper the runner-up lies, inf where there is none
-    surface : SurfaceBuffers, masks, labels and coordinates of the nearest surface
-    """
-
-    color: NDArray[np.float64]
-    alpha: NDArray[np.float64]
-    rgb: NDArray[np.uint8]
-    depth: NDArray[np.float64]
-    face: NDArray[np.int32]
-    normal: NDArray[np.float64]
-    margin: NDArray[np.float64]
-    surface: SurfaceBuffers
-
-
-class Look(NamedTuple):
-    """How a scene is looked at: what doesn't depend on the number of samples."""
-
-    scene: Scene
-    camera: Camera
-    surface: Surface
-    size: tuple[int, int]  # (width, height) in pixels
-    shading: str  # "flat", "gouraud" or "phong"
-    cull: str
-    limits: tuple[float | None, float | None, float]  # near, far, and the deepest corner, as `choose_range` takes them
-    exposure: float
-    spectral: int | None
-    is_rounded: bool
-    antialias: str
-
-
-class Layers(NamedTuple):
-    """The surfaces that a grid of samples sees, put on each other."""
-
-    color: NDArray[np.float64]  # (h, w, 3) linear, premultiplied
-    alpha: NDArray[np.float64]  # (h, w)
-    normal: NDArray[np.float64]  # (h, w, 3) of the nearest surface
-    face: NDArray[np.int32]  # (h, w) of the nearest surface
-    depth: NDArray[np.float64]  # (h, w) of the nearest surface
-    margin: NDArray[np.float64]  # (h, w) as in `Picture`
-    fragments: Fragments  # of the nearest surface
-
-
-def render(
-    scene: Scene,
-    size: tuple[int, int] = (640, 480),
-    *,
-    shading: Shading = "gouraud",
-    samples: Samples = 1,
-    antialias: Antialias = "supersample",
-    cull: Cull = "none",
-    color_range: ColorRange = "clamp",
-    near: float | None = None,
-    far: float | None = None,
-    exposure: float = 0.0,
-    spectral: int | None = None,
-    rounded: bool = True,
-    edges: EdgeKind | Sequence[EdgeKind] | None = None,
-    edge_color: ColorLike = "black",
-    edge_width: float = 1.0,
-) -> Picture:
-    """Render a scene slowly, and as exactly as float64 allows.
-
-    Parameters
-    ----------
-    scene : what to draw
-    size : (width, height) in pixels
-    shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
-    samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
-    antialias : "supersample", or "shade-once": once a pixel and polygon, see picture.py
-    cull : "none", or "back" to leave out faces whose winding is clockwise as the viewer sees it
-    color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
-    near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
-    exposure : stops by which all light is multiplied, 2^exposure; not the background
-    spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
-    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as
-        in the fast way; False takes them from the polygons as they are, of which a sample at the very edge sees the
-        nearest point, and leaves the rounding to what is covered. The difference of both pictures is what the rounding
-        of vertices does to colours
-    edges, edge_color, edge_width : drawn over the picture, as in `Options`
-
-    Returns
-    -------
-    Picture
-
-    Raises
-    ------
-    SceneError : an option is not legal
-    """
-    _check_options(shading, samples, antialias, cull, color_range)
-    # Refuses what isn't legal.
-    options = Options(
-        exposure=exposure, spectral=spectral, edges=edges, edge_color=edge_color, edge_width=edge_width, cull=cull
-    )
-    limits = near, far
-    look = look_at(
-        scene, size, shading, cull=cull, limits=limits, exposure=exposure, spectral=spectral, is_rounded=rounded,
-        antialias=antialias,
-    )  # fmt: skip
-    per_axis = round(samples**0.5)
-    centres = _draw(look, 1)
-    fine = _draw(look, per_axis) if per_axis > 1 else centres
-    color, alpha = resolve(fine.color, fine.alpha, per_axis, scene.background)
-    shown = in_range(color, color_range)
-    if options.edges:
-        share, seen = cover_edges(look, options, fine.depth, per_axis)
-        seen = seen if scene.background is None else np.ones_like(seen)
-        ink = np.array(linear_rgb(options.edge_color))
-        shown, _ = lay_over(shown, alpha, share, seen, ink)
-        color, alpha = lay_over(color, alpha, share, seen, ink)
-    rgb = np.rint(255 * srgb_from_linear(shown)).astype(np.uint8)
-    of_surface = describe_surface(scene, look.surface, centres.fragments, centres.normal, look.camera.view())
-    return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin, of_surface)
-
-
-def look_at(
-    scene: Scene, size, shading: str, *, cull, limits, exposure, spectral, is_rounded=True, antialias="supersample"
-) -> Look:
-    """Gather what a picture is made from; parameters are those of `render`, `limits` its near and far."""
-    camera = scene.camera_for(size)
-    near, far = (
-        given if limit is None else limit for limit, given in zip(limits, (camera.near, camera.far), strict=True)
-    )
-    shading = "flat" if shading == "lambert" else shading
-    deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
-    surface = gather(scene, shading)
-    depths = near, far, deepest
-    return Look(scene, camera, surface, size, shading, cull, depths, exposure, spectral, is_rounded, antialias)
-
-
-def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
-    """Bring the surface to a grid of per_axis² samples a pixel, and gather what lights it."""
-    grid = look.size[0] * per_axis, look.size[1] * per_axis
-    view, projection, surface = look.camera.view(), look.camera.projection(grid), look.surface
-    lighting = make_lighting(look.scene, surface, view, projection, look.shading, look.spectral, look.exposure)
-    position = to_eye(surface.corners, view)
-    depths = choose_range(position[..., 2], projection.is_perspective, *look.limits)
-    pieces = clip_to_view(position, projection, depths, look.is_rounded)
-    screen = snap(pieces.position, projection)
-    facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
-    is_drawn = facing > 0 if look.cull == "back" else facing != 0
-    side = compute_sides(surface, pieces.face, facing)
-    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
-
-
 def shared_points(look: Look, raster: Raster, lighting: Lighting, per_axis: int) -> SharedPoints | None:
     """Find the points that samples share; None where each is lit by itself."""
-    if look.antialias == "supersample" or per_axis == 1:
+    if look.options.antialias == "supersample" or per_axis == 1:
         return None
     is_opaque = np.array([material.is_opaque for material in palette_of(look.scene)])
     return SharedPoints(raster, look.surface, lighting, is_opaque, per_axis)
@@ -293,97 +358,3 @@ def lit_fragments(visible: VisibilityBuffer, raster: Raster, points: SharedPoint
     """List the samples that see something, and what is lit there."""
     fragments = gather_fragments(visible, raster)
     return fragments if points is None else points.move(fragments, visible.piece)
-
-
-def _check_options(shading, samples, antialias, cull, color_range) -> None:
-    """Refuse what the other functions of this file do not know."""
-    for name, given, legal in (
-        ("shading", shading, SHADINGS),
-        ("samples", samples, SAMPLES),
-        ("antialias", antialias, ANTIALIASES),
-        ("cull", cull, CULLS),
-        ("color_range", color_range, COLOR_RANGES),
-    ):
-        if given not in legal:
-            raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
-
-
-def _draw(look: Look, per_axis: int) -> Layers:
-    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing
-    through.
-
-    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA,
-    "Interactive order-independent transparency", for a picture of the next layer behind the one before.
-    """
-    raster, lighting = spread_samples(look, per_axis)
-    surface, shape = look.surface, raster.window.shape
-    color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
-    alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
-    nearest = visible = find_visible(raster)
-    points = shared_points(look, raster, lighting, per_axis)
-    front = fragments = lit_fragments(visible, raster, points)
-    layer, normal, opacity = light_samples(surface, fragments, shape, lighting)
-    face = np.full(shape, -1, np.int32)
-    face[fragments.rows, fragments.columns] = surface.loaded_faces(fragments.face)
-    while len(fragments.face):
-        at = visible.piece >= 0
-        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if raster.projection.is_perspective else 1.0
-        margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
-        color += (through * opacity)[..., None] * layer
-        alpha += through * opacity
-        through *= 1.0 - opacity
-        is_open = at & (through > 0)
-        if not is_open.any():
-            break
-        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
-        fragments = lit_fragments(visible, raster, points)
-        layer, _, opacity = light_samples(surface, fragments, shape, lighting)
-    return Layers(color, alpha, normal, face, nearest.depth, margin, front)
-
-
-def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -> tuple[NDArray, NDArray]:
-    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where
-    nothing is, and alpha (h, w), over any background.
-    """
-    height, width = alpha.shape[0] // per_axis, alpha.shape[1] // per_axis
-    total_alpha = alpha.reshape(height, per_axis, width, per_axis).sum(axis=(1, 3))
-    total = color.reshape(height, per_axis, width, per_axis, 3).sum(axis=(1, 3))
-    color, alpha = total / np.where(total_alpha > 0, total_alpha, 1)[..., None], total_alpha / per_axis**2
-    if background is None:
-        return color, alpha
-    opaque = alpha[..., None]
-    return color * opaque + np.array(linear_rgb(background)) * (1 - opaque), np.ones_like(alpha)
-
-
-def cover_edges(look: Look, options: Options, depth: NDArray, per_axis: int) -> tuple[NDArray, NDArray]:
-    """Return which share of each pixel the edges cover that the options ask for, and which share of it sees anything,
-    (h, w) each; `depth` is that of a grid of per_axis² samples a pixel."""
-    (width, height), view, is_culled = look.size, look.camera.view(), options.cull == "back"
-    projection = look.camera.projection((width * per_axis, height * per_axis))
-    depths = choose_range(to_eye(look.surface.corners, view)[..., 2], projection.is_perspective, *look.limits)
-    segments = []
-    for edge in (edge for mesh in look.scene.meshes for edge in list_edges(mesh)):
-        side = find_side(edge, options.edges, view, projection.is_perspective, is_culled)
-        if side is not None and len(segment := make_segment(edge, view, projection, depths)):
-            segments.append((segment, side))
-    share = cover_samples(segments, depth, options.edge_width * per_axis, projection.is_perspective)
-    blocks = height, per_axis, width, per_axis
-    return share.reshape(blocks).mean(axis=(1, 3)), np.isfinite(depth).reshape(blocks).mean(axis=(1, 3))
-
-
-def encode(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.uint8]:
-    """Bring linear colours into 0..1 in the way asked for; return 8-bit sRGB, rounded to nearest; parameters are those
-    of `in_range`."""
-    return np.rint(255 * srgb_from_linear(in_range(color, color_range, largest))).astype(np.uint8)
-
-
-def in_range(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.float64]:
-    """Bring linear colours into 0..1 in the way asked for.
-
-    largest : the largest value of the whole picture, for "global"; None = that of `color`
-    """
-    if color_range == "global":
-        color = color / max(color.max() if largest is None else largest, 1.0)
-    elif color_range == "local":
-        color = color / np.maximum(color.max(axis=-1, keepdims=True), 1.0)
-    return np.clip(color, 0, 1)

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
-from ..scene.material import DISTRIBUTIONS, Material
+from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.spectrum import samples_of
 from .vectors import dot, length, unit

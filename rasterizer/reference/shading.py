@@ -7,6 +7,14 @@ shading normal of every sample. Everything happens in world space.
     Gouraud    at the corners of a face, with the normals there; both parts of the light are interpolated between them
     Phong      at the sample's own point, with the interpolated normal
 
+What a texture shows at a sample: of texture coordinates u, v, and of what they change by from one sample of the picture
+to the next. Alpha is interpolated as the colours are, and multiplies nothing there.
+
+    v = 1 ┌───┬───┬───┐ row 0     a picture of w × h texels: texel (i, j) covers i/w <= u < (i + 1)/w and
+          │   │   │ · │           j/h < 1 - v <= (j + 1)/h; its centre lies at u·w = i + ½, (1 - v)·h = j + ½
+    v = 0 └───┴───┴───┘ row h-1
+        u = 0       u = 1
+
 Sources: Gouraud 1971, IEEE Trans. Computers C-20(6), 623-629; Phong 1975, Comm. ACM 18(6), 311-317.
 """
 
@@ -15,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scene.texture import Texture
 from .light import Lighting, RayOrigins, light_points, to_viewer
 from .shadow import NO_OWNER
 from .surface import Surface, face_tangents, unit_sums
-from .texture import sample_texture
 from .vectors import area_vectors, blend, dot, length, unit
 
 CHUNK = 2**16  # samples lit at a time: bounds the memory of a supersampled picture
@@ -140,7 +148,7 @@ def _light(points: Points, lighting: Lighting) -> tuple[NDArray, NDArray]:
     return points.albedo * diffuse, specular
 
 
-# ── flat ──────────────────────────────────────────────────────────────────────────────────────────────────
+# --- flat ----------------------------------------------------------------------------------------------------
 
 
 def _light_flat(surface: Surface, fragments: Fragments, lighting: Lighting):
@@ -179,7 +187,7 @@ def polygon_points(surface: Surface, polygon: NDArray, lighting: Lighting) -> Po
     return Points(centroids, normals, material[polygon], albedo, RayOrigins(centroids, polygon), tangents)
 
 
-# ── Gouraud ───────────────────────────────────────────────────────────────────────────────────────────────
+# --- Gouraud -------------------------------------------------------------------------------------------------
 
 
 def _light_gouraud(surface: Surface, fragments: Fragments, lighting: Lighting):
@@ -234,7 +242,7 @@ def ring_faces(surface: Surface, ring: NDArray) -> tuple[NDArray, NDArray, NDArr
     return np.repeat(first - (ends - count), count) + np.arange(ends[-1]), ends - count, count
 
 
-# ── Phong ─────────────────────────────────────────────────────────────────────────────────────────────────
+# --- Phong ---------------------------------------------------------------------------------------------------
 
 
 def _light_phong(surface: Surface, fragments: Fragments, lighting: Lighting):
@@ -266,3 +274,94 @@ def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.floa
     x = (columns + 0.5 - projection.center_x + projection.skew * y) / projection.scale_x
     across = x[:, None] * view.right + y[:, None] * view.up
     return view.eye + (depth if projection.is_perspective else 1.0) * across + depth * view.forward
+
+
+# --- what a texture shows ------------------------------------------------------------------------------------
+
+
+def sample_texture(texture: Texture, uv: NDArray, steps: NDArray) -> NDArray[np.float64]:
+    """Return what a texture shows at samples.
+
+    Parameters
+    ----------
+    texture : its filter and wrap decide
+    uv : (n, 2) float64, texture coordinates
+    steps : (n, 2, 2) float64, derivatives of u and v (last axis) by one sample to the right and one down
+
+    Returns
+    -------
+    (n, 4) float64, linear red, green, blue, and alpha
+    """
+    if texture.filter == "nearest":
+        return _nearest(texture.image, uv, texture.wrap)
+    if texture.filter == "bilinear":
+        return _bilinear(texture.image, uv, texture.wrap)
+    mip_level = compute_mip_level(texture, steps)
+    lower = np.floor(mip_level).astype(np.int64)
+    texels = np.empty((len(uv), 4))
+    for level in np.unique(lower):
+        at = lower == level
+        near = _bilinear(texture.pyramid[level], uv[at], texture.wrap)
+        far = _bilinear(texture.pyramid[min(level + 1, len(texture.pyramid) - 1)], uv[at], texture.wrap)
+        texels[at] = _mix(near, far, (mip_level[at] - level)[:, None])
+    return texels
+
+
+def compute_mip_level(texture: Texture, steps: NDArray) -> NDArray[np.float64]:
+    """Return the mip level, (n,) float64 within 0..n_level - 1, for the derivatives (n, 2, 2) of u and v by samples.
+
+    It is log2 of the texels of level 0 that the larger of the two steps moves.
+    Sources: Williams 1983, Computer Graphics 17(3), 1-11; Heckbert 1983, NYIT, "Texture mapping polygons in
+    perspective".
+    """
+    height, width = texture.image.shape[:2]
+    moved = np.hypot(steps[..., 0] * width, steps[..., 1] * height).max(axis=1)
+    return np.clip(np.log2(np.maximum(moved, 1.0)), 0.0, len(texture.pyramid) - 1)
+
+
+def _nearest(level: NDArray, uv: NDArray, wrap: tuple[str, str]) -> NDArray[np.float64]:
+    """Return the texels (n, 4) of a level (h, w, 4) that points (n, 2) lie in."""
+    x, y = _texel_coordinates(level, uv)
+    return _texels_at(level, np.floor(x), np.floor(y), wrap)
+
+
+def _bilinear(level: NDArray, uv: NDArray, wrap: tuple[str, str]) -> NDArray[np.float64]:
+    """Return the means (n, 4) of the four texels of a level (h, w, 4) whose centres lie round points (n, 2)."""
+    x, y = (coordinate - 0.5 for coordinate in _texel_coordinates(level, uv))
+    left, top = np.floor(x), np.floor(y)
+    across, down = (x - left)[:, None], (y - top)[:, None]
+    above, below = (
+        _mix(_texels_at(level, left, row, wrap), _texels_at(level, left + 1, row, wrap), across)
+        for row in (top, top + 1)
+    )
+    return _mix(above, below, down)
+
+
+def _texel_coordinates(level: NDArray, uv: NDArray) -> tuple[NDArray, NDArray]:
+    """Return where points lie on a level, in texels from its left border and from its upper one, (n,) each."""
+    height, width = level.shape[:2]
+    return uv[:, 0] * width, (1.0 - uv[:, 1]) * height
+
+
+def _texels_at(level: NDArray, columns: NDArray, rows: NDArray, wrap: tuple[str, str]) -> NDArray[np.float64]:
+    """Return the texels (n, 4) float64 with whole numbers (n,) as indices, wrapped."""
+    height, width = level.shape[:2]
+    return level[_wrap(rows, height, wrap[1]), _wrap(columns, width, wrap[0])].astype(np.float64)
+
+
+def _wrap(index: NDArray, n: int, word: str) -> NDArray[np.int64]:
+    """Bring whole numbers (n_sample,), kept as float64, into 0..n - 1; mirrored at the borders, -1 is 0 and n is n -
+    1."""
+    if word == "clamp":
+        index = np.clip(index, 0, n - 1)
+    elif word == "repeat":
+        index = np.mod(index, n)
+    else:
+        index = np.mod(index, 2 * n)
+        index = np.minimum(index, 2 * n - 1 - index)
+    return index.astype(np.int64)
+
+
+def _mix(a: NDArray, b: NDArray, part: NDArray) -> NDArray[np.float64]:
+    """Interpolate between a and b, `part` from a; where both are equal nothing is rounded."""
+    return a + part * (b - a)

@@ -49,9 +49,9 @@ def gather_casters(corners: NDArray, owner: NDArray, is_opaque: NDArray) -> Cast
     -------
     Casters
     """
-    reach = np.abs(corners).max(initial=0.0)
+    largest = np.abs(corners).max(initial=0.0)
     corners = corners[is_opaque]
-    return Casters(corners, unit(area_vectors(corners)), owner[is_opaque], 2.0**-40 * reach)
+    return Casters(corners, unit(area_vectors(corners)), owner[is_opaque], 2.0**-40 * largest)
 
 
 def reaches(casters: Casters, points: NDArray, owner: NDArray, to_light: NDArray, is_finite: bool) -> NDArray[np.bool_]:

@@ -2,6 +2,13 @@
 
 In: triangles on a grid of samples (`Raster`). Out: a `VisibilityBuffer`, and of the samples that see something the
 `Fragments`. Letters: n_piece triangles after clipping, a fan for each face that is cut.
+
+Which samples a triangle covers is decided in integers, in 1/256 px, x to the right, y down; row 0 is the top one:
+
+    (0,0)────────────► x        sample of the pixel in column i and row j: (256 i + 128, 256 j + 128)
+      │   a ────── b            a→b→c turns clockwise as seen here: its doubled signed area is positive,
+      │     ╲    ╱              and the inside of an edge a→b is where cross(b − a, sample − a) > 0;
+      ▼ y     c                 a→b is a top edge (dy = 0, dx > 0), c→a is a left edge (dy < 0)
 """
 
 from typing import NamedTuple
@@ -15,13 +22,8 @@ from .clip import SNAP_LIMIT, SUBPIXELS, Pieces, rays
 from .shading import Fragments
 from .vectors import dot
 
-# ---------------------------------------------------------------- which samples a triangle covers, decided in integers
-# Screen coordinates are integers in 1/256 px, x to the right, y down; row 0 is the top one:
-#
-#     (0,0)────────────► x        sample of the pixel in column i and row j: (256 i + 128, 256 j + 128)
-#       │   a ────── b            a→b→c turns clockwise as seen here: its doubled signed area is positive,
-#       │     ╲    ╱              and the inside of an edge a→b is where cross(b − a, sample − a) > 0;
-#       ▼ y     c                 a→b is a top edge (dy = 0, dx > 0), c→a is a left edge (dy < 0)
+DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
+NO_KEY = np.iinfo(np.int64).max  # of the depth buffer, where nothing is
 
 
 class Window(NamedTuple):
@@ -36,6 +38,35 @@ class Window(NamedTuple):
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.height, self.width
+
+
+class Raster(NamedTuple):
+    """Triangles on a grid of samples."""
+
+    pieces: Pieces
+    screen: NDArray[np.int64]  # (n_piece, 3, 2) in 1/256 px
+    side: NDArray[np.int64]  # (n_piece,) +1 or -1, see surface.py
+    is_drawn: NDArray[np.bool_]  # (n_piece,)
+    window: Window  # the samples that are looked at
+    projection: Projection
+
+    def within(self, window: Window) -> "Raster":
+        """Return what concerns a window: of other triangles nothing is drawn."""
+        low, high = self.screen.min(axis=1), self.screen.max(axis=1)
+        start = SUBPIXELS * np.array([window.left, window.top])
+        end = start + SUBPIXELS * np.array([window.width, window.height])
+        is_within = ((low <= end) & (high >= start)).all(axis=1)
+        return self._replace(window=window, is_drawn=self.is_drawn & is_within)
+
+
+class VisibilityBuffer(NamedTuple):
+    """The nearest surface that a grid of samples sees, of all or of those that lie behind the layers seen already."""
+
+    piece: NDArray[np.int64]  # (h, w) -1 where nothing is
+    weights: NDArray[np.float64]  # (h, w, 3) perspective-correct, on the corners of the face
+    key: NDArray[np.int64]  # (h, w) of the depth buffer; NO_KEY where nothing is
+    depth: NDArray[np.float64]  # (h, w) inf where nothing is
+    margin: NDArray[np.float64]  # (h, w) how much deeper the runner-up lies; inf where there is none
 
 
 def coverage(triangle: ArrayLike, width: int, height: int) -> NDArray[np.bool_]:
@@ -61,6 +92,55 @@ def coverage(triangle: ArrayLike, width: int, height: int) -> NDArray[np.bool_]:
     rows, columns, _ = cover(triangle, Window(0, 0, width, height))
     mask[rows, columns] = True
     return mask
+
+
+def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> VisibilityBuffer:
+    """Find the nearest piece at every sample; of equally near ones the first, which has the lowest face.
+
+    Of the pieces `before`, and whatever lies in front of them, nothing is seen any more.
+    """
+    shape, left, top = raster.window.shape, raster.window.left, raster.window.top
+    key_first, key_second = np.full((2, *shape), NO_KEY)
+    depth_first, depth_second = np.full((2, *shape), np.inf)
+    winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
+    for piece_idx in np.flatnonzero(raster.is_drawn):
+        rows, columns, affine = cover(raster.screen[piece_idx], raster.window)
+        if raster.pieces.is_cut[piece_idx]:
+            depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
+        else:
+            depth, piece_weights = _interpolate(
+                affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective
+            )
+        key = _keys(depth, raster)
+        rows, columns = rows - top, columns - left
+        is_behind = np.ones(len(key), bool)
+        if before is not None:
+            last = before.key[rows, columns]
+            is_behind = (key > last) | ((key == last) & (piece_idx > before.piece[rows, columns]))
+        wins = is_behind & (key < key_first[rows, columns])
+        at = rows[wins], columns[wins]
+        key_second[at], depth_second[at] = key_first[at], depth_first[at]
+        key_first[at], depth_first[at] = key[wins], depth[wins]
+        winner[at], weights[at] = piece_idx, piece_weights[wins]
+        follows = is_behind & ~wins & (key < key_second[rows, columns])
+        at = rows[follows], columns[follows]
+        key_second[at], depth_second[at] = key[follows], depth[follows]
+    margin = np.full(shape, np.inf)
+    has_second = np.isfinite(depth_second)
+    margin[has_second] = np.abs(depth_second[has_second] - depth_first[has_second])
+    return VisibilityBuffer(winner, weights, key_first, depth_first, margin)
+
+
+def gather_fragments(visible: VisibilityBuffer, raster: Raster) -> Fragments:
+    """List the samples that see something, and what."""
+    rows, columns = at = np.nonzero(visible.piece >= 0)
+    piece, weights = visible.piece[at], visible.weights[at]
+    steps = compute_weight_steps(piece, weights, visible.depth[at], raster)
+    rows, columns = rows + raster.window.top, columns + raster.window.left
+    return Fragments(rows, columns, raster.pieces.face[piece], raster.side[piece], weights, visible.depth[at], steps)
+
+
+# --- which samples a triangle covers -------------------------------------------------------------------------
 
 
 def cover(triangle: NDArray, window: Window) -> tuple[NDArray, NDArray, NDArray]:
@@ -98,74 +178,7 @@ def doubled_area(triangles: NDArray) -> NDArray[np.int64]:
     return ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0]
 
 
-DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
-NOTHING = np.iinfo(np.int64).max  # of the depth buffer
-
-
-class VisibilityBuffer(NamedTuple):
-    """The nearest surface that a grid of samples sees, of all or of those that lie behind the layers seen already."""
-
-    piece: NDArray[np.int64]  # (h, w) -1 where nothing is
-    weights: NDArray[np.float64]  # (h, w, 3) perspective-correct, on the corners of the face
-    key: NDArray[np.int64]  # (h, w) of the depth buffer; NOTHING where nothing is
-    depth: NDArray[np.float64]  # (h, w) inf where nothing is
-    margin: NDArray[np.float64]  # (h, w) how much deeper the runner-up lies; inf where there is none
-
-
-class Raster(NamedTuple):
-    """Triangles on a grid of samples."""
-
-    pieces: Pieces
-    screen: NDArray[np.int64]  # (n_piece, 3, 2) in 1/256 px
-    side: NDArray[np.int64]  # (n_piece,) +1 or -1, see surface.py
-    is_drawn: NDArray[np.bool_]  # (n_piece,)
-    window: Window  # the samples that are looked at
-    projection: Projection
-
-    def within(self, window: Window) -> "Raster":
-        """Return what concerns a window: of other triangles nothing is drawn."""
-        low, high = self.screen.min(axis=1), self.screen.max(axis=1)
-        start = SUBPIXELS * np.array([window.left, window.top])
-        end = start + SUBPIXELS * np.array([window.width, window.height])
-        reaches = ((low <= end) & (high >= start)).all(axis=1)
-        return self._replace(window=window, is_drawn=self.is_drawn & reaches)
-
-
-def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> VisibilityBuffer:
-    """Find the nearest piece at every sample; of equally near ones the first, which has the lowest face.
-
-    Of the pieces `before`, and whatever lies in front of them, nothing is seen any more.
-    """
-    shape, left, top = raster.window.shape, raster.window.left, raster.window.top
-    key_first, key_second = np.full((2, *shape), NOTHING)
-    depth_first, depth_second = np.full((2, *shape), np.inf)
-    winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
-    for piece_idx in np.flatnonzero(raster.is_drawn):
-        rows, columns, affine = cover(raster.screen[piece_idx], raster.window)
-        if raster.pieces.is_cut[piece_idx]:
-            depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
-        else:
-            depth, piece_weights = _interpolate(
-                affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective
-            )
-        key = _keys(depth, raster)
-        rows, columns = rows - top, columns - left
-        is_behind = np.ones(len(key), bool)
-        if before is not None:
-            last = before.key[rows, columns]
-            is_behind = (key > last) | ((key == last) & (piece_idx > before.piece[rows, columns]))
-        wins = is_behind & (key < key_first[rows, columns])
-        at = rows[wins], columns[wins]
-        key_second[at], depth_second[at] = key_first[at], depth_first[at]
-        key_first[at], depth_first[at] = key[wins], depth[wins]
-        winner[at], weights[at] = piece_idx, piece_weights[wins]
-        follows = is_behind & ~wins & (key < key_second[rows, columns])
-        at = rows[follows], columns[follows]
-        key_second[at], depth_second[at] = key[follows], depth[follows]
-    margin = np.full(shape, np.inf)
-    has_second = np.isfinite(depth_second)
-    margin[has_second] = np.abs(depth_second[has_second] - depth_first[has_second])
-    return VisibilityBuffer(winner, weights, key_first, depth_first, margin)
+# --- depths, and weights on the corners ----------------------------------------------------------------------
 
 
 def _interpolate(affine: NDArray, corner_depths: NDArray, is_perspective: bool) -> tuple[NDArray, NDArray]:
@@ -258,15 +271,6 @@ def _keys(depth: NDArray, raster: Raster) -> NDArray[np.int64]:
     nearest, furthest = raster.pieces.depth_range[:, 0].min(), raster.pieces.depth_range[:, 1].max()
     whole = furthest - nearest
     return np.rint(DEPTH_STEPS * ((depth - nearest) / whole if whole else np.zeros_like(depth))).astype(np.int64)
-
-
-def gather_fragments(visible: VisibilityBuffer, raster: Raster) -> Fragments:
-    """List the samples that see something, and what."""
-    rows, columns = at = np.nonzero(visible.piece >= 0)
-    piece, weights = visible.piece[at], visible.weights[at]
-    steps = compute_weight_steps(piece, weights, visible.depth[at], raster)
-    rows, columns = rows + raster.window.top, columns + raster.window.left
-    return Fragments(rows, columns, raster.pieces.face[piece], raster.side[piece], weights, visible.depth[at], steps)
 
 
 def compute_weight_steps(piece: NDArray, weights: NDArray, depth: NDArray, raster: Raster) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ Only a calibration may have skew. Pixel (i, j) has its sample at (i + ½, j + ½
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,11 +26,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES, POSE_FRAMES, Axis, PoseFrame
 from ..errors import SceneError, checked_keywords, shown
 from . import framing
-from .validate import VectorLike, choice, number, picture_size, plain_array, position3, unit3, value_class
+from .arrays import VectorLike, real_array
+from .validate import choice, number, picture_size, position3, unit3, value_class
 
-# ----------------------------------------------------------------
-# What a camera means to those who draw: where its eye is, its axes, and how a point of its frame gets its pixel.
-# The figure and the formulas stand in `camera.py`.
+_MIN_FOV = 1e-6  # degrees: a hair in 10 km
+_MAX_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
 
 
 class View(NamedTuple):
@@ -72,185 +72,6 @@ class Projection(NamedTuple):
         if self.skew == 0.0:
             return view.right, view.up
         return view.right, view.up + (self.skew / self.scale_x) * view.right
-
-
-# ----------------------------------------------------------------
-# Checks of what a camera is given: its field of view, height or intrinsics, of which one rules, and its depths.
-
-LEAST_FOV = 1e-6  # degrees: a hair in 10 km
-MOST_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
-
-
-def lens_of(camera: "Camera") -> dict[str, Any]:
-    """Return the fields of a camera's lens, checked: `fov` or `height`, and `intrinsics` with `skew` and `size`."""
-    fields: dict[str, Any] = {}
-    fov = camera.fov
-    if camera.intrinsics is not None:
-        fields = _intrinsics_of(camera)
-        fov = fields["fov"]
-    elif camera.size is not None:
-        raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
-    elif number(camera.skew, "the camera's skew") != 0.0:
-        raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(camera.skew)} without any")
-    else:
-        fields = {"skew": 0.0}
-    if (fov is None) == (camera.height is None):
-        raise SceneError(
-            "a camera needs either fov (perspective) or height (orthographic); "
-            f"given fov={shown(fov)}, height={shown(camera.height)}"
-        )
-    if fov is not None:
-        return fields | {"fov": checked_fov(fov)}
-    height = number(camera.height, "the camera's height")
-    if height <= 0.0:
-        raise SceneError(f"the camera's height must be above 0 scene units; given {shown(camera.height)}")
-    return fields | {"height": height}
-
-
-def _intrinsics_of(camera: "Camera") -> dict[str, Any]:
-    """Check the OpenCV intrinsics, skew and the size that they belong to, and derive the field of view."""
-    given: Any = camera.intrinsics
-    try:
-        values = tuple(given)
-    except TypeError:
-        values = ()
-    if len(values) != 4:
-        raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {shown(given)}")
-    fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
-    if fx <= 0.0 or fy <= 0.0:
-        raise SceneError(f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}")
-    skew = number(camera.skew, "the camera's skew")
-    if abs(skew) > MOST_SKEW * fx:
-        raise SceneError(
-            f"the camera's skew must be at most {MOST_SKEW:g} times its fx, {shown(fx)} pixels; "
-            f"given {shown(camera.skew)}"
-        )
-    width, height = picture_size(camera.size)
-    fov = math.degrees(2.0 * math.atan(0.5 * height / fy))
-    return {"intrinsics": (fx, fy, cx, cy), "skew": skew, "size": (width, height), "fov": fov}
-
-
-def depths_of(camera: "Camera") -> dict[str, float]:
-    """Return near and far, where given, checked."""
-    depths: dict[str, float] = {}
-    for field in ("near", "far"):
-        given = getattr(camera, field)
-        if given is not None:
-            depths[field] = number(given, f"the camera's {field}")
-            if depths[field] <= 0.0 and camera.is_perspective:
-                raise SceneError(
-                    f"the {field} of a perspective camera must be above 0 scene units; given {shown(given)}"
-                )
-    if len(depths) == 2 and depths["near"] >= depths["far"]:
-        raise SceneError(f"the camera's near must be below its far; given near={camera.near}, far={camera.far}")
-    return depths
-
-
-def fov_unless(orthographic: object, fov: object) -> float | None:
-    """Return the field of view, or None for a camera without perspective."""
-    if not isinstance(orthographic, (bool, np.bool_)):
-        raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
-    return None if orthographic else checked_fov(fov)
-
-
-def checked_fov(fov: object) -> float:
-    """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
-    value = number(fov, "the camera's fov")
-    if not LEAST_FOV <= value < 180.0:
-        raise SceneError(
-            f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}"
-        )
-    return value
-
-
-# ----------------------------------------------------------------
-# Read where a camera is as others write it: OpenCV's calibration K, R, t, and the 4 × 4 pose of graphics programs.
-
-
-def read_calibration(
-    K: ArrayLike, R: ArrayLike, t: ArrayLike
-) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64], NDArray[np.float64]]:
-    """Check a calibration x_cam = R x_world + t, in a frame with x right, y down, z forward.
-
-    Parameters
-    ----------
-    K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels
-    R : (3, 3) rotation from world to camera
-    t : (3,) or (3, 1), scene units
-
-    Returns
-    -------
-    (fx, fy, cx, cy, skew) in pixels, the rotation (3, 3) nearest to R, and t (3,)
-
-    Raises
-    ------
-    SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
-    """
-    K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
-    t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
-    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
-    ideal = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
-        raise SceneError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; given {shown(K.tolist())}")
-    return (fx, fy, cx, cy, skew), _nearest_rotation(R, "R"), t
-
-
-def read_pose(pose: ArrayLike, frame: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check a pose: x_world = R x_cam + eye.
-
-    Parameters
-    ----------
-    pose : (4, 4) world-from-camera
-    frame : "opengl" (x right, y up, looking down -z) or "opencv" (x right, y down, looking down +z)
-
-    Returns
-    -------
-    the rotation (3, 3) nearest to R, from the frame of "opengl", and the eye (3,), scene units
-
-    Raises
-    ------
-    SceneError : another shape, values that are not finite, a matrix that isn't affine, scales or mirrors
-    """
-    choice(frame, POSE_FRAMES, "the pose's frame")
-    matrix = _checked_matrix(pose, (4, 4), "the pose")
-    if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
-        raise SceneError(f"the pose's last row must be (0, 0, 0, 1); given {shown(matrix[3].tolist())}")
-    rotation = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)")
-    return rotation * (1.0, -1.0, -1.0) if frame == "opencv" else rotation, matrix[:3, 3]
-
-
-def _is_column(value: Any) -> bool:
-    """Tell whether a value is (3, 1), as OpenCV writes vectors."""
-    try:
-        return [len(each) for each in value] == [1, 1, 1]
-    except TypeError:
-        return False
-
-
-def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Return a finite float64 array of the given shape."""
-    try:
-        matrix = plain_array(value)
-        matrix = matrix.astype(np.float64) if matrix.dtype.kind in "fiu" else np.empty(0)
-    except (TypeError, ValueError):
-        matrix = np.empty(0)
-    if matrix.shape != shape or not np.isfinite(matrix).all():
-        raise SceneError(f"{what} must be finite numbers of the shape {shape}; given {shown(value)}")
-    return matrix
-
-
-def _nearest_rotation(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
-    """Return the rotation nearest to a matrix that is one up to a few digits.
-
-    Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.
-    """
-    u, stretch, vt = np.linalg.svd(matrix)
-    rotation = u @ vt
-    if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
-        raise SceneError(
-            f"{what} must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
-        )
-    return rotation
 
 
 @value_class
@@ -317,7 +138,7 @@ class Camera:
         self._set("up", unit3(up, "the camera's up"))
         if self.position == self.target:
             raise SceneError(f"the camera's position and target must differ; given {self.position} for both")
-        for field, value in (lens_of(self) | depths_of(self)).items():
+        for field, value in (_checked_lens(self) | _checked_depths(self)).items():
             self._set(field, value)
 
     def _set(self, field: str, value: object) -> None:
@@ -417,7 +238,7 @@ class Camera:
         Source: derivation at `rasterizer.scene.framing.fit_perspective`.
         """
         axes = framing.orbit_axes(azimuth, elevation, framing.up_axis(subject, up))
-        lens = framing.checked_lens(fov_unless(orthographic, fov), margin, aspect, size)
+        lens = framing.checked_lens(_fov_unless(orthographic, fov), margin, aspect, size)
         cloud = framing.Cloud(subject, axes)
         eye, target, height = lens.fit(cloud)
         return cls(position=cloud.to_world(eye), target=cloud.to_world(target), up=axes[1], fov=lens.fov, height=height)
@@ -459,7 +280,7 @@ class Camera:
         Source: derivation at `rasterizer.scene.framing.SweptCloud`.
         """
         axis = framing.up_axis(subject, up)
-        lens = framing.checked_lens(fov_unless(orthographic, fov), margin, aspect, size)
+        lens = framing.checked_lens(_fov_unless(orthographic, fov), margin, aspect, size)
         all_axes = [framing.orbit_axes(a, elevation, axis) for a in framing.checked_azimuths(azimuths)]
         cloud = framing.SweptCloud(subject, all_axes[0], AXES[axis])
         eye, target, height = lens.fit(cloud)
@@ -493,7 +314,7 @@ class Camera:
         ------
         SceneError : a value that is not legal, a matrix that scales, mirrors or isn't affine
         """
-        rotation, eye = read_pose(pose, frame)
+        rotation, eye = _read_pose(pose, frame)
         return cls.look_at(eye, _target(eye, -rotation[:, 2]), rotation[:, 1], fov, height, near, far)
 
     @property
@@ -530,7 +351,7 @@ class Camera:
         ------
         SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
         """
-        (fx, fy, cx, cy, skew), R, t = read_calibration(K, R, t)
+        (fx, fy, cx, cy, skew), R, t = _read_calibration(K, R, t)
         size = picture_size(size)
         eye = -R.T @ t
         return cls(
@@ -562,8 +383,8 @@ class Camera:
 
     def view(self) -> View:
         """Return the eye and the camera's axes: View, of (3,) float64 each, world space."""
-        way = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
-        forward = unit3(way, "the way from the camera's position to its target")
+        to_target = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
+        forward = unit3(to_target, "the way from the camera's position to its target")
         up: VectorLike = self.up
         if math.hypot(*_cross(forward, up)) < 1e-8:  # parallel but for rounding
             up = framing.top_when_parallel(np.array(forward), np.array(up))
@@ -601,3 +422,225 @@ def _target(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> NDArray[n
 def _cross(a: VectorLike, b: VectorLike) -> tuple[float, float, float]:
     """The cross product; numpy's takes as long as a thousand vertices."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+# --- cameras that are turned ---------------------------------------------------------------------------------
+
+
+def turned_cameras(
+    camera: Camera, angles: Sequence[float], pole: ArrayLike, pivot: NDArray[np.float64]
+) -> list[Camera]:
+    """Return a camera turned about an axis, at each of several angles; at 0 it is the one given.
+
+    Parameters
+    ----------
+    camera : Camera
+    angles : degrees, counter-clockwise as seen from the axis' tip, as azimuths are
+    pole : (3,) unit vector along the axis, world space
+    pivot : (3,) a point of the axis, world space
+    """
+    # The top of a view along the axis is one that the camera's `up` doesn't say: it turns, too.
+    up = camera.view().up
+    found = []
+    for angle in angles:
+        turn = framing.rotation(pole, angle)
+        position, target = (pivot + turn @ (np.array(p) - pivot) for p in (camera.position, camera.target))
+        moved: dict[str, Any] = {"position": position, "target": target, "up": turn @ up}
+        found.append(camera if angle == 0.0 else replace(camera, **moved))
+    return found
+
+
+def pivot_of(camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0) -> NDArray[np.float64]:
+    """Return the point (3,), world space, that a camera turns about: what it looks at.
+
+    The target of a camera that was made of a calibration lies anywhere on its axis. It turns about the point of its
+    axis that is as far away as the scene's middle.
+
+    Parameters
+    ----------
+    camera : Camera
+    bounds : (2, 3) of the scene
+    nearest : that the point of such a camera is away at least, in diagonals of the scene's box
+    """
+    if camera.intrinsics is None:
+        return np.array(camera.target)
+    return middle_on_axis(camera, bounds, nearest)
+
+
+def middle_on_axis(camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0) -> NDArray[np.float64]:
+    """Return the point (3,), world space, of a camera's axis that is as far away as a scene's middle; parameters are
+    those of `pivot_of`."""
+    eye, _, _, forward = camera.view()
+    low, high = bounds
+    distance = max(float(np.dot(0.5 * (low + high) - eye, forward)), nearest * math.dist(low, high))
+    return eye + distance * forward
+
+
+# --- what a camera is given, checked -------------------------------------------------------------------------
+
+
+def _checked_lens(camera: Camera) -> dict[str, Any]:
+    """Return the fields of a camera's lens, checked: `fov` or `height`, and `intrinsics` with `skew` and `size`."""
+    fields: dict[str, Any] = {}
+    fov = camera.fov
+    if camera.intrinsics is not None:
+        fields = _checked_intrinsics(camera)
+        fov = fields["fov"]
+    elif camera.size is not None:
+        raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
+    elif number(camera.skew, "the camera's skew") != 0.0:
+        raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(camera.skew)} without any")
+    else:
+        fields = {"skew": 0.0}
+    if (fov is None) == (camera.height is None):
+        raise SceneError(
+            "a camera needs either fov (perspective) or height (orthographic); "
+            f"given fov={shown(fov)}, height={shown(camera.height)}"
+        )
+    if fov is not None:
+        return fields | {"fov": _checked_fov(fov)}
+    height = number(camera.height, "the camera's height")
+    if height <= 0.0:
+        raise SceneError(f"the camera's height must be above 0 scene units; given {shown(camera.height)}")
+    return fields | {"height": height}
+
+
+def _checked_intrinsics(camera: Camera) -> dict[str, Any]:
+    """Check the OpenCV intrinsics, skew and the size that they belong to, and derive the field of view."""
+    given: Any = camera.intrinsics
+    try:
+        values = tuple(given)
+    except TypeError:
+        values = ()
+    if len(values) != 4:
+        raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {shown(given)}")
+    fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
+    if fx <= 0.0 or fy <= 0.0:
+        raise SceneError(f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}")
+    skew = number(camera.skew, "the camera's skew")
+    if abs(skew) > _MAX_SKEW * fx:
+        raise SceneError(
+            f"the camera's skew must be at most {_MAX_SKEW:g} times its fx, {shown(fx)} pixels; "
+            f"given {shown(camera.skew)}"
+        )
+    width, height = picture_size(camera.size)
+    fov = math.degrees(2.0 * math.atan(0.5 * height / fy))
+    return {"intrinsics": (fx, fy, cx, cy), "skew": skew, "size": (width, height), "fov": fov}
+
+
+def _checked_depths(camera: Camera) -> dict[str, float]:
+    """Return near and far, where given, checked."""
+    depths: dict[str, float] = {}
+    for field in ("near", "far"):
+        given = getattr(camera, field)
+        if given is not None:
+            depths[field] = number(given, f"the camera's {field}")
+            if depths[field] <= 0.0 and camera.is_perspective:
+                raise SceneError(
+                    f"the {field} of a perspective camera must be above 0 scene units; given {shown(given)}"
+                )
+    if len(depths) == 2 and depths["near"] >= depths["far"]:
+        raise SceneError(f"the camera's near must be below its far; given near={camera.near}, far={camera.far}")
+    return depths
+
+
+def _fov_unless(orthographic: object, fov: object) -> float | None:
+    """Return the field of view, or None for a camera without perspective."""
+    if not isinstance(orthographic, (bool, np.bool_)):
+        raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
+    return None if orthographic else _checked_fov(fov)
+
+
+def _checked_fov(fov: object) -> float:
+    """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
+    value = number(fov, "the camera's fov")
+    if not _MIN_FOV <= value < 180.0:
+        raise SceneError(
+            f"the camera's fov must be between 0 and 180 degrees, {_MIN_FOV:g} at least; given {shown(fov)}"
+        )
+    return value
+
+
+# --- where a camera is, as others write it -------------------------------------------------------------------
+
+
+def _read_calibration(
+    K: ArrayLike, R: ArrayLike, t: ArrayLike
+) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64], NDArray[np.float64]]:
+    """Check a calibration x_cam = R x_world + t, in a frame with x right, y down, z forward.
+
+    Parameters
+    ----------
+    K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels
+    R : (3, 3) rotation from world to camera
+    t : (3,) or (3, 1), scene units
+
+    Returns
+    -------
+    (fx, fy, cx, cy, skew) in pixels, the rotation (3, 3) nearest to R, and t (3,)
+
+    Raises
+    ------
+    SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
+    """
+    K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
+    t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
+    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+    ideal = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
+        raise SceneError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; given {shown(K.tolist())}")
+    return (fx, fy, cx, cy, skew), _nearest_rotation(R, "R"), t
+
+
+def _read_pose(pose: ArrayLike, frame: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check a pose: x_world = R x_cam + eye.
+
+    Parameters
+    ----------
+    pose : (4, 4) world-from-camera
+    frame : "opengl" (x right, y up, looking down -z) or "opencv" (x right, y down, looking down +z)
+
+    Returns
+    -------
+    the rotation (3, 3) nearest to R, from the frame of "opengl", and the eye (3,), scene units
+
+    Raises
+    ------
+    SceneError : another shape, values that are not finite, a matrix that isn't affine, scales or mirrors
+    """
+    choice(frame, POSE_FRAMES, "the pose's frame")
+    matrix = _checked_matrix(pose, (4, 4), "the pose")
+    if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
+        raise SceneError(f"the pose's last row must be (0, 0, 0, 1); given {shown(matrix[3].tolist())}")
+    rotation = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)")
+    return rotation * (1.0, -1.0, -1.0) if frame == "opencv" else rotation, matrix[:3, 3]
+
+
+def _is_column(value: Any) -> bool:
+    """Tell whether a value is (3, 1), as OpenCV writes vectors."""
+    try:
+        return [len(each) for each in value] == [1, 1, 1]
+    except TypeError:
+        return False
+
+
+def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
+    """Return a finite float64 array of the given shape."""
+    matrix = real_array(value)
+    if matrix is None or matrix.shape != shape or not np.isfinite(matrix).all():
+        raise SceneError(f"{what} must be finite numbers of the shape {shape}; given {shown(value)}")
+    return matrix.astype(np.float64)
+
+
+def _nearest_rotation(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
+    """Return the rotation nearest to a matrix that is one up to a few digits.
+
+    Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.
+    """
+    u, stretch, vt = np.linalg.svd(matrix)
+    rotation = u @ vt
+    if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
+        raise SceneError(
+            f"{what} must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
+        )
+    return rotation

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
-from .validate import is_whole, number, plain_array, vector3
+from .arrays import real_array
+from .validate import is_whole, number, vector3
 
 RGB: TypeAlias = tuple[float, float, float]  # linear
 # A colour as a caller may give it: a grey, three linear numbers, hex or CSS text, or a Spectrum (which is a tuple).
@@ -92,11 +93,8 @@ def srgb(colors: ArrayLike) -> NDArray[np.float64]:
 
     Source: IEC 61966-2-1:1999, 5.2. `rasterizer.scene.color.srgb_from_linear` is the inverse.
     """
-    try:
-        given = plain_array(colors)
-    except (TypeError, ValueError):
-        given = np.empty(0)
-    if given.dtype.kind not in "fiu" or given.ndim == 0 or given.shape[-1] not in (3, 4):
+    given = real_array(colors)
+    if given is None or given.ndim == 0 or given.shape[-1] not in (3, 4):
         raise SceneError(f"colours must be numbers of the shape (..., 3) or (..., 4); given {shown(colors)}")
     white = 1.0 if given.dtype.kind == "f" else 255.0
     if given.size and not (given.min() >= 0 and given.max() <= white):

@@ -28,8 +28,8 @@ Array: TypeAlias = NDArray[np.float64]
 # Where the camera stands for an azimuth of 0, by up axis. up × front is the direction in which a positive
 # azimuth turns it: +x wherever up leaves x free, else the y-up arrangement rolled about z.
 _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
-_ASPECT, _MOST_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
-_FIRST, _MOST_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
+_ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
+_FIRST, _MAX_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
 
@@ -60,8 +60,8 @@ def checked_lens(fov: float | None, margin: object, aspect: object, size: Any) -
         width, height = picture_size((size, size) if is_whole(size) else size)
         aspect = width / height
     aspect = _ASPECT if aspect is None else number(aspect, "the aspect (width / height)")
-    if not 1.0 / _MOST_ASPECT <= aspect <= _MOST_ASPECT:
-        legal = f"above 0, and within 1/{_MOST_ASPECT:g}..{_MOST_ASPECT:g}"
+    if not 1.0 / _MAX_ASPECT <= aspect <= _MAX_ASPECT:
+        legal = f"above 0, and within 1/{_MAX_ASPECT:g}..{_MAX_ASPECT:g}"
         raise SceneError(f"the aspect (width / height) must be {legal}; given {aspect}")
     return Lens(fov, aspect, 1.0 - 2.0 * margin)
 
@@ -74,14 +74,14 @@ def up_axis(subject: Any, up: object) -> str:
 
 def checked_azimuths(azimuths: Any) -> list[float]:
     """Return the angles of an orbit in degrees: those given, or as many as given, evenly round the whole turn."""
-    if is_whole(azimuths, 1, _MOST_CAMERAS):
+    if is_whole(azimuths, 1, _MAX_CAMERAS):
         return [_FIRST + 360.0 * k / azimuths for k in range(azimuths)]
     try:
         angles = [] if isinstance(azimuths, (str, bytes)) else list(azimuths)
     except TypeError:
         angles = []
     if not angles:
-        legal = f"angles in degrees, or how many, 1 to {_MOST_CAMERAS}"
+        legal = f"angles in degrees, or how many, 1 to {_MAX_CAMERAS}"
         raise SceneError(f"azimuths must be {legal}; given {shown(azimuths)}")
     return [number(angle, "each azimuth") for angle in angles]
 
@@ -135,9 +135,9 @@ def fit_perspective(cloud: "Cloud", slope_x: float, slope_y: float) -> tuple[Arr
     """
     queries = [(1, 0, -slope_x), (-1, 0, -slope_x), (0, 1, -slope_y), (0, -1, -slope_y)]
     touched = cloud.farthest(np.array(queries))
-    reach = np.einsum("ij,ij->i", touched, queries)
-    depth_x = -(reach[0] + reach[1]) / (2.0 * slope_x)
-    depth_y = -(reach[2] + reach[3]) / (2.0 * slope_y)
+    right, left, top, bottom = np.einsum("ij,ij->i", touched, queries)
+    depth_x = -(right + left) / (2.0 * slope_x)
+    depth_y = -(top + bottom) / (2.0 * slope_y)
     depth = min(depth_x, depth_y, cloud.low[2] - _NEAREST * cloud.size)
     eye = _center(cloud, touched, depth)
     return eye, np.array((eye[0], eye[1], cloud.middle[2]))
@@ -315,3 +315,19 @@ def cos_sin(degrees: float) -> tuple[float, float]:
     if rest == 0.0:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]
     return math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+
+
+def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+    """Return the matrix (3, 3) that turns vectors about a unit axis, counter-clockwise as seen from its tip.
+
+    Parameters
+    ----------
+    axis : (3,) unit vector
+    angle : degrees; at multiples of 90 the matrix is exact
+
+    Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440: R = cos θ·1 + sin θ·[a]× + (1 - cos θ)·a aᵀ.
+    """
+    cos, sin = cos_sin(angle)
+    x, y, z = np.asarray(axis, np.float64)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return cos * np.eye(3) + sin * across + (1.0 - cos) * np.outer((x, y, z), (x, y, z))

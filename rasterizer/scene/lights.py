@@ -1,32 +1,41 @@
-"""Lights: ambient, directional, point, spot and area lights, and two ready-made sets that move with the camera.
+"""Lights: ambient, directional, point, spot and area lights, and three ready-made sets that move with the camera.
 
-A light is attached to the world or to the camera. Attached to the camera, its direction and position are
-given in the camera's frame (x right, y up, the camera looks down -z), so the light goes where the camera
-goes.
+A light is attached to the world or to the camera. Attached to the camera, its direction and position are given in the
+camera's frame (x right, y up, the camera looks down -z), so the light goes where the camera goes.
 
-Conventions: a direction is the one in which the light travels; intensities are linear, per channel, never
-negative.
+Conventions: a direction is the one in which the light travels; intensities are linear, per channel, never negative.
+
+The command line and scene files read and write lights by what their fields are annotated with, see `describe_fields`:
+a light that is added needs no code there.
 """
 
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+import types
+from collections.abc import Iterable, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from ..choices import ATTACHMENTS, Attachment
 from ..errors import SceneError, shown
-from .color import linear_rgb
-from .fields import Attenuation, Cells, Color, Vector
+from .arrays import VectorLike
+from .color import ColorLike, linear_rgb
 from .validate import choice, is_whole, number, position3, unit3, value_class, vector3
 
-# ----------------------------------------------------------------
-# How a light casts shadows: the size and the filter of its shadow maps.
+MAX_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
+_MAX_SHADOWED = 4096  # of them cast shadows: each is a picture or six
+_MAX_CELLS = 64  # of an area light, along each edge
+_MAX_TEXELS = 8192  # along a side of a shadow map
+_MAX_TAPS = 9  # along a side of its filter
 
-MOST_TEXELS = 8192  # along a side of a shadow map
-MOST_TAPS = 9  # along a side of its filter
+# What a light may be given. Once checked it is stored as three floats, as two ints, as linear RGB or a Spectrum, and as
+# three floats (kc, kl, kq).
+Vector: TypeAlias = Annotated[VectorLike, "vector"]
+Cells: TypeAlias = Annotated[Sequence[int], "cells"]  # numbers of cells along two edges
+Color: TypeAlias = Annotated[ColorLike, "color"]
+Attenuation: TypeAlias = Annotated[str | VectorLike, "attenuation"]
 
 
 @value_class
@@ -51,56 +60,16 @@ class Shadow:
     filter: int = 1
 
     def __post_init__(self) -> None:
-        for field, kind, low, high, step in (
-            ("size", "a whole", 16, MOST_TEXELS, 1),
-            ("filter", "an odd", 1, MOST_TAPS, 2),
+        for field, article, low, high, step in (
+            ("size", "a whole", 16, _MAX_TEXELS, 1),
+            ("filter", "an odd", 1, _MAX_TAPS, 2),
         ):
             value = getattr(self, field)
             if not (is_whole(value, low, high) and (value - low) % step == 0):
                 raise SceneError(
-                    f"the shadow's {field} must be {kind} number within {low}..{high}; given {shown(value)}"
+                    f"the shadow's {field} must be {article} number within {low}..{high}; given {shown(value)}"
                 )
             object.__setattr__(self, field, int(value))
-
-
-def checked_shadow(shadow: Any, whose: str) -> Shadow | None:
-    """Return what a light's field `shadow` is stored as: a Shadow, or None for a light that casts none.
-
-    Parameters
-    ----------
-    shadow : Shadow, True, False or None
-    whose : text, the light's name in messages, such as "the point light's"
-
-    Raises
-    ------
-    SceneError : anything else
-    """
-    if shadow is None or shadow is False:
-        return None
-    if shadow is True:
-        return Shadow()
-    if not isinstance(shadow, Shadow):
-        raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
-    return shadow
-
-
-def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
-    """Return lights whose shadows, where they cast any, have other fields."""
-
-    def changed(light: Any) -> Any:
-        shadow = getattr(light, "shadow", None)
-        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
-
-    return tuple(map(changed, lights))
-
-
-def without_shadows(lights: Iterable[Any]) -> tuple[Any, ...]:
-    """Return lights that cast no shadows."""
-    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
-
-
-MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
-MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
 
 
 @value_class
@@ -332,56 +301,6 @@ class AreaLight:
         )  # fmt: skip
 
 
-MOST_CELLS = 64  # of an area light, along each edge
-
-
-def _cells(resolution: Any) -> tuple[int, int]:
-    """The numbers of cells along both edges of an area light."""
-    try:
-        m, n = resolution
-    except (TypeError, ValueError):
-        m = n = None
-    if not (is_whole(m, 1, MOST_CELLS) and is_whole(n, 1, MOST_CELLS)):
-        raise SceneError(
-            f"the area light's resolution must be two whole numbers from 1 to {MOST_CELLS}; given {shown(resolution)}"
-        )
-    return int(m), int(n)
-
-
-def _check_positional(light: Any, whose: str) -> None:
-    """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
-    object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
-    object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
-    choice(light.attached, ATTACHMENTS, f"{whose} attached")
-    if not isinstance(light.amplify, (bool, np.bool_, int)):
-        raise SceneError(f"{whose} amplify must be True or False; given {shown(light.amplify)}")
-    object.__setattr__(light, "amplify", bool(light.amplify))
-    if light.range is not None:
-        reach = number(light.range, f"{whose} range")
-        if reach <= 0.0:
-            raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
-        object.__setattr__(light, "range", reach)
-    object.__setattr__(light, "shadow", checked_shadow(light.shadow, whose))
-
-
-def _attenuation(value: Any, whose: str) -> tuple[float, float, float]:
-    """The coefficients of an attenuation, which may be written as text."""
-    what = f"{whose} attenuation (kc, kl, kq)"
-    if isinstance(value, str):
-        text = value.replace(" ", "").replace("²", "^2").replace("**", "^")
-        shifted: Any = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
-        try:
-            known = {"1": (1.0, 0.0, 0.0), "1/d": (0.0, 1.0, 0.0), "1/d^2": (0.0, 0.0, 1.0)}
-            coefficients = known.get(text) or (float(shifted[1]), 1.0, 0.0)
-        except (TypeError, ValueError):
-            raise SceneError(f'{what} as text must be "1", "1/d", "1/(d+D)" or "1/d^2"; given {shown(value)}') from None
-    else:
-        coefficients = vector3(value, what)
-    if not all(math.isfinite(c) and c >= 0.0 for c in coefficients) or max(coefficients) == 0.0:
-        raise SceneError(f"{what} must be at least 0 and not all 0; given {shown(value)}")
-    return coefficients
-
-
 Light: TypeAlias = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight  # the built-in ones
 
 # Every kind of light that a scene may have, by the word for it in scene files and on the command line. What the engine,
@@ -415,7 +334,7 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
     Raises
     ------
     SceneError : no light, or one whose kind is unknown; the message lists those that are known. Or more lights than
-        MOST_LIGHTS, or more that cast shadows than MOST_SHADOWED
+        MAX_LIGHTS, or more that cast shadows than _MAX_SHADOWED
     """
     if type(lights) in LIGHT_KINDS.values() or isinstance(lights, str):
         lights = (lights,)
@@ -427,7 +346,7 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
         if type(light) not in LIGHT_KINDS.values():
             ready = "; ready-made ones are made by studio(), headlight() and tabletop()" * isinstance(light, str)
             raise SceneError(f"lights must be of {_legal_lights()}; given {shown(light)} at {i}{ready}")
-    check_count(lights)
+    _check_count(lights)
     return lights
 
 
@@ -436,24 +355,23 @@ def _legal_lights() -> str:
     return ", ".join(cls.__name__ for cls in LIGHT_KINDS.values())
 
 
-def check_count(lights: Iterable) -> None:
-    """Raise SceneError where lights are more than MOST_LIGHTS, or those that cast shadows more than MOST_SHADOWED."""
+def _check_count(lights: Iterable) -> None:
+    """Raise SceneError where lights are more than MAX_LIGHTS, or those that cast shadows more than _MAX_SHADOWED."""
     counts = [(getattr(light, "n_cell", 1), light) for light in lights]
     n_light = sum(count for count, _ in counts)
     n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None) is not None)
-    for count, most, which in (
-        (n_light, MOST_LIGHTS, "lights"),
-        (n_shadowed, MOST_SHADOWED, "lights that cast shadows"),
+    for count, limit, which in (
+        (n_light, MAX_LIGHTS, "lights"),
+        (n_shadowed, _MAX_SHADOWED, "lights that cast shadows"),
     ):
-        if count > most:
+        if count > limit:
             raise SceneError(
-                f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {count}: "
-                "choose fewer, or a smaller resolution of area lights"
+                f"a scene may have {limit} {which} at most, the cells of area lights counted one by one; given {count}"
+                ": choose fewer, or a smaller resolution of area lights"
             )
 
 
-# ----------------------------------------------------------------
-# Ready-made lights: neutral, attached to the camera, so that every view of a model is lit alike.
+# --- ready-made lights: neutral, attached to the camera, so that every view of a model is lit alike ----------
 
 
 def studio() -> tuple[Light, ...]:
@@ -497,3 +415,158 @@ def on_tabletop(lights: tuple[Light, ...], takes_shadows: bool) -> tuple[Light, 
 
 
 PRESETS = {"studio": studio, "headlight": headlight, "tabletop": tabletop}
+
+
+def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
+    """Return lights whose shadows, where they cast any, have other fields."""
+
+    def changed(light: Any) -> Any:
+        shadow = getattr(light, "shadow", None)
+        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
+
+    return tuple(map(changed, lights))
+
+
+def without_shadows(lights: Iterable[Any]) -> tuple[Any, ...]:
+    """Return lights that cast no shadows."""
+    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
+
+
+# --- what may be written into a light ------------------------------------------------------------------------
+
+
+_PLAIN = {float: "number", int: "whole", bool: "flag", str: "text"}
+
+
+class Field(NamedTuple):
+    """One field of a dataclass."""
+
+    holds: str  # "number", "whole", "flag", "text", "word", "vector", "cells", "color", "attenuation" or "shadow"
+    is_needed: bool  # it has no default
+    words: tuple[str, ...] = ()  # the legal ones of a "word"
+
+
+def describe_fields(cls: type) -> dict[str, Field]:
+    """Describe the fields of a dataclass, in their order.
+
+    What a field holds is said by its annotation: float ("number"), int ("whole"), bool ("flag"), str ("text"), a
+    Literal of words ("word"), `Vector`, `Cells`, `Color`, `Attenuation`, or a dataclass such as `Shadow` (its name in
+    small letters). `T | None` holds what T does; so does `Shadow | bool | None`.
+
+    Parameters
+    ----------
+    cls : a dataclass
+
+    Returns
+    -------
+    dict of the field's name to Field
+
+    Raises
+    ------
+    TypeError : no dataclass, or an annotation that is none of these
+    """
+    if not (isinstance(cls, type) and is_dataclass(cls)):
+        raise TypeError(f"a dataclass is needed; given {cls!r}")
+    hints = get_type_hints(cls, include_extras=True)
+    described = {}
+    for field in fields(cls):
+        annotation = _without_none(hints[field.name])
+        holds = _what_holds(annotation)
+        if holds is None:
+            legal = "float, int, bool, str, a Literal, Vector, Cells, Color, Attenuation or a dataclass"
+            raise TypeError(f"{cls.__name__}.{field.name} must be annotated with {legal}; given {annotation!r}")
+        words = get_args(annotation) if holds == "word" else ()
+        is_needed = field.default is MISSING and field.default_factory is MISSING
+        described[field.name] = Field(holds, is_needed, words)
+    return described
+
+
+def _without_none(annotation: Any) -> Any:
+    """Return T of T | None, else the annotation itself."""
+    if get_origin(annotation) in (Union, types.UnionType):
+        others = [member for member in get_args(annotation) if member is not type(None)]
+        others = [member for member in others if member is not bool] or others
+        return others[0] if len(others) == 1 else annotation
+    return annotation
+
+
+def _what_holds(annotation: Any) -> str | None:
+    """Return the word for what a field with this annotation holds; None where there is none."""
+    if get_origin(annotation) is Annotated:
+        return next((word for word in annotation.__metadata__ if isinstance(word, str)), None)
+    if get_origin(annotation) is Literal:
+        return "word"
+    if isinstance(annotation, type) and is_dataclass(annotation):
+        return annotation.__name__.lower()
+    return _PLAIN.get(annotation)
+
+
+# --- checks --------------------------------------------------------------------------------------------------
+
+
+def checked_shadow(shadow: Any, whose: str) -> Shadow | None:
+    """Return what a light's field `shadow` is stored as: a Shadow, or None for a light that casts none.
+
+    Parameters
+    ----------
+    shadow : Shadow, True, False or None
+    whose : text, the light's name in messages, such as "the point light's"
+
+    Raises
+    ------
+    SceneError : anything else
+    """
+    if shadow is None or shadow is False:
+        return None
+    if shadow is True:
+        return Shadow()
+    if not isinstance(shadow, Shadow):
+        raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
+    return shadow
+
+
+def _cells(resolution: Any) -> tuple[int, int]:
+    """The numbers of cells along both edges of an area light."""
+    try:
+        m, n = resolution
+    except (TypeError, ValueError):
+        m = n = None
+    if not (is_whole(m, 1, _MAX_CELLS) and is_whole(n, 1, _MAX_CELLS)):
+        raise SceneError(
+            f"the area light's resolution must be two whole numbers from 1 to {_MAX_CELLS}; given {shown(resolution)}"
+        )
+    return int(m), int(n)
+
+
+def _check_positional(light: Any, whose: str) -> None:
+    """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
+    object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
+    object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
+    choice(light.attached, ATTACHMENTS, f"{whose} attached")
+    if not isinstance(light.amplify, (bool, np.bool_, int)):
+        raise SceneError(f"{whose} amplify must be True or False; given {shown(light.amplify)}")
+    object.__setattr__(light, "amplify", bool(light.amplify))
+    if light.range is not None:
+        light_range = number(light.range, f"{whose} range")
+        if light_range <= 0.0:
+            raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
+        object.__setattr__(light, "range", light_range)
+    object.__setattr__(light, "shadow", checked_shadow(light.shadow, whose))
+
+
+def _attenuation(value: Any, whose: str) -> tuple[float, float, float]:
+    """The coefficients of an attenuation, which may be written as text."""
+    what = f"{whose} attenuation (kc, kl, kq)"
+    if isinstance(value, str):
+        text = value.replace(" ", "").replace("²", "^2").replace("**", "^")
+        shifted: Any = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
+        try:
+            known = {"1": (1.0, 0.0, 0.0), "1/d": (0.0, 1.0, 0.0), "1/d^2": (0.0, 0.0, 1.0)}
+            coefficients = known.get(text) or (float(shifted[1]), 1.0, 0.0)
+        except (TypeError, ValueError):
+            raise SceneError(f'{what} as text must be "1", "1/d", "1/(d+D)" or "1/d^2"; given {shown(value)}') from None
+    else:
+        coefficients = vector3(value, what)
+    if not all(math.isfinite(c) and c >= 0.0 for c in coefficients) or max(coefficients) == 0.0:
+        raise SceneError(f"{what} must be at least 0 and not all 0; given {shown(value)}")
+    return coefficients

@@ -26,61 +26,12 @@ import numpy as np
 
 from ..choices import DISTRIBUTIONS, Distribution
 from ..errors import SceneError, shown
+from .arrays import VectorLike
 from .color import ColorLike, linear_rgb, surface_rgb
 from .texture import Texture, TextureLike
-from .validate import VectorLike, choice, number, unit3, value_class
+from .validate import choice, number, unit3, value_class
 
-# ----------------------------------------------------------------
-# The classic table of materials: coefficients of Phong's reflection for displays of the 1990s.
-# Source: the materials of teapots.c by Mark J. Kilgard, Silicon Graphics 1994 (OpenGL Programming Guide, colour plate
-# 17), where the exponent is given as a part of 128. The numbers were made for displays without gamma correction; they
-# are
-# taken here as they stand, as linear coefficients, so pictures are a little lighter. They are no measurements: for
-# metals, "cook-torrance" with a coloured `fresnel` is nearer to physics.
-
-# name: (ambient, diffuse, specular, shininess / 128); a colour is a grey or red, green and blue
-NAMED_MATERIALS: dict[str, tuple[Any, Any, Any, float]] = {
-    "brass": (
-        (0.329412, 0.223529, 0.027451),
-        (0.780392, 0.568627, 0.113725),
-        (0.992157, 0.941176, 0.807843),
-        0.21794872,
-    ),
-    "bronze": ((0.2125, 0.1275, 0.054), (0.714, 0.4284, 0.18144), (0.393548, 0.271906, 0.166721), 0.2),
-    "chrome": (0.25, 0.4, 0.774597, 0.6),
-    "copper": ((0.19125, 0.0735, 0.0225), (0.7038, 0.27048, 0.0828), (0.256777, 0.137622, 0.086014), 0.1),
-    "gold": ((0.24725, 0.1995, 0.0745), (0.75164, 0.60648, 0.22648), (0.628281, 0.555802, 0.366065), 0.4),
-    "silver": (0.19225, 0.50754, 0.508273, 0.4),
-    "emerald": ((0.0215, 0.1745, 0.0215), (0.07568, 0.61424, 0.07568), (0.633, 0.727811, 0.633), 0.6),
-    "jade": ((0.135, 0.2225, 0.1575), (0.54, 0.89, 0.63), 0.316228, 0.1),
-    "obsidian": ((0.05375, 0.05, 0.06625), (0.18275, 0.17, 0.22525), (0.332741, 0.328634, 0.346435), 0.3),
-    "pearl": ((0.25, 0.20725, 0.20725), (1.0, 0.829, 0.829), 0.296648, 0.088),
-    "ruby": ((0.1745, 0.01175, 0.01175), (0.61424, 0.04136, 0.04136), (0.727811, 0.626959, 0.626959), 0.6),
-    "turquoise": ((0.1, 0.18725, 0.1745), (0.396, 0.74151, 0.69102), (0.297254, 0.30829, 0.306678), 0.1),
-    "black plastic": (0.0, 0.01, 0.5, 0.25),
-    "cyan plastic": ((0.0, 0.1, 0.06), (0.0, 0.50980392, 0.50980392), 0.50196078, 0.25),
-    "green plastic": (0.0, (0.1, 0.35, 0.1), (0.45, 0.55, 0.45), 0.25),
-    "red plastic": (0.0, (0.5, 0.0, 0.0), (0.7, 0.6, 0.6), 0.25),
-    "white plastic": (0.0, 0.55, 0.7, 0.25),
-    "yellow plastic": (0.0, (0.5, 0.5, 0.0), (0.6, 0.6, 0.5), 0.25),
-    "black rubber": (0.02, 0.01, 0.4, 0.078125),
-    "cyan rubber": ((0.0, 0.05, 0.05), (0.4, 0.5, 0.5), (0.04, 0.7, 0.7), 0.078125),
-    "green rubber": ((0.0, 0.05, 0.0), (0.4, 0.5, 0.4), (0.04, 0.7, 0.04), 0.078125),
-    "red rubber": ((0.05, 0.0, 0.0), (0.5, 0.4, 0.4), (0.7, 0.04, 0.04), 0.078125),
-    "white rubber": (0.05, 0.5, 0.7, 0.078125),
-    "yellow rubber": ((0.05, 0.05, 0.0), (0.5, 0.5, 0.4), (0.7, 0.7, 0.04), 0.078125),
-}
-
-
-def fields_of(name: str) -> dict[str, Any]:
-    """Return the fields of a named material as arguments of `Material`; SceneError for an unknown name."""
-    if not isinstance(name, str) or name not in NAMED_MATERIALS:
-        raise SceneError(f"a named material is one of {', '.join(NAMED_MATERIALS)}; given {name!r}")
-    ambient, diffuse, specular, part = NAMED_MATERIALS[name]
-    return {"ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": 128.0 * part}
-
-
-MOST_LEVELS = 256
+MAX_LEVELS = 256
 
 
 class ReflectionModel(NamedTuple):
@@ -107,7 +58,6 @@ REFLECTION_MODELS: dict[str, ReflectionModel] = {
     "cook-torrance": ReflectionModel(least_roughness=0.001, brushed="ggx"),
     "toon": ReflectionModel(),
 }
-REFLECTIONS = tuple(REFLECTION_MODELS)  # the built-in ones
 
 
 @value_class
@@ -222,8 +172,8 @@ class Material:
             raise SceneError(f"the material's normalized must be True or False; given {shown(self.normalized)}")
         object.__setattr__(self, "normalized", bool(self.normalized))
         levels = number(self.levels, "the material's levels")
-        if levels != int(levels) or not 1 <= levels <= MOST_LEVELS:
-            raise SceneError(f"the material's levels must be whole, within 1..{MOST_LEVELS}; given {self.levels!r}")
+        if levels != int(levels) or not 1 <= levels <= MAX_LEVELS:
+            raise SceneError(f"the material's levels must be whole, within 1..{MAX_LEVELS}; given {self.levels!r}")
         object.__setattr__(self, "levels", int(levels))
 
     def _checked_roughness(self) -> float | tuple[float, ...]:
@@ -267,7 +217,7 @@ class Material:
         ------
         SceneError : an unknown name, or a value that is not legal
         """
-        return cls(**{"name": name} | fields_of(name) | changes)
+        return cls(**{"name": name} | named_fields(name) | changes)
 
     @property
     def is_opaque(self) -> bool:
@@ -287,3 +237,51 @@ def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:
     if not (samples.min() >= 0.0 and samples.max() <= 1.0):
         raise SceneError(f"{what} must be within 0..1 in each component, or None; given {shown(value)}")
     return color if hasattr(color, "wavelengths") or len(set(color)) > 1 else color[0]
+
+
+# --- the classic table: coefficients of Phong's reflection for displays of the 1990s -------------------------
+# Source: the materials of teapots.c by Mark J. Kilgard, Silicon Graphics 1994 (OpenGL Programming Guide, colour plate
+# 17), where the exponent is given as a part of 128. The numbers were made for displays without gamma correction; they
+# are taken here as they stand, as linear coefficients, so pictures are a little lighter. They are no measurements: for
+# metals, "cook-torrance" with a coloured `fresnel` is nearer to physics.
+
+# name: (ambient, diffuse, specular, shininess / 128); a colour is a grey or red, green and blue
+NAMED_MATERIALS: dict[str, tuple[Any, Any, Any, float]] = {
+    "brass": (
+        (0.329412, 0.223529, 0.027451),
+        (0.780392, 0.568627, 0.113725),
+        (0.992157, 0.941176, 0.807843),
+        0.21794872,
+    ),
+    "bronze": ((0.2125, 0.1275, 0.054), (0.714, 0.4284, 0.18144), (0.393548, 0.271906, 0.166721), 0.2),
+    "chrome": (0.25, 0.4, 0.774597, 0.6),
+    "copper": ((0.19125, 0.0735, 0.0225), (0.7038, 0.27048, 0.0828), (0.256777, 0.137622, 0.086014), 0.1),
+    "gold": ((0.24725, 0.1995, 0.0745), (0.75164, 0.60648, 0.22648), (0.628281, 0.555802, 0.366065), 0.4),
+    "silver": (0.19225, 0.50754, 0.508273, 0.4),
+    "emerald": ((0.0215, 0.1745, 0.0215), (0.07568, 0.61424, 0.07568), (0.633, 0.727811, 0.633), 0.6),
+    "jade": ((0.135, 0.2225, 0.1575), (0.54, 0.89, 0.63), 0.316228, 0.1),
+    "obsidian": ((0.05375, 0.05, 0.06625), (0.18275, 0.17, 0.22525), (0.332741, 0.328634, 0.346435), 0.3),
+    "pearl": ((0.25, 0.20725, 0.20725), (1.0, 0.829, 0.829), 0.296648, 0.088),
+    "ruby": ((0.1745, 0.01175, 0.01175), (0.61424, 0.04136, 0.04136), (0.727811, 0.626959, 0.626959), 0.6),
+    "turquoise": ((0.1, 0.18725, 0.1745), (0.396, 0.74151, 0.69102), (0.297254, 0.30829, 0.306678), 0.1),
+    "black plastic": (0.0, 0.01, 0.5, 0.25),
+    "cyan plastic": ((0.0, 0.1, 0.06), (0.0, 0.50980392, 0.50980392), 0.50196078, 0.25),
+    "green plastic": (0.0, (0.1, 0.35, 0.1), (0.45, 0.55, 0.45), 0.25),
+    "red plastic": (0.0, (0.5, 0.0, 0.0), (0.7, 0.6, 0.6), 0.25),
+    "white plastic": (0.0, 0.55, 0.7, 0.25),
+    "yellow plastic": (0.0, (0.5, 0.5, 0.0), (0.6, 0.6, 0.5), 0.25),
+    "black rubber": (0.02, 0.01, 0.4, 0.078125),
+    "cyan rubber": ((0.0, 0.05, 0.05), (0.4, 0.5, 0.5), (0.04, 0.7, 0.7), 0.078125),
+    "green rubber": ((0.0, 0.05, 0.0), (0.4, 0.5, 0.4), (0.04, 0.7, 0.04), 0.078125),
+    "red rubber": ((0.05, 0.0, 0.0), (0.5, 0.4, 0.4), (0.7, 0.04, 0.04), 0.078125),
+    "white rubber": (0.05, 0.5, 0.7, 0.078125),
+    "yellow rubber": ((0.05, 0.05, 0.0), (0.5, 0.5, 0.4), (0.7, 0.7, 0.04), 0.078125),
+}
+
+
+def named_fields(name: str) -> dict[str, Any]:
+    """Return the fields of a named material as arguments of `Material`; SceneError for an unknown name."""
+    if not isinstance(name, str) or name not in NAMED_MATERIALS:
+        raise SceneError(f"a named material is one of {', '.join(NAMED_MATERIALS)}; given {name!r}")
+    ambient, diffuse, specular, part = NAMED_MATERIALS[name]
+    return {"ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": 128.0 * part}

@@ -9,77 +9,23 @@ Whole-array checks are minima and maxima, which hand a nan on and need no tempor
 there is one.
 """
 
+from importlib import import_module
 from itertools import chain
-from typing import Any, TypeVar, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError, shown, warn_caller
+from .arrays import is_masked, real_array
 from .color import linear_from_srgb_bytes
-from .services import service
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
-from .validate import COORDINATE_LIMIT, is_masked, plain_array
+from .validate import COORDINATE_LIMIT
 
 CHUNK = 1 << 16  # faces looked at in one go
 _FIRST_CHUNK = 1 << 8
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
-
-
-_Scalar = TypeVar("_Scalar", bound=np.generic)
-
-
-class _Owned(np.ndarray):
-    """Marks memory that was taken over by `fixed`."""
-
-
-@overload
-def fixed(array: NDArray[_Scalar]) -> NDArray[_Scalar]: ...
-@overload
-def fixed(array: None) -> None: ...
-@overload
-def fixed(array: NDArray[_Scalar] | None) -> NDArray[_Scalar] | None: ...
-def fixed(array: NDArray | None) -> NDArray | None:
-    """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made
-    writable.
-
-    Numpy lets a read-only view be made writable again where its memory is; so what lies between is a read-only buffer.
-    Whoever calls this must hold the only reference that can write: an index changed afterwards would make kernels read
-    anywhere.
-    """
-    if array is None or is_fixed(array):
-        return None if array is None else np.ascontiguousarray(array)
-    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())  # type: ignore[arg-type]
-
-
-def is_fixed(array: NDArray) -> bool:
-    """Tell whether an array is one made by `fixed`, or a view of one."""
-    base: Any = array
-    while type(base) is np.ndarray:
-        base = base.base
-    return type(base) is memoryview and type(base.obj) is _Owned
-
-
-def kept(array: NDArray | None, given: object) -> NDArray | None:
-    """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's
-    memory.
-
-    An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
-    """
-    if array is None or is_fixed(array):
-        return fixed(array)
-    is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
-    is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
-    return fixed(array if is_new else array.copy())
-
-
-class KeepsArrays:
-    """What holds fixed arrays: those that come from pickle or from a deep copy are fixed, too."""
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for key, value in state.items():
-            self.__dict__[key] = fixed(np.array(value)) if isinstance(value, np.ndarray) else value
 
 
 def checked_vertices(vertices: Any) -> NDArray[np.float64]:
@@ -173,12 +119,8 @@ def _as_real(values: Any, what: str) -> NDArray:
     """Return an array of a real dtype (bool is none, and objects aren't)."""
     if is_masked(values):
         raise ModelError(f"{what} must be numbers, none of them masked; given {shown(values)}")
-    try:
-        array = plain_array(values)
-        is_real = array.dtype.kind in "fiu"
-    except (TypeError, ValueError):
-        is_real = False
-    if not is_real:
+    array = real_array(values)
+    if array is None:
         # Of objects only the dtype, which may be cut off, tells that they aren't numbers.
         objects = "objects: " if isinstance(values, np.ndarray) and values.dtype.hasobject else ""
         raise ModelError(f"{what} must be an array of numbers; given {objects}{shown(values)}")
@@ -318,7 +260,9 @@ def filled_normals(attributes: dict[str, Any], weighting: str) -> NDArray[np.flo
     if normals is None or np.einsum("...i,...i", normals, normals).min() > 0.0:
         return normals
     faces, smoothing = attributes["faces"], attributes["smoothing"]
-    return service("fill_normals")(attributes["vertices"], faces, normals, weighting, smoothing)
+    return import_module("rasterizer.geometry.normals").fill_normals(
+        attributes["vertices"], faces, normals, weighting, smoothing
+    )
 
 
 def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | None:

@@ -1,9 +1,10 @@
-"""A scene: meshes, lights, a camera and a background, checked and ready to be drawn."""
+"""A scene: meshes, lights, a camera, a background and a depth cue, checked and ready to be drawn."""
 
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,12 +17,8 @@ from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb, surface_rgb
 from .lights import Light, checked_lights, studio
 from .material import Material
-from .mesh import Mesh, MeshLike
-from .services import service
+from .mesh import MAX_FACES, Mesh, MeshLike
 from .validate import choice, number, picture_size, value_class
-
-# ----------------------------------------------------------------
-# Depth cueing: what is further away fades towards a colour.
 
 
 @value_class
@@ -72,9 +69,6 @@ def checked_cue(cue: DepthCue | float | None) -> DepthCue | None:
     if isinstance(cue, (int, float)) and not isinstance(cue, bool):
         return DepthCue(cue)
     raise SceneError(f"the depth cue must be a DepthCue, a number (its scale), or None; given {shown(cue)}")
-
-
-_FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 
 
 @checked_fields
@@ -133,10 +127,10 @@ class Scene:
         choice(self.up, tuple(AXES), "the scene's up")
 
     def __repr__(self) -> str:
-        kinds = ", ".join(type(light).__name__ for light in self.lights) or "none"
+        lights = ", ".join(type(light).__name__ for light in self.lights) or "none"
         camera = "framed" if self.camera is None else "given"
         size = f"{counted(len(self.meshes), 'mesh')}, {counted(self.n_face, 'face')}"
-        return f"Scene({size}, lights: {kinds}, camera: {camera})"
+        return f"Scene({size}, lights: {lights}, camera: {camera})"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Scene":
@@ -157,7 +151,7 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        return service("read_scene")(path).framed_scene()
+        return import_module("rasterizer.io.scene_file").read_scene(path).framed_scene()
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
@@ -179,7 +173,7 @@ class Scene:
         SceneError : another suffix
         OutputError : a file can't be written
         """
-        return service("write_scene")(self, path)
+        return import_module("rasterizer.io.scene_file_write").write_scene(self, path)
 
     @property
     def n_face(self) -> int:
@@ -260,8 +254,8 @@ def _checked_meshes(meshes: object) -> tuple[Mesh, ...]:
     if not result:
         raise SceneError("a scene needs at least one mesh; given none")
     n_face = sum(mesh.n_face for mesh in result)
-    if n_face > _FACE_LIMIT:
-        raise SceneError(f"a scene may have up to {_FACE_LIMIT} faces; given {n_face}")
+    if n_face > MAX_FACES:
+        raise SceneError(f"a scene may have up to {MAX_FACES} faces; given {n_face}")
     return result
 
 

@@ -5,7 +5,7 @@ D65, white of intensity 1; light times reflectance is the product of their spect
 
     X, Y, Z = k ∫ S(λ) D65(λ) (x(λ), y(λ), z(λ)) dλ,  380 to 780 nm, with k such that S = 1 has Y = 1
 
-(CIE 15:2018, 7.1; the tables are in `cie`), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC
+(CIE 15:2018, 7.1), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC
 61966-2-1:1999) and of the white that S = 1 has in this very sum. So S = 1 is (1, 1, 1), and a grey surface under white
 light stays grey, however coarse the sampling.
 
@@ -24,16 +24,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
+from .arrays import real_array
 from .color import ColorLike, linear_rgb
-from .validate import number, plain_array
+from .validate import number
 
-# ----------------------------------------------------------------
-# Tables of the CIE: the eye of the 1931 standard observer, and daylight.
+# Tables of the CIE: the eye of the 1931 standard observer, and daylight. Below 380 and above 780 nm the eye sees less
+# than 4·10^-5 of what it sees at 555 nm.
 # Sources: the CIE 1931 2° colour matching functions (ISO/CIE 11664-1:2019; CIE 15:2004, table T.4) and standard
-# illuminant D65 (ISO/CIE 11664-2:2022; CIE 15:2004, table T.1); CIE 018:2019 and CIE 15:2018 repeat both. Below 380
-# and
-# above 780 nm the eye sees less than 4·10^-5 of what it sees at 555 nm.
-
+# illuminant D65 (ISO/CIE 11664-2:2022; CIE 15:2004, table T.1); CIE 018:2019 and CIE 15:2018 repeat both.
 # Each row: wavelength in nm, then x, y and z of the colour matching functions, then the power of D65, 100 at 560 nm.
 _ROWS = """
 380 0.001368 0.000039 0.006450 49.9755
@@ -125,14 +123,12 @@ _TABLE.flags.writeable = False
 WAVELENGTHS = _TABLE[:, 0]  # (81,) nm, every 5 nm
 MATCHING = _TABLE[:, 1:4]  # (81, 3) without unit, the curve of y has its peak of 1 at 555 nm
 D65 = _TABLE[:, 4]  # (81,) power for each nm, relative
-
-
 N_TABLE = len(WAVELENGTHS)
 SHORTEST, LONGEST = float(WAVELENGTHS[0]), float(WAVELENGTHS[-1])
-COLDEST = 100.0  # kelvin: colder bodies give the eye less than 1e-70 of the light that they give at 1000 K
+_MIN_KELVIN = 100.0  # kelvin: colder bodies give the eye less than 1e-70 of the light that they give at 1000 K
 
 # Chromaticities x, y of the red, green and blue primaries: IEC 61966-2-1:1999, table 1.
-PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
+_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
 # Second radiation constant h c / k in nm K, exact since the SI of 2019 (CODATA 2018).
 _C2 = 6.62607015e-34 * 299_792_458.0 / 1.380649e-23 * 1e9
 
@@ -229,8 +225,10 @@ class Spectrum(tuple[float, float, float]):
         Source: Planck 1900, Verh. Dtsch. Phys. Ges. 2, 237-245: power ~ λ^-5 / (exp(h c / λ k T) - 1).
         """
         temperature = number(kelvin, "the black body's temperature")
-        if temperature < COLDEST:
-            raise SceneError(f"the black body's temperature must be at least {COLDEST:g} kelvin; given {shown(kelvin)}")
+        if temperature < _MIN_KELVIN:
+            raise SceneError(
+                f"the black body's temperature must be at least {_MIN_KELVIN:g} kelvin; given {shown(kelvin)}"
+            )
         exponent = _C2 / WAVELENGTHS / temperature
         # In logarithms, log(e^x - 1) = x + log(1 - e^-x), as e^x overflows for a cold body.
         log_power = -5.0 * np.log(WAVELENGTHS) - exponent - np.log(-np.expm1(-exponent))
@@ -288,8 +286,8 @@ class Spectrum(tuple[float, float, float]):
 
     def __repr__(self) -> str:
         red, green, blue = self
-        reach = f"{self._wavelengths[0]:g}..{self._wavelengths[-1]:g} nm, {len(self._values)} samples"
-        return f"Spectrum({reach}, RGB {red:.4g}, {green:.4g}, {blue:.4g})"
+        where = f"{self._wavelengths[0]:g}..{self._wavelengths[-1]:g} nm, {len(self._values)} samples"
+        return f"Spectrum({where}, RGB {red:.4g}, {green:.4g}, {blue:.4g})"
 
 
 def _spectrum(wavelengths: NDArray, values: NDArray, cls: type[Spectrum]) -> Spectrum:
@@ -318,11 +316,8 @@ def _row(values: ArrayLike, what: str) -> NDArray[np.float64]:
 
 def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
     """Finite numbers of any shape as float64."""
-    try:
-        numbers = plain_array(values)
-    except ValueError:  # rows of several lengths
-        numbers = np.asarray(None)
-    if numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
+    numbers = real_array(values)
+    if numbers is None or not np.isfinite(numbers).all():
         raise SceneError(f"{what} must be finite numbers; given {shown(values)}")
     return numbers.astype(np.float64)
 
@@ -336,8 +331,8 @@ def _check_samples(wavelengths: NDArray, values: NDArray, name: str) -> None:
     if not (np.diff(wavelengths) > 0.0).all():
         raise SceneError(f"the wavelengths of a spectrum must increase; given {shown(wavelengths.tolist())}")
     if wavelengths[0] > LONGEST or wavelengths[-1] < SHORTEST:
-        reach = f"{wavelengths[0]:g}..{wavelengths[-1]:g}"
-        raise SceneError(f"the wavelengths of a spectrum must be in nm and reach into 380..780; given {reach}")
+        where = f"{wavelengths[0]:g}..{wavelengths[-1]:g}"
+        raise SceneError(f"the wavelengths of a spectrum must be in nm and reach into 380..780; given {where}")
     if values.min() < 0.0:
         k = int(values.argmin())
         raise SceneError(f"the {name} of a spectrum must be at least 0; given {values[k]:g} at {wavelengths[k]:g} nm")
@@ -414,7 +409,7 @@ def rgb_from_xyz(white: NDArray[np.float64]) -> NDArray[np.float64]:
     Source: SMPTE RP 177:1993. The columns of the inverse are the primaries, each with the strength that it has in
     white.
     """
-    primaries = np.array([(x, y, 1.0 - x - y) for x, y in PRIMARIES]).T
+    primaries = np.array([(x, y, 1.0 - x - y) for x, y in _PRIMARIES]).T
     strengths = np.linalg.solve(primaries, white)
     return np.linalg.inv(primaries * strengths)
 

@@ -5,7 +5,7 @@ right one, as in OBJ. A picture of w × h texels has the centre of the texel in 
 u = (i + ½)/w, v = 1 - (j + ½)/h.
 
 Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is
-stands in its header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third
+stands in its header, and is looked at before anything is decoded: see `max_texels`. A texel needs 16 bytes, a third
 more with mipmaps.
 """
 
@@ -24,20 +24,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError, checked_fields, shown
+from .arrays import KeepsArrays, fixed, plain_array
 from .color import linear_from_srgb_bytes
-from .mesh_arrays import KeepsArrays, fixed
-from .validate import choice, plain_array
+from .validate import choice
 
 if TYPE_CHECKING:
     from PIL import Image
 
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
-MOST_TEXELS = 2**14  # along a side
-MOST_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
-ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MOST_IN_PICTURE
+MAX_TEXELS = 2**14  # along a side
+MAX_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
+ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MAX_IN_PICTURE
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
-PICTURE_FAULTS = (
+_PICTURE_FAULTS = (
     OSError, ValueError, SyntaxError, EOFError, LookupError, struct.error, MemoryError, ArithmeticError, RuntimeError,
     TypeError, AttributeError, AssertionError, zlib.error,
 )  # fmt: skip
@@ -111,7 +111,7 @@ class Texture(KeepsArrays):
                 image = _pixels_of(image, "the image")
             except ModelError as fault:
                 raise SceneError(str(fault)) from fault
-            except PICTURE_FAULTS as fault:
+            except _PICTURE_FAULTS as fault:
                 raise SceneError(
                     f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}"
                 ) from fault
@@ -145,15 +145,15 @@ class Texture(KeepsArrays):
 TextureLike: TypeAlias = Texture | ImageLike  # what a material takes for one
 
 
-def most_texels() -> int:
-    """Return how many texels a picture may have that is read from a file: MOST_IN_PICTURE, or what RASTER_MOST_TEXELS
+def max_texels() -> int:
+    """Return how many texels a picture may have that is read from a file: MAX_IN_PICTURE, or what RASTER_MOST_TEXELS
     says.
 
     Raises SceneError where that is no whole number above 0.
     """
     given = os.environ.get(ENVIRONMENT)
     if given is None:
-        return MOST_IN_PICTURE
+        return MAX_IN_PICTURE
     if not (given.isascii() and given.isdigit() and 0 < len(given) < 19 and int(given) > 0):
         raise SceneError(f"{ENVIRONMENT} must be a whole number above 0; given {shown(given)}")
     return int(given)
@@ -167,14 +167,14 @@ class Budget:
     """
 
     def __init__(self) -> None:
-        self.left = 2 * most_texels()
+        self.left = 2 * max_texels()
 
     def take(self, n_texel: int, name: str) -> None:
         """Take texels off; raises ModelError where they are not left."""
         if n_texel > self.left:
-            what = f"{name}: the textures of this file need more than {2 * most_texels()} texels together"
+            what = f"{name}: the textures of this file need more than {2 * max_texels()} texels together"
             raise ModelError(
-                f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {most_texels()} a picture)"
+                f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {max_texels()} a picture)"
             )
         self.left -= n_texel
 
@@ -220,13 +220,13 @@ def read_picture(
         raise ModelError(
             f"{name}: can't be read as a picture: more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} texels"
         ) from fault
-    except PICTURE_FAULTS as fault:
+    except _PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
 
 
 @contextmanager
 def _silenced() -> Iterator[None]:
-    """Let nothing be written to the process's stderr: libtiff has no other way to say what it thinks of a file."""
+    """Let nothing be written to the process's stderr: libtiff writes there what it thinks of a file."""
     try:
         kept = os.dup(2)
     except OSError:  # the process was started without one
@@ -245,13 +245,11 @@ def _silenced() -> Iterator[None]:
 def _check_size(picture: "Image.Image", name: str, budget: Budget | None) -> None:
     """Raise ModelError for a picture whose header asks for more texels than may be made."""
     width, height = picture.size
-    if max(width, height) > MOST_TEXELS:
-        raise ModelError(
-            f"{name}: a texture has up to {MOST_TEXELS} texels a side; this picture has {width} x {height}"
-        )
-    if width * height > most_texels():
+    if max(width, height) > MAX_TEXELS:
+        raise ModelError(f"{name}: a texture has up to {MAX_TEXELS} texels a side; this picture has {width} x {height}")
+    if width * height > max_texels():
         fault = (
-            f"{name}: this picture of {width} x {height} has more than {most_texels()} texels, the most that are read"
+            f"{name}: this picture of {width} x {height} has more than {max_texels()} texels, the most that are read"
         )
         raise ModelError(f"{fault}; {ENVIRONMENT} raises that")
     if budget is not None:
@@ -294,8 +292,8 @@ def _checked_image(image: Any) -> NDArray[np.float32]:
         array = np.empty(0, object)
     array = array[..., None] if array.ndim == 2 else array
     is_shaped = array.ndim == 3 and array.shape[2] in (1, 2, 3, 4) and 1 <= min(array.shape[:2])
-    if not is_shaped or max(array.shape[:2]) > MOST_TEXELS or array.dtype.kind not in "uf":
-        legal = f"(h, w) or (h, w, 1..4), uint8 or float, up to {MOST_TEXELS} texels a side"
+    if not is_shaped or max(array.shape[:2]) > MAX_TEXELS or array.dtype.kind not in "uf":
+        legal = f"(h, w) or (h, w, 1..4), uint8 or float, up to {MAX_TEXELS} texels a side"
         raise SceneError(f"a texture's image must be {legal}; given {array.shape} {array.dtype}")
     if array.dtype.kind == "u" and array.dtype != np.uint8:
         raise SceneError(f"a texture's image of integers must be uint8; given {array.dtype}")

@@ -16,7 +16,7 @@ both ways. Corners that repeat or lie on a straight line give triangles without 
 can't be cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape
 that turns the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be
 covered. It is warned of. Ears take time that grows with the square of a polygon's corners, so the sum of these squares
-is limited, MOST_STEPS for one call; convex ones have no limit.
+is limited, _MAX_STEPS for one call; convex ones have no limit.
 
 Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That
 turns a corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53,
@@ -26,16 +26,16 @@ it as plane.
 """
 
 from collections.abc import Sequence
+from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .services import service
-from .validate import distinct
+from .arrays import distinct
 
 # The squares of the corners of polygons that are cut by ears may sum up to this: one polygon of 23170, or 53687 of 100.
-MOST_STEPS = 1 << 29
+_MAX_STEPS = 1 << 29
 CHUNK = 1 << 14  # corners looked at in one go: their arrays stay in the cache
 CROSSING = "crosses itself: no triangles between its corners fill it, so more or less than its area may be drawn"
 _UNIT = 2.0**-53
@@ -94,7 +94,7 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
 
     Raises
     ------
-    TooManyCorners : cutting the concave ones would take more than MOST_STEPS steps
+    TooManyCorners : cutting the concave ones would take more than _MAX_STEPS steps
     """
     counts = np.asarray(counts, np.int64)
     triangles, polygons = fan_corners(counts)
@@ -120,22 +120,22 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
         _check_steps(concave, counts)
         points, loops = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(corners, np.int64)
         spans = starts[concave], counts[concave], first_triangle[concave], int(counts[concave].max())
-        service("cut_ears")(points, loops, *spans, triangles, is_crossing)
+        import_module("rasterizer.geometry.ears").cut_ears(points, loops, *spans, triangles, is_crossing)
     return Cut(triangles, polygons.astype(np.int32), concave[is_crossing])
 
 
 def _check_steps(concave: NDArray, counts: NDArray) -> None:
-    """Raise TooManyCorners where the concave polygons, given by their numbers, would take more than MOST_STEPS."""
+    """Raise TooManyCorners where the concave polygons, given by their numbers, would take more than _MAX_STEPS."""
     sizes = counts[concave].astype(np.float64)
     steps = float((sizes * sizes).sum())
-    if steps <= MOST_STEPS:
+    if steps <= _MAX_STEPS:
         return
     largest = int(concave[np.argmax(sizes)])
     others = f", and {len(concave) - 1} more are" if len(concave) > 1 else ""
     raise TooManyCorners(
         largest,
         f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of "
-        f"corners may sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a "
+        f"corners may sum up to {_MAX_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a "
         "modelling program",
     )
 

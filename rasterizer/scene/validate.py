@@ -6,17 +6,16 @@ standard library is imported, because the command line's help needs the options.
 
 import math
 import operator
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import MISSING, fields
-from typing import Any, TypeAlias, TypeVar
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import Any, TypeVar
 
 from ..errors import SceneError, checked_fields, shown
 
+T = TypeVar("T", bound=type)
+
 COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
-_MOST_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
+_MAX_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
 
 
 def number(value: object, what: str) -> float:
@@ -104,59 +103,12 @@ def picture_size(size: object) -> tuple[int, int]:
         is_size = int(width) == width and int(height) == height
     except (TypeError, ValueError, OverflowError):
         is_size = False
-    if not is_size or not (is_whole(int(width), 1, _MOST_PIXELS) and is_whole(int(height), 1, _MOST_PIXELS)):
+    if not is_size or not (is_whole(int(width), 1, _MAX_PIXELS) and is_whole(int(height), 1, _MAX_PIXELS)):
         raise SceneError(f"size must be (width, height), whole pixels of at least 1; given {shown(size)}")
     return int(width), int(height)
 
 
-# ----------------------------------------------------------------
-# Arrays as callers give them: of any kind that numpy reads, but never masked.
-
-VectorLike: TypeAlias = Sequence[float] | NDArray[Any]  # three numbers, as a caller may give them
-
-
-def plain_array(values: ArrayLike) -> NDArray:
-    """Return `np.asarray(values)`, numbers beyond float64 as infinities.
-
-    Parameters
-    ----------
-    values : anything that numpy reads, of any shape and dtype
-
-    Returns
-    -------
-    array of the same shape; longer floats become float64
-
-    Raises
-    ------
-    TypeError, ValueError : no array, or a masked one, whose masked values would count
-    """
-    if is_masked(values):
-        raise ValueError("masked values are no numbers")
-    array = np.asarray(values)
-    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
-        with np.errstate(over="ignore"):
-            array = array.astype(np.float64)
-    return array
-
-
-def is_masked(values: object) -> bool:
-    """Tell whether an array has masked values. `np.ma` would say so, but takes as long to import as a small model."""
-    return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
-
-
-def distinct(values: NDArray) -> NDArray:
-    """Return the distinct ones of whole numbers (n,), ascending.
-
-    `np.unique` would do, but imports `np.ma`, to see whether some are masked.
-    """
-    ordered = np.sort(values)
-    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
-
-
-# ----------------------------------------------------------------
-# What the small dataclasses of a scene have in common: they name the nearest field, and print in one line.
-
-T = TypeVar("T", bound=type)
+# --- what the small dataclasses of a scene have in common ----------------------------------------------------
 
 
 def value_class(cls: T) -> T:

@@ -14,43 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
-from ..scene.camera import Camera, View
-from ..scene.mesh import rotation
+from ..scene.camera import Camera, View, pivot_of
+from ..scene.framing import rotation
 from ..scene.scene import Scene
-from ..scene.turning import pivot_of
-
-# ----------------------------------------------------------------
-# A camera as flags of `raster render`, so that what was found by hand can be drawn again.
-
-_SAME = 1e-9  # of an axis: what is lost where an angle is turned into flags and back
-
-
-def camera_flags(camera: Camera, up: Axis) -> str:
-    """Return the flags that say what a camera sees of a scene with this up axis.
-
-    Returns
-    -------
-    text; "" where no flags say it: a calibration, a range of depth, a camera that is tilted or stands at a pole
-    """
-    if camera.intrinsics is not None or camera.near is not None or camera.far is not None:
-        return ""
-    level = Camera.perspective(camera.position, camera.target, up)
-    if not np.allclose(np.stack(level.view()[1:]), np.stack(camera.view()[1:]), rtol=0.0, atol=_SAME):
-        return ""
-    fov = camera.fov
-    if camera.height is not None:
-        fov = math.degrees(2.0 * math.atan(camera.height / (2.0 * math.dist(camera.position, camera.target))))
-    eye, target = (",".join(f"{value + 0.0!r}" for value in point) for point in (camera.position, camera.target))
-    lens = f"--fov {fov!r}" + (" --ortho" if camera.height is not None else "")
-    return f"--eye {eye} --target {target} --up {up} {lens}"
-
 
 Array: TypeAlias = NDArray[np.float64]
 Size: TypeAlias = tuple[int, int]
 
 NEAREST, FURTHEST = 1e-4, 1e4  # distances and heights of the view, in sizes of the scene
+_SAME = 1e-9  # of an axis: what is lost where an angle is turned into flags and back
 _FOV = 30.0  # degrees, where a camera without perspective gets one; that of Camera.framing
-_AT_POLE = 1e-8  # sine of the angle to the pole, below which rounding decides which way is to the side
+_AT_POLE = 1e-8  # sine of the angle to the pole, below which rounding decides what is to the side
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,11 +139,32 @@ class Orbit:
         return projection.scale_x / w, projection.scale_y / w
 
     def _ray_axes(self, size: Size) -> tuple[Array, Array]:
-        """The ways in the world that rows and columns of the picture go; see `Projection.ray_axes`."""
+        """The directions in the world in which rows and columns of the picture go; see `Projection.ray_axes`."""
         return self.lens.projection(size).ray_axes(View(self.pivot, *self.axes))
 
     def _moved(self, **changes: object) -> "Orbit":
         return replace(self, is_moved=True, **changes)  # type: ignore[arg-type]
+
+
+def camera_flags(camera: Camera, up: Axis) -> str:
+    """Return the flags of `raster render` that say what a camera sees of a scene with this up axis, so that what was
+    found by hand can be drawn again.
+
+    Returns
+    -------
+    text; "" where no flags say it: a calibration, a range of depth, a camera that is tilted or stands at a pole
+    """
+    if camera.intrinsics is not None or camera.near is not None or camera.far is not None:
+        return ""
+    level = Camera.perspective(camera.position, camera.target, up)
+    if not np.allclose(np.stack(level.view()[1:]), np.stack(camera.view()[1:]), rtol=0.0, atol=_SAME):
+        return ""
+    fov = camera.fov
+    if camera.height is not None:
+        fov = math.degrees(2.0 * math.atan(camera.height / (2.0 * math.dist(camera.position, camera.target))))
+    eye, target = (",".join(f"{value + 0.0!r}" for value in point) for point in (camera.position, camera.target))
+    lens = f"--fov {fov!r}" + (" --ortho" if camera.height is not None else "")
+    return f"--eye {eye} --target {target} --up {up} {lens}"
 
 
 def _orthonormal(axes: Array) -> Array:

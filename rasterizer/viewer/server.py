@@ -18,21 +18,22 @@ import json
 import secrets
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import urlsplit
 
 from ..errors import OutputError, RasterizerError, error_of
-from .controls import MOST_BYTES
+from .controls import MAX_BYTES
 from .session import Reply, Session
 
 HOST = "127.0.0.1"
 _OWN_NAMES = ("127.0.0.1", "localhost", "::1")  # with any port: it may have been forwarded
 _PATIENCE = 60.0  # seconds that a connection may be silent
-_MOST_CONNECTIONS = 32
+_MAX_CONNECTIONS = 32
 _GRACE = 2.0  # seconds after which a page that has gone is not being loaded once more
 _FOLDER = Path(__file__).parent / "page"
 _FILES = {  # name: file and type
@@ -70,7 +71,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     block_on_close = False  # connections that are held open end with the process
-    request_queue_size = _MOST_CONNECTIONS
+    request_queue_size = _MAX_CONNECTIONS
 
     def __init__(
         self,
@@ -84,7 +85,7 @@ class Server(ThreadingHTTPServer):
         self.note = note or (lambda _: None)
         self.token = secrets.token_urlsafe(24)
         self._pages = _Pages()
-        self._room = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+        self._room = threading.BoundedSemaphore(_MAX_CONNECTIONS)
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as fault:
@@ -110,11 +111,8 @@ class Server(ThreadingHTTPServer):
 
     def hold(self, connection: socket.socket) -> None:
         """Wait until a page closes its connection; it counts as open until then."""
-        with self._pages.opened(connection):
-            try:
-                while connection.recv(1024):
-                    pass
-            except OSError:
+        with self._pages.opened(connection), suppress(OSError):
+            while connection.recv(1024):
                 pass
 
     def _end_with_the_last_page(self) -> None:
@@ -147,19 +145,19 @@ class _Pages:
         self._changed = threading.Condition()
         self._was_open = False
 
-    def opened(self, connection: socket.socket) -> "_OpenPage":
-        return _OpenPage(self, connection)
-
-    def enter(self, connection: socket.socket) -> None:
+    @contextmanager
+    def opened(self, connection: socket.socket) -> Iterator[None]:
+        """Count a page as open inside a `with` block."""
         with self._changed:
             self._open.add(connection)
             self._was_open = True
             self._changed.notify_all()
-
-    def leave(self, connection: socket.socket) -> None:
-        with self._changed:
-            self._open.discard(connection)
-            self._changed.notify_all()
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._open.discard(connection)
+                self._changed.notify_all()
 
     def wait_for_the_end(self) -> None:
         """Wait until a page was open and none is any more; one that is loaded again is given some time."""
@@ -172,23 +170,8 @@ class _Pages:
     def close(self) -> None:
         with self._changed:
             for connection in self._open:
-                try:
+                with suppress(OSError):  # it is closed already
                     connection.shutdown(socket.SHUT_RDWR)
-                except OSError:  # it is closed already
-                    pass
-
-
-class _OpenPage(NamedTuple):
-    """A page that counts as open inside a `with` block."""
-
-    pages: _Pages
-    connection: socket.socket
-
-    def __enter__(self) -> None:
-        self.pages.enter(self.connection)
-
-    def __exit__(self, *_: object) -> None:
-        self.pages.leave(self.connection)
 
 
 class _Refusal(Exception):
@@ -287,8 +270,8 @@ class _Handler(BaseHTTPRequestHandler):
             raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a message needs one Content-Length")
         if not (lengths[0].isascii() and lengths[0].isdigit()):
             raise _Refusal(HTTPStatus.BAD_REQUEST, "Content-Length must be a number")
-        if len(lengths[0]) > 9 or int(lengths[0]) > MOST_BYTES:
-            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a message has at most {MOST_BYTES} bytes")
+        if len(lengths[0]) > 9 or int(lengths[0]) > MAX_BYTES:
+            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a message has at most {MAX_BYTES} bytes")
         body = self.rfile.read(int(lengths[0]))
         if len(body) != int(lengths[0]):
             raise _Refusal(HTTPStatus.BAD_REQUEST, "the message ends too early")

@@ -28,58 +28,15 @@ from ..scene.scene import Scene
 from .controls import LIGHTS, SHADINGS, Aim, Picked, State, apply, home_camera, pick, projection_of, read_message
 from .orbit import Orbit, camera_flags
 
-# ----------------------------------------------------------------
-# How many pixels a picture has while something moves: as many as can be drawn in time.
+PAPER = "#ffffff"  # behind the scene until a page says what its own is
+_QUALITY = 85  # of JPEG files
+_MAX_RENDERERS = 3  # kept: for pictures at rest, for those that move, and the one used before
+_OWN = ("size", "shading", "samples", "outputs")  # options that the viewer chooses itself, or names
 
 DIVISORS = (1, 2, 4, 8)  # of the sides of the picture
 BUDGET = 30.0  # milliseconds for a picture: 33 a second
 _MARGIN = 1.25  # a picture may take that much longer before a smaller one is tried: times vary
 _KEPT = 0.7  # share of what was known in a mean of times, so that one slow picture counts little
-
-
-class Resolution:
-    """Choose the size of pictures that are drawn while something moves.
-
-    A picture of half the sides costs a quarter at the least, and as much at the most: transforming vertices doesn't get
-    cheaper with fewer pixels. So a larger one is drawn only where four times the time of the smaller one is within the
-    budget: then it can't be too slow, and sizes don't alternate.
-
-    Parameters
-    ----------
-    budget : milliseconds that a picture may take, above 0
-    """
-
-    def __init__(self, budget: float = BUDGET) -> None:
-        self._budget = budget
-        self._level = 0  # in DIVISORS
-        self._mean: float | None = None  # milliseconds of pictures of this size
-
-    @property
-    def divisor(self) -> int:
-        """What the sides of the whole picture are divided by."""
-        return DIVISORS[self._level]
-
-    def size_of(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Return the (width, height) to draw, in pixels, for a picture of `size`."""
-        width, height = (-(-side // self.divisor) for side in size)
-        return width, height
-
-    def note(self, milliseconds: float) -> None:
-        """Take down how long a picture of this size has taken, and choose the next one's."""
-        mean = milliseconds if self._mean is None else _KEPT * self._mean + (1.0 - _KEPT) * milliseconds
-        self._mean = mean
-        if mean > _MARGIN * self._budget and self._level + 1 < len(DIVISORS):
-            self._level += 1
-            self._mean = None
-        elif 4.0 * mean <= self._budget and self._level > 0:
-            self._level -= 1
-            self._mean = None
-
-
-PAPER = "#ffffff"  # behind the scene until a page says what its own is
-_QUALITY = 85  # of JPEG files
-_MOST_RENDERERS = 3  # kept: for pictures at rest, for those that move, and the one used before
-_OWN = ("size", "shading", "samples", "outputs")  # options that the viewer chooses itself, or names
 
 
 class Reply(NamedTuple):
@@ -158,12 +115,12 @@ class Session:
             while self._renderers:
                 self._renderers.popitem()[1].close()
 
-    def answer(self, given: object) -> Reply:
+    def answer(self, content: object) -> Reply:
         """Do what a message says, and draw the picture.
 
         Parameters
         ----------
-        given : the message, as JSON may be; see controls.py
+        content : the message, as JSON may be; see controls.py
 
         Returns
         -------
@@ -173,7 +130,7 @@ class Session:
         ------
         SceneError : what is no message; a picture that can't be drawn
         """
-        message = read_message(given)
+        message = read_message(content)
         with self._turn:
             self._size, self._background = message.size, message.background
             is_at_rest, said = message.is_rest, []
@@ -232,7 +189,7 @@ class Session:
         key = (state.shading, state.lights, self._background, *settings.values())
         renderer = self._renderers.pop(key, None)
         if renderer is None:
-            while len(self._renderers) >= _MOST_RENDERERS:
+            while len(self._renderers) >= _MAX_RENDERERS:
                 self._renderers.popitem(last=False)[1].close()
             self._n_made += 1
             renderer = Renderer(self._scene(), shading=state.shading, **settings, **self._options)  # type: ignore[arg-type]
@@ -277,6 +234,45 @@ class Session:
             "marker": None if picked is None else orbit.position_of(np.array(picked.position), self._size),
             "camera": self._flags(),
         }
+
+
+class Resolution:
+    """Choose the size of pictures that are drawn while something moves.
+
+    A picture of half the sides costs a quarter at the least, and as much at the most: transforming vertices doesn't get
+    cheaper with fewer pixels. So a larger one is drawn only where four times the time of the smaller one is within the
+    budget: then it can't be too slow, and sizes don't alternate.
+
+    Parameters
+    ----------
+    budget : milliseconds that a picture may take, above 0
+    """
+
+    def __init__(self, budget: float = BUDGET) -> None:
+        self._budget = budget
+        self._level = 0  # in DIVISORS
+        self._mean: float | None = None  # milliseconds of pictures of this size
+
+    @property
+    def divisor(self) -> int:
+        """What the sides of the whole picture are divided by."""
+        return DIVISORS[self._level]
+
+    def size_of(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Return the (width, height) to draw, in pixels, for a picture of `size`."""
+        width, height = (-(-side // self.divisor) for side in size)
+        return width, height
+
+    def note(self, milliseconds: float) -> None:
+        """Take down how long a picture of this size has taken, and choose the next one's."""
+        mean = milliseconds if self._mean is None else _KEPT * self._mean + (1.0 - _KEPT) * milliseconds
+        self._mean = mean
+        if mean > _MARGIN * self._budget and self._level + 1 < len(DIVISORS):
+            self._level += 1
+            self._mean = None
+        elif 4.0 * mean <= self._budget and self._level > 0:
+            self._level -= 1
+            self._mean = None
 
 
 def encode_jpeg(rgba: NDArray[np.uint8]) -> bytes:

@@ -1,74 +1,111 @@
-"""The viewer in a cell of a notebook. anywidget carries messages between the cell and the kernel (the extra
+"""`rz.view`: the viewer in a cell of a notebook. anywidget carries messages between the cell and the kernel (the extra
 `notebook`)."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-import anywidget
-import traitlets
-
-from ..errors import error_of
+from ..errors import SceneError, error_of
 from ..frame import Frame
+from ..io.loader import load
+from ..options import Options
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .controls import Picked
 from .session import Session
 
+_SIZE = (800, 600)
 _FOLDER = Path(__file__).parent / "page"
 
 
-class ViewerWidget(anywidget.AnyWidget):
-    """Show a scene in a cell of a notebook, to be turned and picked from.
-
-    Parameters
-    ----------
-    session : Session that is looked at
-    size : (width, height) of the view in CSS pixels; it is narrower where the cell is
-    """
-
-    _esm = _FOLDER / "viewer.js"
-    _css = _FOLDER / "viewer.css"
-    size = traitlets.Tuple(traitlets.Int(), traitlets.Int()).tag(sync=True)
-
-    def __init__(self, session: Session, size: tuple[int, int]) -> None:
-        self._session = session
-        super().__init__(size=size)
-        self.on_msg(self._answer)
+class SceneView(Protocol):
+    """A widget that shows a scene: what `view` returns. Packages of widgets have no types; this is what it adds."""
 
     @property
     def scene(self) -> Scene:
         """The scene that is shown."""
-        return self._session.scene
 
     @property
     def camera(self) -> Camera:
-        """The camera as it stands now: `rz.render(widget.scene, camera=...)` draws what is seen."""
-        return self._session.camera
+        """The camera as it stands now: `rz.render(widget.scene, camera=widget.camera)` draws what is seen."""
 
     @property
     def picked(self) -> Picked | None:
         """The point that was clicked last: its face, object, position and normal; None if there is none."""
-        return self._session.picked
 
     @property
     def frame(self) -> Frame | None:
         """The last picture at rest, with the buffers face, depth and normal; None before the first one."""
-        return self._session.frame
 
     def close(self) -> None:
         """Take the widget out of the notebook, and end the threads that draw."""
-        super().close()
-        self._session.close()
 
-    def _answer(self, _: object, content: Any, __: object) -> None:
-        """Answer a message of one of the cells that show this widget."""
-        if not isinstance(content, dict) or "view" not in content:
-            return  # not from viewer.js
-        view = content["view"]
-        try:
-            reply = self._session.answer(content.get("message"))
-        except Exception as fault:  # noqa: BLE001  whatever it is, the cell says it
-            self.send({"view": view, "error": str(error_of(self._session.title, fault))})
-            return
-        status = {**reply.status, "type": reply.media_type}
-        self.send({"view": view, "status": status}, [reply.content])
+
+def view(
+    scene: Any,
+    size: int | tuple[int, int] = _SIZE,
+    *,
+    camera: Camera | None = None,
+    shading: str = "phong",
+    **options: Any,
+) -> SceneView:
+    """Show a scene in a cell of a notebook: drag to turn it, click to pick a face.
+
+    Parameters
+    ----------
+    scene : Scene, or whatever `load` takes: a path, a mesh, a trimesh object
+    size : (width, height) of the view in CSS pixels, or one number for a square; it is narrower where the cell is
+    camera : Camera that is looked through at first; None = the scene's own, or one that shows all of it
+    shading : "flat", "gouraud" or "phong", at first
+    options : other options of `render` but `outputs`; `samples` are those of pictures at rest
+
+    Returns
+    -------
+    SceneView, a widget that a cell shows; its `camera`, `picked` and `frame` tell what is seen
+
+    Raises
+    ------
+    SceneError : an option that is not legal; anywidget is missing
+    ModelError : a model that can't be read
+    """
+    try:
+        import anywidget
+        import traitlets
+    except ModuleNotFoundError as fault:
+        if fault.name not in ("anywidget", "traitlets"):
+            raise
+        raise SceneError(f"view needs {fault.name}: the extra `notebook` brings it") from fault
+
+    class Widget(anywidget.AnyWidget):  # a SceneView
+        _esm = _FOLDER / "viewer.js"
+        _css = _FOLDER / "viewer.css"
+        size = traitlets.Tuple(traitlets.Int(), traitlets.Int()).tag(sync=True)
+        scene = property(lambda self: session.scene)
+        camera = property(lambda self: session.camera)
+        picked = property(lambda self: session.picked)
+        frame = property(lambda self: session.frame)
+
+        def close(self) -> None:
+            super().close()
+            session.close()
+
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    checked = Options(size=size)
+    title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
+    session = Session(scene, camera=camera, title=title[:80], shading=shading, **options)
+    widget = Widget(size=checked.size)
+    widget.on_msg(lambda _, content, __: _answer(session, widget, content))
+    return widget
+
+
+def _answer(session: Session, widget: Any, content: Any) -> None:
+    """Answer a message of one of the cells that show a widget."""
+    if not isinstance(content, dict) or "view" not in content:
+        return  # not from viewer.js
+    number = content["view"]
+    try:
+        reply = session.answer(content.get("message"))
+    except Exception as fault:  # noqa: BLE001  whatever it is, the cell says it
+        widget.send({"view": number, "error": str(error_of(session.title, fault))})
+        return
+    status = {**reply.status, "type": reply.media_type}
+    widget.send({"view": number, "status": status}, [reply.content])

@@ -1,6 +1,7 @@
 """Comparisons: against a plain computation, and by properties that any distance has."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import rasterizer as rz
+from rasterizer.analysis.comparison import lab_from_linear
 from rasterizer.frame import Frame, Stats
+from rasterizer.scene.color import linear_from_srgb_bytes
 
 STATS = Stats(1, 0, 0, 1, 1, 1, 1, 0.0)
 PICTURES = arrays(np.uint8, (3, 5, 3), elements=st.integers(0, 255))
@@ -79,3 +82,88 @@ def test_what_is_no_picture():
     ):
         with pytest.raises(rz.SceneError, match=message):
             rz.compare(a, b)
+
+
+# ── CIEDE2000, by scikit-image: the pairs that its authors publish ─────────────────────────────────────────
+
+
+# Sharma, Wu & Dalal 2005, table 1: L*, a*, b* of two colours, and their difference to four decimals.
+PUBLISHED = """
+50.0000   2.6772 -79.7751  50.0000   0.0000 -82.7485  2.0425
+50.0000   3.1571 -77.2803  50.0000   0.0000 -82.7485  2.8615
+50.0000   2.8361 -74.0200  50.0000   0.0000 -82.7485  3.4412
+50.0000  -1.3802 -84.2814  50.0000   0.0000 -82.7485  1.0000
+50.0000  -1.1848 -84.8006  50.0000   0.0000 -82.7485  1.0000
+50.0000  -0.9009 -85.5211  50.0000   0.0000 -82.7485  1.0000
+50.0000   0.0000   0.0000  50.0000  -1.0000   2.0000  2.3669
+50.0000  -1.0000   2.0000  50.0000   0.0000   0.0000  2.3669
+50.0000   2.4900  -0.0010  50.0000  -2.4900   0.0009  7.1792
+50.0000   2.4900  -0.0010  50.0000  -2.4900   0.0010  7.1792
+50.0000   2.4900  -0.0010  50.0000  -2.4900   0.0011  7.2195
+50.0000   2.4900  -0.0010  50.0000  -2.4900   0.0012  7.2195
+50.0000  -0.0010   2.4900  50.0000   0.0009  -2.4900  4.8045
+50.0000  -0.0010   2.4900  50.0000   0.0010  -2.4900  4.8045
+50.0000  -0.0010   2.4900  50.0000   0.0011  -2.4900  4.7461
+50.0000   2.5000   0.0000  50.0000   0.0000  -2.5000  4.3065
+50.0000   2.5000   0.0000  73.0000  25.0000 -18.0000 27.1492
+50.0000   2.5000   0.0000  61.0000  -5.0000  29.0000 22.8977
+50.0000   2.5000   0.0000  56.0000 -27.0000  -3.0000 31.9030
+50.0000   2.5000   0.0000  58.0000  24.0000  15.0000 19.4535
+50.0000   2.5000   0.0000  50.0000   3.1736   0.5854  1.0000
+50.0000   2.5000   0.0000  50.0000   3.2972   0.0000  1.0000
+50.0000   2.5000   0.0000  50.0000   1.8634   0.5757  1.0000
+50.0000   2.5000   0.0000  50.0000   3.2592   0.3350  1.0000
+60.2574 -34.0099  36.2677  60.4626 -34.1751  39.4387  1.2644
+63.0109 -31.0961  -5.8663  62.8187 -29.7946  -4.0864  1.2630
+61.2901   3.7196  -5.3901  61.4292   2.2480  -4.9620  1.8731
+35.0831 -44.1164   3.7933  35.0232 -40.0716   1.5901  1.8645
+22.7233  20.0904 -46.6940  23.0331  14.9730 -42.5619  2.0373
+36.4612  47.8580  18.3852  36.2715  50.5065  21.2231  1.4146
+90.8027  -2.0831   1.4410  91.1528  -1.6435   0.0447  1.4441
+90.9257  -0.5406  -0.9208  88.6381  -0.8985  -0.7239  1.5381
+ 6.7747  -0.2908  -2.4247   5.8714  -0.0985  -2.2286  0.6377
+ 2.0776   0.0795  -1.1350   0.9033  -0.0636  -0.5514  0.9082
+"""
+
+
+def test_published_pairs():
+    """Those who choose another library see here whether it is one."""
+    color = pytest.importorskip("skimage.color", reason="scikit-image (the extra `bench`) isn't installed")
+    rows = np.array(PUBLISHED.split(), float).reshape(-1, 7)
+    first, second, published = rows[:, :3], rows[:, 3:6], rows[:, 6]
+    worst = np.abs(color.deltaE_ciede2000(first, second) - published).max()
+    assert len(rows) == 34 and worst <= 0.5e-4, f"{worst:.2g} > half of the last decimal"
+
+
+def test_lab_of_known_colours():
+    """White is 100, 0, 0."""
+    lab = lab_from_linear([[1, 1, 1], [0, 0, 0], [1, 0, 0], [7, -1, 0]])
+    assert lab[0] == pytest.approx([100, 0, 0], abs=1e-12)
+    assert lab[1] == pytest.approx([0, 0, 0], abs=1e-12)
+    assert lab[2] == pytest.approx([53.23, 80.11, 67.22], abs=0.01)
+    assert (lab[3] == lab[2]).all(), "what a display can't show is clamped"
+
+
+def test_difference_of_pictures():
+    pytest.importorskip("skimage", reason="scikit-image (the extra `bench`) isn't installed")
+    rng = np.random.default_rng(5)
+    bytes_ = rng.integers(0, 256, (300, 250, 3), np.uint8)  # more pixels than are looked at together
+    other = bytes_.copy()
+    other[7, 9] ^= 1
+    difference = rz.color_difference(bytes_, other)
+    assert difference.shape == (300, 250) and np.flatnonzero(difference).tolist() == [7 * 250 + 9]
+    linear, changed = (linear_from_srgb_bytes(each[:9]) for each in (bytes_, other))
+    assert np.abs(rz.color_difference(linear, changed) - difference[:9]).max() <= 1e-9
+
+
+def test_what_cannot_be_compared(monkeypatch):
+    for a, b, words in (
+        (np.zeros((2, 3, 3)), np.zeros((3, 2, 3)), "one size"),
+        (np.zeros((2, 3)), np.zeros((2, 3)), "three channels"),
+        ("a", "b", "a picture must be"),
+    ):
+        with pytest.raises(rz.SceneError, match=words):
+            rz.color_difference(a, b)
+    monkeypatch.setitem(sys.modules, "skimage.color", None)
+    with pytest.raises(rz.SceneError, match="^a colour difference needs scikit-image: pip install scikit-image$"):
+        rz.color_difference(np.zeros((2, 3, 3)), np.zeros((2, 3, 3)))

@@ -8,18 +8,22 @@ import pytest
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.analysis.ground_truth import Errors, draw_ground_truth, draw_light, measure_errors, rms_error
 from rasterizer.analysis.speed_error import (
-    MOST_FACES,
+    MAX_FACES,
+    Errors,
     Method,
     Row,
     advise,
+    draw_ground_truth,
+    draw_light,
     list_methods,
+    measure_errors,
     printed,
+    rms_error,
     sort_by_front,
     study,
     subdivided,
-    told,
+    tolerance_text,
 )
 
 SIZE = (32, 24)
@@ -155,7 +159,7 @@ def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named()
     result = study(ball_scene(), SIZE, methods, 1e-6, lambda *_: None, threads=1)
     assert [row.method.subdivisions for row in result.rows] == [0]
     assert [method.subdivisions for method in result.left_out] == [1, 2]
-    n = next(n for n in range(16) if 192 * 4**n > MOST_FACES)
+    n = next(n for n in range(16) if 192 * 4**n > MAX_FACES)
     methods = list_methods(("gouraud",), (0, n), (1,), (1 / 4096,))
     result = study(ball_scene(), SIZE, methods, 9.0, lambda *_: None, threads=1)
     assert [method.subdivisions for method in result.left_out] == [n], "it would be too large"
@@ -191,4 +195,4 @@ def test_the_ground_truth_has_64_samples():
 
 def test_tolerances_are_told_as_people_write_them():
     for value, text in ((1 / 4096, "1/4096"), (0.0, "0"), (1 / 3, "1/3"), (0.3, "0.3"), (2.0, "2")):
-        assert (got := told(value)) == text, f"{value}: {got} != {text}"
+        assert (got := tolerance_text(value)) == text, f"{value}: {got} != {text}"

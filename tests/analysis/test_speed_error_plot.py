@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rasterizer.analysis.ground_truth import Errors
-from rasterizer.analysis.speed_error import Method, Row
+from rasterizer.analysis.speed_error import Errors, Method, Row
 from rasterizer.analysis.speed_error_plot import plot
 
 

@@ -9,7 +9,7 @@ from helpers.command import raster
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.batch.executors import DaskCrew
+from rasterizer.batch.pools import DaskPool
 
 MODELS = [str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl", "torus.glb")]
 SMALL = {"size": (32, 24), "shading": "phong"}
@@ -52,9 +52,9 @@ def assert_same_bytes(client, sources, views):
 def test_a_thread_of_dask_draws_the_same_bytes(dask):
     with dask.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
         assert_same_bytes(client, [MODELS[0], rz.load(MODELS[1])], ("front", "iso"))
-        crew = DaskCrew(client)
-        assert crew.n_slot == 2 and DaskCrew(client, 3).n_slot == 6
-        crew.close()
+        pool = DaskPool(client)
+        assert pool.n_slot == 2 and DaskPool(client, 3).n_slot == 6
+        pool.close()
         assert client.status == "running"
 
 

@@ -21,7 +21,7 @@ from rasterizer.cli.render_command import make_options
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
 from rasterizer.scene import lights as light_presets
-from rasterizer.scene.fields import Cells, Color, Vector, describe_fields
+from rasterizer.scene.lights import Cells, Color, Vector, describe_fields
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -14,7 +14,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.scene.turning import turned_cameras
+from rasterizer.scene.camera import turned_cameras
 
 pytestmark = pytest.mark.usefixtures("folder")
 LIFE = ROOT / "models" / "still_life.obj"

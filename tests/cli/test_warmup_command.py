@@ -8,8 +8,7 @@ import re
 import pytest
 from helpers.campaign_scenes import make_case
 from helpers.command import assert_refused, errors, one_error, raster, start
-from helpers.mixed_scenes import mixed
-from helpers.small_scenes import SHADINGS, SIZE
+from helpers.small_scenes import SHADINGS, SIZE, mixed
 
 import rasterizer as rz
 from rasterizer.cli.warmup_command import has_all, hash_package, list_all_kernels

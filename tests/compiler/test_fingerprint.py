@@ -21,14 +21,13 @@ from rasterizer.compiler.fingerprint import PROCESSOR_LEVELS
 # ---------------------------------------------------------------- versions
 
 
-def test_the_versions_that_may_be_installed_are_those_that_were_seen():
-    """Numba 0.61 brings llvmlite 0.44, and 0.68 brings 0.50."""
+def test_the_versions_that_are_installed_and_the_first_that_may_be_were_seen():
+    """Numba 0.61 brings llvmlite 0.44. Later versions than the last that was seen may be installed: kernels are left to
+    numba there, and test_internals.py draws with one."""
     setup = configparser.ConfigParser()
     setup.read(ROOT / "setup.cfg")
     required = setup["options"]["install_requires"].split("\n")
-    (first, last) = fingerprint.SEEN
-    assert f"numba>={first[0]}.{first[1]},<{last[0]}.{last[1] + 1}" in required
-    assert "llvmlite>=0.44,<0.51" in required
+    assert "numba>={}.{}".format(*fingerprint.SEEN[0]) in required and "llvmlite>=0.44" in required
     major, minor, *_ = map(int, re.findall(r"\d+", llvmlite.__version__))
     assert fingerprint.is_seen(numba.__version__) and major == 0 and 44 <= minor <= 50
 
@@ -101,7 +100,8 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
     known = copy.hash_sources()
     assert known == fingerprint.hash_sources()
     decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|choice|spelled_out)\b", re.MULTILINE)
-    own = {package / "compiler" / name for name in ("kernels.py", "internals.py", "signatures.py", "entry_points.py")}
+    names = "kernels.py", "internals.py", "signatures.py", "entry_points.py", "short_passes.py"
+    own = {package / "pipeline" / "intrinsics.py", *(package / "compiler" / name for name in names)}
     n_source = 0
     for path in sorted(package.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
@@ -111,7 +111,7 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
             found, known = known, copy.hash_sources()
             assert (found != known) == has_kernels, path.relative_to(package)
             n_source += has_kernels
-    assert n_source > 40, f"only {n_source} files with kernels were found <= 40"
+    assert n_source > 30, f"only {n_source} files with kernels were found <= 30"
 
 
 # ---------------------------------------------------------------- processors

@@ -15,7 +15,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from rasterizer.compiler import internals, kernels
 from rasterizer.compiler.kernels import index
 from rasterizer.compiler.machine_code import read_names
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 
 ARRAY = ("array", "float64", 1, "C")
 

@@ -13,8 +13,8 @@ from helpers.stores import environment_with, run, start
 
 from rasterizer.compiler import jobs, kernels
 from rasterizer.compiler.store import Store
-from rasterizer.geometry.creases import list_corners
-from rasterizer.pipeline.bands import scatter
+from rasterizer.geometry.normals import list_corners
+from rasterizer.pipeline.cull import scatter
 from rasterizer.pipeline.reflection import lambert
 
 COLUMN = ("array", "uint32", 1, "C")
@@ -104,7 +104,7 @@ def test_a_job_that_fails_does_not_stop_the_others(own_store, caplog, alone):
 
 
 def test_a_worker_of_another_store_says_so_by_its_code(tmp_path):
-    program = "import sys; from rasterizer.compiler.worker import main; sys.exit(main('/another/store'))"
+    program = "import sys; from rasterizer.compiler.jobs import main; sys.exit(main('/another/store'))"
     with start(program, tmp_path, RASTER_STORE=tmp_path / "store") as process:
         out, complaint = process.communicate()
     assert (process.returncode, out, complaint) == (2, "", "")
@@ -117,7 +117,7 @@ import logging
 logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 
 sys.executable = sys.argv[1] or sys.executable
 corners = np.array([2, 0, 2, 1], np.uint32)

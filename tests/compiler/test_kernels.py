@@ -14,7 +14,7 @@ import pytest
 from helpers.stores import LIGHT, TINY, Pair, kernels_with, run, split_file
 
 from rasterizer.compiler import kernels, store
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 from rasterizer.pipeline.reflection import lambert
 
 COLUMN = ("array", "uint32", 1, "C")
@@ -234,7 +234,7 @@ def again(monkeypatch, module):
 
 def test_the_second_process_finds_what_the_first_has_left_and_needs_no_compiler(own, tmp_path):
     assert use(own) == BOTH
-    assert {path.name.rpartition("-")[0] for path in files_of(own)} == {"creases.list_corners", "reflection.lambert"}
+    assert {path.name.rpartition("-")[0] for path in files_of(own)} == {"normals.list_corners", "reflection.lambert"}
     told = run(TINY + LIGHT + "import sys; print('numba' in sys.modules)", tmp_path, RASTER_STORE=own.STORE.own.parent)
     assert told == "False", "numba is loaded"
 
@@ -331,4 +331,4 @@ def test_what_is_missing_is_compiled_with_all_that_is_listed_once(own):
         assert (first, second) == ("list_corners", "lambert") and 0 == n_before <= n_done <= 1 < n_job == 2
         assert own.kernel(first_of)(np.arange(4.0, 9.0)) == 2.0, "what is missing later is compiled where it is met"
     assert is_listed == [1] and own.missing_in(own.STORE, [need, other]) == []
-    assert [path.name.rpartition("-")[0] for path in files_of(own)] == ["creases.list_corners", "reflection.lambert"]
+    assert [path.name.rpartition("-")[0] for path in files_of(own)] == ["normals.list_corners", "reflection.lambert"]

@@ -121,7 +121,7 @@ def test_sizes_that_lie_are_read_no_further_than_the_file(tmp_path):
     for rest in (b"", b"\1", b"\xff\xff\xff\xff" + KEY, b"\0\0\0\0", (len(KEY) + 1).to_bytes(4, "little") + KEY):
         path.write_bytes(store.FORMAT + hashlib.sha256(rest).digest() + rest)
         assert not store.read_code(tmp_path, TITLE, KEY), rest
-    os.truncate(path, store.MOST_BYTES + 1)
+    os.truncate(path, store.MAX_BYTES + 1)
     assert store.read_code(tmp_path, TITLE, KEY) is None
 
 

@@ -3,8 +3,7 @@
 from itertools import combinations, cycle
 
 import numpy as np
-from helpers.mixed_scenes import mixed
-from helpers.small_scenes import SHADINGS, cube, drawn, floor, scene_of
+from helpers.small_scenes import SHADINGS, cube, drawn, floor, mixed, scene_of
 
 import rasterizer as rz
 

@@ -19,7 +19,7 @@ from rasterizer.engine.plan import make_plan, plan_of_view
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
-from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES, NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
+from rasterizer.pipeline.gradients import DOUBLE_PRECISION, EXACT, HAS_COLORS, IN_ENTRIES, IN_PLANES, SINGLE_PRECISION
 from rasterizer.pipeline.visibility import LEVEL_MASK
 
 BALL = octasphere(1)
@@ -160,7 +160,7 @@ def test_each_material_has_the_channels_that_it_needs():
         found = plan_of(scene)
         assert found.tint == pytest.approx(tint, abs=1e-7) and found.n_channel == 3
         assert found.of_materials.is_colored.tolist() == colored
-        assert [bool(needs & NEEDS_COLORS) for needs in found.of_materials.features] == colored
+        assert [bool(needs & HAS_COLORS) for needs in found.of_materials.features] == colored
         for shading, tolerance in (("gouraud", 0), ("phong", DEFAULT_TOLERANCE)):
             budget = max(EXACTLY, tolerance)
             assert_matches_reference(scene, (48, 20), budget, shading=shading, tolerance=tolerance, ignored=0.01)
@@ -259,8 +259,8 @@ def test_a_light_on_a_surface_needs_float64():
     around = Distances(np.array([5.0]), np.array([[np.inf, 0.0]]), 1.0, True)
     lost = plan_of_view(found, DEFAULT_TOLERANCE, around)
     assert lost.dtype == np.float64 and lost.of_materials.paths.tolist() == [EXACT]
-    assert lost.of_materials.features.tolist() == [NEEDS_DOUBLE] and lost.reasons == (LOST,)
-    assert found.of_materials.features.tolist() == [NEEDS_SINGLE], "the plan of the scene is another"
+    assert lost.of_materials.features.tolist() == [DOUBLE_PRECISION] and lost.reasons == (LOST,)
+    assert found.of_materials.features.tolist() == [SINGLE_PRECISION], "the plan of the scene is another"
 
 
 def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():

@@ -191,14 +191,14 @@ FAULTS = (
     # Normals, polygons, subdivision
     Fault(
         "vertex normals: weights by area are roots of it",
-        "geometry/creases.py",
+        "geometry/normals.py",
         "weight = size",
         "weight = math.sqrt(size)",
         "geometry reference pictures",
     ),
     Fault(
         "creases: faces of smoothing group 0 are smoothed over",
-        "geometry/creases.py",
+        "geometry/normals.py",
         "group != 0 and group == smoothing",
         "group == smoothing",
         "geometry reference io",
@@ -242,7 +242,7 @@ FAULTS = (
     ),
     Fault(
         "transparency: what lies behind all layers isn't weakened by them",
-        "pipeline/layers.py",
+        "pipeline/a_buffer.py",
         "color[k] + transmittance[k] * behind",
         "color[k] + behind",
         "pipeline pictures",
@@ -264,7 +264,7 @@ FAULTS = (
     ),
     Fault(
         "textures: a picture that repeats is blended with its own border, one that is clamped with the other side's",
-        "pipeline/texture_packing.py",
+        "pipeline/textures.py",
         "left, right = (-2, 1) if repeats_s else (1, -2)",
         "left, right = (1, -2) if repeats_s else (-2, 1)",
         "pipeline pictures",
@@ -286,7 +286,7 @@ FAULTS = (
     # From samples to bytes
     Fault(
         "depth cue: its start is forgotten",
-        "pipeline/depth_cueing.py",
+        "pipeline/shade.py",
         "max(depth - cue.start, 0.0)",
         "max(depth, 0.0)",
         "pictures pipeline",
@@ -300,14 +300,14 @@ FAULTS = (
     ),
     Fault(
         "color_range local: pixels that are dark enough are made brighter",
-        "pipeline/encode.py",
+        "pipeline/resolve.py",
         "max(blue, np.float32(1))",
         "max(blue, np.float32(0.5))",
         "pipeline pictures",
     ),
     Fault(
         "sRGB: levels are rounded down",
-        "pipeline/encode.py",
+        "pipeline/resolve.py",
         "(np.arange(1, 256) - 0.5) / 255.0",
         "np.arange(1, 256) / 255.0",
         "pipeline pictures scene",
@@ -472,8 +472,8 @@ FAULTS = (
     Fault(
         "validation: a shadow's filter may be even",
         "scene/lights.py",
-        '("filter", "an odd", 1, MOST_TAPS, 2)',
-        '("filter", "an odd", 1, MOST_TAPS, 1)',
+        '("filter", "an odd", 1, _MAX_TAPS, 2)',
+        '("filter", "an odd", 1, _MAX_TAPS, 1)',
         "scene io cli",
     ),
     # Command line
@@ -611,21 +611,21 @@ HELD_OUT = (
     Fault(
         "culling: a long and thin box is looked at as if it were a small one",
         "pipeline/cull.py",
-        "(end_x - first_x > MOST_WIDE) | (end_y",
-        "(end_x - first_x > MOST_WIDE) & (end_y",
+        "(end_x - first_x > SMALL_BOX) | (end_y",
+        "(end_x - first_x > SMALL_BOX) & (end_y",
         "pipeline pictures",
     ),
     # Planes, bounds, records
     Fault(
         "planes of attributes: the offset along x is taken along y, too",
-        "pipeline/planes.py",
-        "dy * reals[s.OFFSET_Y + k]",
-        "dy * reals[s.OFFSET_X + k]",
+        "pipeline/setup.py",
+        "dy * reals[OFFSET_Y + k]",
+        "dy * reals[OFFSET_X + k]",
         "pipeline pictures",
     ),
     Fault(
         "planes of values: sixteen times the error counts as bent little",
-        "pipeline/planes.py",
+        "pipeline/gradients.py",
         "<= 2.0 * least * accepted",
         "<= 32.0 * least * accepted",
         "pipeline pictures",
@@ -761,7 +761,7 @@ HELD_OUT = (
     # Normals and polygons
     Fault(
         "vertex normals: weights by angle are sines of it",
-        "geometry/creases.py",
+        "geometry/normals.py",
         "weight = math.atan2(size, cosine)",
         "weight = math.sin(math.atan2(size, cosine))",
         "geometry reference pictures",
@@ -798,7 +798,7 @@ HELD_OUT = (
     # Transparency, shading once
     Fault(
         "transparency: only the last layer weakens what lies behind",
-        "pipeline/layers.py",
+        "pipeline/a_buffer.py",
         "transmittance[k] = arriving * (1.0 - alpha)",
         "transmittance[k] = 1.0 - alpha",
         "pipeline pictures",
@@ -835,7 +835,7 @@ HELD_OUT = (
     # From samples to bytes
     Fault(
         "depth cue: what is far away turns white",
-        "pipeline/depth_cueing.py",
+        "pipeline/shade.py",
         "(1.0 - share) * color[channel]",
         "(1.0 - share)",
         "pictures pipeline",
@@ -849,7 +849,7 @@ HELD_OUT = (
     ),
     Fault(
         "sRGB: exponent 2.2 for 2.4",
-        "pipeline/encode.py",
+        "pipeline/resolve.py",
         "/ 1.055) ** 2.4",
         "/ 1.055) ** 2.2",
         "pipeline pictures scene",

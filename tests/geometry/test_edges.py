@@ -10,8 +10,8 @@ from helpers.small_scenes import MODELS, cube
 import rasterizer as rz
 from rasterizer.geometry.edges import gather_edges
 from rasterizer.geometry.normals import split_creases
-from rasterizer.reference.creases import corner_normals
 from rasterizer.reference.edges import list_edges
+from rasterizer.reference.normals import corner_normals
 
 
 def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals():

@@ -9,7 +9,7 @@ from helpers.solids import check_split, corner_normals, cube, cylinder
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rasterizer.geometry.normals import face_normals, split_creases, vertex_normals
+from rasterizer.geometry.normals import polygon_normals, split_creases
 
 WEIGHTINGS = ("angle", "area", "uniform")
 
@@ -127,21 +127,11 @@ def test_split_equals_slow_twin_in_many_meshes(mesh, crease_angle, weighting, ha
 
 
 @settings(max_examples=40, deadline=None)
-@given(meshes(), st.sampled_from(WEIGHTINGS))
-def test_vertex_and_face_normals_equal_slow_twin(mesh, weighting):
+@given(meshes())
+def test_face_normals_equal_slow_twin(mesh):
     vertices, faces = mesh
-    normals, areas = zip(*[twin_face(vertices, face) for face in faces], strict=True)
-    assert not deviations(face_normals(vertices, faces), normals, rtol=0, atol=1e-12)
-    computed = vertex_normals(vertices, faces, weighting)
-    for vertex in range(len(vertices)):
-        corners = [(f, k) for f, k in np.argwhere(faces == vertex) if areas[f] > 0]
-        weights = [twin_weight(vertices, faces[f], k, areas[f], weighting) for f, k in corners]
-        total = sum((w * normals[f] for w, (f, _) in zip(weights, corners, strict=True)), np.zeros(3))
-        part = np.linalg.norm(total) / sum(weights) if corners else 0.0
-        assume(not 1e-8 < part < 1e-5)
-        kept = normals[corners[0][0]] if corners else np.zeros(3)
-        expected = total / np.linalg.norm(total) if part > 1e-6 else kept
-        assert not deviations(computed[vertex], expected, rtol=0, atol=1e-07)
+    normals = [twin_face(vertices, face)[0] for face in faces]
+    assert not deviations(polygon_normals(vertices, faces, np.arange(len(faces))), normals, rtol=0, atol=1e-12)
 
 
 # -------------------------------------------------------------------- known solids
@@ -161,10 +151,11 @@ def test_cube_averages():
     joined = split_creases(vertices, faces, 90)
     # weighted by angle the diagonals of the faces don't matter: Thürmer & Wüthrich's own example
     assert not deviations(joined.normals, vertices[joined.source] / np.sqrt(3), rtol=0, atol=1e-15)
-    assert not deviations(vertex_normals(vertices, faces), vertices / np.sqrt(3), rtol=0, atol=1e-15)
-    assert not np.allclose(vertex_normals(vertices, faces, "uniform"), vertices / np.sqrt(3), atol=0.1)
+    uniform = split_creases(vertices, faces, 90, "uniform")
+    assert not np.allclose(uniform.normals, vertices[uniform.source] / np.sqrt(3), atol=0.1)
     sharp = split_creases(vertices, faces, 30)
-    assert not differences(corner_normals(sharp), np.repeat(face_normals(vertices, faces)[:, None], 3, axis=1))
+    of_faces = polygon_normals(vertices, faces, np.arange(len(faces)))
+    assert not differences(corner_normals(sharp), np.repeat(of_faces[:, None], 3, axis=1))
 
 
 def test_cylinder_has_a_smooth_wall_and_sharp_rims():

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from rasterizer.pipeline.encode import RANGE_CLAMP, Encoding, with_blank
-from rasterizer.pipeline.resolve import resolve
+from rasterizer.pipeline.resolve import RANGE_CLAMP, Encoding, resolve, with_blank
 from rasterizer.pipeline.shade_once import make_grid
 from rasterizer.pipeline.visibility import CLEAR
-from rasterizer.pipeline.workspace import WorkspaceKind, make_picture, make_workspace
+from rasterizer.pipeline.workspace import WorkspaceShape, make_picture, make_workspace
 from rasterizer.scene.color import srgb_from_linear
 
 
@@ -19,7 +18,7 @@ def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0
 def fill(covered, radiance, factor=1, dtype=np.float32):
     """A workspace with the intensities (n_channel, rows, columns) where `covered`, rubbish elsewhere."""
     n_row, width = covered.shape
-    workspace = make_workspace(WorkspaceKind(width, n_row, len(radiance), 1, np.dtype(dtype), False, False), 1)
+    workspace = make_workspace(WorkspaceShape(width, n_row, len(radiance), 1, np.dtype(dtype), False, False), 1)
     visibility = workspace.visibility
     workspace.radiance[:] = 77.0
     workspace.radiance.reshape(len(radiance), n_row, visibility.pitch)[:, :, :width] = np.where(covered, radiance, 1e9)

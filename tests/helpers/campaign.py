@@ -12,19 +12,23 @@ don't hold.
 
 import sys
 import warnings
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
 import rasterizer as rz
 from helpers.against_reference import EXACT, clear_pixels, color_errors, depth_resolution
-from helpers.campaign_climb import mutated
-from helpers.campaign_outputs import output_ratios
 from helpers.campaign_scenes import Case, make_case
-from helpers.campaign_steps import next_to_step
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
+from rasterizer.reference import lamp as lamps
+from rasterizer.reference import shading
+from rasterizer.reference.light import to_viewer
+from rasterizer.reference.reflection import channels_of
+from rasterizer.reference.vectors import blend, dot, length, unit
 
 OUTPUTS = ("color", "depth", "face", "normal")
 LABELS, MEANS = ("mask", "object", "material"), ("uv", "barycentric", "position", "position_camera")
@@ -317,6 +321,227 @@ def main(seed, first, stop=None, n_climb=0) -> int:
         if outcome.faults or stop is None:
             print(report(case, outcome), *([] if outcome.faults else outcome[1:]), flush=True)
     return int(n_fault > 0)
+
+
+# ── pixels next to a step ──────────────────────────────────────────────────────────────────────────────────
+
+
+# Words that the causes of `frame.stats.steps` are known by.
+LEVELS, GRAZES, HALF, AWAY, CONE = "toon", "grazes", "half vector", "looks away from the viewer, N·H = 0", "sharp spot"
+BASE = "exponent below 1"
+OPPOSITE = "opposite to him"
+TEXELS, NEAR_LIGHT, SHORT, SHADOW = "texels", "light on a surface", "without length", "shadow"
+CAUSES = (LEVELS, GRAZES, HALF, AWAY, OPPOSITE, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW, BASE)
+
+
+def next_to_step(case, steps) -> np.ndarray:
+    """Tell which pixels (h, w) have a sample next to one of the steps (cause, near, unit) that a frame states."""
+    near = {}
+    for cause, distance, _ in steps:
+        if not np.isfinite(distance):
+            continue  # no step, but why nothing is stated
+        (word,) = (word for word in CAUSES if word in cause)
+        near[word] = max(distance, near.get(word, 0.0))
+    if not near:
+        return np.zeros((case.size[1], case.size[0]), bool)
+    marker = Marker(near)
+    settings = {name: value for name, value in case.options.items() if name != "tolerance"}
+    with ExitStack() as stack, np.errstate(all="ignore"):
+        for name in ("light_points", "sample_normals", "sample_texture"):
+            stack.enter_context(patch.object(shading, name, getattr(marker, name)))
+        color = reference.render(case.scene, case.size, **settings).color
+    return ~np.isfinite(color).all(axis=-1)
+
+
+class Marker:
+    """Stands in for functions of the reference, and marks what lies next to a step with NaN.
+
+    `near` is a dict from a cause's word to how near to it no bound holds.
+    """
+
+    def __init__(self, near: dict):
+        self.near = near
+        self._normals, self._light, self._texels = shading.sample_normals, shading.light_points, shading.sample_texture
+        self._is_short = None  # of the samples whose normals were found last
+
+    def sample_normals(self, surface, part, *others):
+        """Normals, remembering which of them were interpolated to almost nothing."""
+        if SHORT in self.near:
+            self._is_short = length(blend(part.weights, surface.normals[part.face]))[:, 0] < self.near[SHORT]
+        return self._normals(surface, part, *others)
+
+    def sample_texture(self, texture, uv, steps):
+        """Texels; NaN next to the border of one."""
+        texels = self._texels(texture, uv, steps)
+        if TEXELS in self.near and texture.filter == "nearest":
+            height, width = texture.image.shape[:2]
+            places = np.stack([uv[:, 0] * width, (1.0 - uv[:, 1]) * height], axis=1)
+            texels[(np.abs(places - np.rint(places)) <= self.near[TEXELS]).any(axis=1)] = np.nan
+        return texels
+
+    def light_points(self, points, normals, material, lighting, *others):
+        """Both parts of the light; NaN next to a step."""
+        diffuse, specular = self._light(points, normals, material, lighting, *others)
+        is_near = np.zeros(len(points), bool)
+        if self._is_short is not None and len(self._is_short) == len(points):
+            is_near |= self._is_short
+            self._is_short = None
+        table, view_dirs = lighting.materials[material], to_viewer(points, lighting)
+        for lamp in lamps.make_lamps(lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)):
+            to_light, _ = lamps.arriving_light(lamp, points)
+            if NEAR_LIGHT in self.near and lamp.position is not None:
+                is_near |= length(lamp.position - points)[:, 0] < self.near[NEAR_LIGHT]
+            if CONE in self.near and hasattr(lamp.light, "outer"):
+                inner, outer = np.cos(np.radians([lamp.light.inner, lamp.light.outer]))
+                cosines, near = -dot(to_light, lamp.axis), self.near[CONE]
+                is_edge = (outer - near <= cosines) & (cosines <= (inner if inner - outer < near else outer) + near)
+                is_near |= is_edge
+            is_near |= self._is_near_model_step(table, normals, to_light, view_dirs)
+        return np.where(is_near[:, None], np.nan, diffuse), specular
+
+    def _is_near_model_step(self, table, normals, to_light, view_dirs):
+        """Tell of points whether their material's model jumps near them, (n,) bool."""
+        model, near = table["reflection"], self.near
+        is_near = np.zeros(len(table), bool)
+        n_dot_l = dot(normals, to_light)
+        if LEVELS in near:
+            steps = table["levels"] * n_dot_l
+            mirrored = dot(2 * n_dot_l[:, None] * normals - to_light, view_dirs)
+            is_at = np.abs(steps - np.rint(steps)) <= table["levels"] * near[LEVELS]
+            is_at |= np.abs(mirrored - 0.5 ** (1 / table["shininess"])) <= near[LEVELS]
+            is_near |= (model == "toon") & is_at
+        if GRAZES in near:
+            is_near |= np.isin(model, ("phong", "blinn")) & ~table["normalized"] & (np.abs(n_dot_l) <= near[GRAZES])
+        if BASE in near:
+            halves = dot(normals, unit(to_light + view_dirs))
+            bases = np.where(model == "blinn", halves, dot(2 * n_dot_l[:, None] * normals - to_light, view_dirs))
+            is_begun = np.isin(model, ("phong", "blinn")) & (table["shininess"] < 1.0)
+            is_near |= is_begun & (np.abs(bases) <= near[BASE])
+        if HALF in near:
+            is_near |= (model == "blinn") & (length(to_light + view_dirs)[:, 0] < near[HALF])
+        if OPPOSITE in near:
+            is_near |= (model == "cook-torrance") & (length(to_light + view_dirs)[:, 0] < near[OPPOSITE])
+        if AWAY in near:
+            is_near |= (model == "cook-torrance") & (np.abs(dot(normals, unit(to_light + view_dirs))) <= near[AWAY])
+        return is_near
+
+
+# ── bounds of the other outputs ────────────────────────────────────────────────────────────────────────────
+
+
+def output_ratios(case, frame, expected, is_clear, find_clear) -> dict[str, float]:
+    """Return the largest error of each output over its bound, {name: ratio}.
+
+    Compared are pixels in which it is clear which surface is in front, and bytes that don't lie next to a step.
+
+    Parameters
+    ----------
+    case : helpers.campaign_scenes.Case without shadows
+    frame : with all outputs
+    expected : reference.Picture
+    is_clear : (height, width) bool, of the pixels' centres
+    find_clear : what returns the same of all samples, where bytes are off
+    """
+    bounds = frame.stats.error_bounds
+    is_seen = is_clear & (expected.face >= 0)
+    found = {"face": largest((frame.face != expected.face)[is_seen], bounds.face)}
+    depth, true = frame.depth[is_seen].astype(float), expected.depth[is_seen]
+    found["depth"] = largest(np.abs(depth - true), bounds.depth)
+    found["depth_share"] = largest(np.abs(depth - true) / np.abs(true), bounds.depth_share)
+    normal = np.abs(frame.normal - expected.normal).max(axis=-1)
+    is_unit = is_seen & (np.linalg.norm(expected.normal, axis=-1) > 0.5)
+    found["normal"] = largest(normal[is_unit], bounds.normal)
+    is_whole = is_clear & (expected.alpha == 1.0) & (frame.alpha == 1.0)
+    levels = np.abs(frame.rgb.astype(int) - expected.rgb.astype(int)).max(axis=-1)
+    if bounds.rgb is not None and (is_whole & (levels > bounds.rgb)).any():
+        is_whole &= find_clear() & ~next_to_step(case, frame.stats.steps)
+    found["rgb"] = largest(levels[is_whole], bounds.rgb)
+    return found
+
+
+def largest(errors, bound) -> float:
+    """Return the largest error over its bound; 0 where both are 0, or no bound is stated."""
+    if bound is None:
+        return 0.0
+    error = float(errors.max(initial=0.0))
+    return error / bound if bound else (np.inf if error else 0.0)
+
+
+# ── cases that differ a little from others ─────────────────────────────────────────────────────────────────
+
+
+def mutated(case, rng):
+    """A case whose numbers differ a little, or one of them a lot."""
+    scene, options = case.scene, dict(case.options)
+    step = 10.0 ** rng.uniform(-4, 0)
+    kind = rng.choice(["lights", "light", "normals", "vertices", "material", "camera", "tolerance"])
+    if kind in ("lights", "light"):
+        one = rng.integers(len(scene.lights)) if kind == "light" and scene.lights else None
+        center, extent = scene.bounds.mean(axis=0), np.ptp(scene.bounds, axis=0).max()
+        lights = [
+            _mutated_light(light, rng, step, center, extent) if one in (None, number) else light
+            for number, light in enumerate(scene.lights)
+        ]
+        scene = replace(scene, lights=lights)
+    elif kind == "tolerance":
+        options["tolerance"] = float(np.clip(options["tolerance"] * 10.0 ** rng.normal(0, 0.5), 1e-6, 0.1))
+    elif kind == "camera":
+        camera, turn = scene.camera, step * rng.normal(size=(2, 3))
+        away = np.linalg.norm(np.subtract(camera.position, camera.target))
+        scene = replace(
+            scene, camera=replace(camera, position=camera.position + away * turn[0], up=camera.up + 0.1 * turn[1])
+        )
+    else:
+        scene = replace(scene, meshes=[_mutated_mesh(mesh, rng, step, kind) for mesh in scene.meshes])
+    return case._replace(scene=scene, options=options)
+
+
+def _mutated_light(light, rng, step, center, extent):
+    light = _jolted_light(light, rng, step, center, extent)
+    changes = {}
+    if hasattr(light, "color") and not hasattr(light.color, "wavelengths"):
+        changes["color"] = np.multiply(light.color, np.exp(0.3 * step * rng.normal()))
+    if getattr(light, "range", None) is not None:
+        changes["range"] = light.range * np.exp(step * rng.normal())
+    if isinstance(light, rz.SpotLight):
+        changes["exponent"] = light.exponent * np.exp(step * rng.normal())
+        changes["inner"] = float(np.clip(light.inner + 5 * step * rng.normal(), 0, light.outer))
+    return replace(light, **changes)
+
+
+def _mutated_mesh(mesh, rng, step, kind) -> rz.Mesh:
+    if kind == "vertices":
+        extent = np.ptp(mesh.bounds, axis=0).max()
+        return replace(mesh, vertices=mesh.vertices + step * extent * rng.normal(size=mesh.vertices.shape))
+    if kind == "normals":
+        if mesh.normals is None:
+            return mesh
+        return replace(mesh, normals=mesh.normals + step * rng.normal(size=mesh.normals.shape))
+    palette = [_mutated_material(material, rng, step) for material in mesh.palette]
+    return replace(mesh, material=palette[0], materials=palette if mesh.materials is not None else None)
+
+
+def _mutated_material(material, rng, step) -> rz.Material:
+    changes = {"shininess": float(np.clip(material.shininess * np.exp(2 * step * rng.normal()), 0.05, 1e6))}
+    if np.size(material.roughness) == 1:
+        least = 0.001 if material.reflection == "cook-torrance" else 0.0
+        changes["roughness"] = float(np.clip(material.roughness * np.exp(step * rng.normal()), least, 1.0))
+    if not hasattr(material.specular, "wavelengths"):
+        changes["specular"] = np.clip(np.add(material.specular, 0.1 * step * rng.normal()), 0.0, 1.0)
+    return replace(material, **changes)
+
+
+def _jolted_light(light, rng, jolt, center, extent):
+    """A light moved by a little, as seen from the scene."""
+    changes = {}
+    for name in ("position", "corner"):
+        if hasattr(light, name):
+            place = np.array(getattr(light, name))
+            away = extent + np.linalg.norm(place - (center if light.attached == "world" else 0.0))
+            changes[name] = place + jolt * away * rng.normal(size=3)
+    if hasattr(light, "direction"):
+        changes["direction"] = light.direction + jolt * rng.normal(size=3)
+    return replace(light, **changes) if changes else light
 
 
 if __name__ == "__main__":

@@ -11,26 +11,26 @@ from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import Options
-from rasterizer.pipeline.bands import Band
+from rasterizer.pipeline.cull import Band
 from rasterizer.pipeline.gradients import (
+    DOUBLE_PRECISION,
     EXACT,
+    HAS_ALBEDO,
+    HAS_COLORS,
     IN_ENTRIES,
     IN_PLANES,
-    NEEDS_ALBEDO,
-    NEEDS_COLORS,
-    NEEDS_DOUBLE,
-    NEEDS_SINGLE,
+    SINGLE_PRECISION,
     BufferCoding,
     Coding,
     LevelCoding,
     NormalCoding,
 )
 from rasterizer.pipeline.interpolate import ScannedBand
-from rasterizer.pipeline.records import UNIT, most_units
+from rasterizer.pipeline.records import UNIT, max_units
 from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import Drawables, Triangles, Vertices, make_screen
-from rasterizer.pipeline.workspace import WorkspaceKind, make_workspace
+from rasterizer.pipeline.workspace import WorkspaceShape, make_workspace
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View
 
@@ -54,7 +54,7 @@ class Given(NamedTuple):
     """What a coding of tests is made of: its class, and the way that all of its materials ask for."""
 
     kind: type
-    way: int
+    path: int
 
 
 # Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes · indices.
@@ -77,18 +77,18 @@ def plain_coding(
     kind : one of KINDS
     n_attributes, dtypes : of each material; a number, or a type, for one material, which all triangles have
     tolerance : units of intensity, or of albedo · normal_limit : see gradients.Coding
-    options : needs_distance; needs, bits that all materials have beside their type
+    options : needs_distance; features, bits that all materials have beside their type
     """
     made, n_attributes = KINDS[kind], np.atleast_1d(n_attributes).astype(np.int64)
     types = dtypes if isinstance(dtypes, (list, tuple)) else [dtypes]
     is_double = np.array([np.dtype(dtype) == np.float64 for dtype in types]) | np.zeros(len(n_attributes), bool)
-    needs = np.where(is_double, NEEDS_DOUBLE, NEEDS_SINGLE) | np.where(n_attributes >= 3, NEEDS_COLORS, 0)
-    needs = needs | NEEDS_COLORS if kind == "normals" else needs
-    needs = needs | np.where(n_attributes >= 6, NEEDS_ALBEDO, 0) if kind in ("exact", "normals") else needs
-    ways = np.where((made.way == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.way)  # an entry has one channel
+    features = np.where(is_double, DOUBLE_PRECISION, SINGLE_PRECISION) | np.where(n_attributes >= 3, HAS_COLORS, 0)
+    features = features | HAS_COLORS if kind == "normals" else features
+    features = features | np.where(n_attributes >= 6, HAS_ALBEDO, 0) if kind in ("exact", "normals") else features
+    paths = np.where((made.path == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.path)  # an entry has one channel
     return made.kind(
-        ways=np.where(is_double, EXACT, ways).astype(np.uint8),
-        needs=(needs | options.get("needs", 0)).astype(np.uint8),
+        paths=np.where(is_double, EXACT, paths).astype(np.uint8),
+        features=(features | options.get("features", 0)).astype(np.uint8),
         reads_double=is_double,
         n_attributes=n_attributes,
         limits=np.full(len(n_attributes), float(normal_limit if kind == "normals" else tolerance)),
@@ -136,8 +136,8 @@ def scan_alone(
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
     n_attribute = max(array.shape[2] for array in sides)
     dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
-    kind = WorkspaceKind(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, False, False)
-    workspace = make_workspace(kind, options.get("room", n * most_units(coding)))
+    kind = WorkspaceShape(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, False, False)
+    workspace = make_workspace(kind, options.get("room", n * max_units(coding)))
     fill = options.get("fill", 0)
     workspace.records.integers.fill(np.max(fill))
     workspace.records.int_planes.reshape(-1, UNIT)[...] = fill
@@ -205,8 +205,8 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
 
 def computed_in(plan, dtype):
     """A plan with all materials in one type."""
-    bit = NEEDS_DOUBLE if np.dtype(dtype) == np.float64 else NEEDS_SINGLE
-    features = plan.of_materials.features & np.uint8(255 - NEEDS_DOUBLE - NEEDS_SINGLE) | np.uint8(bit)
+    bit = DOUBLE_PRECISION if np.dtype(dtype) == np.float64 else SINGLE_PRECISION
+    features = plan.of_materials.features & np.uint8(255 - DOUBLE_PRECISION - SINGLE_PRECISION) | np.uint8(bit)
     return plan._replace(of_materials=plan.of_materials._replace(features=features))
 
 

@@ -20,7 +20,7 @@ TINY = """
 import numpy as np
 from rasterizer.compiler import kernels
 from rasterizer.compiler.kernels import STORE
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 
 corners = np.array([2, 0, 2, 1], np.uint32)
 assert list_corners(corners, np.zeros(5, np.uint32), np.zeros(4, np.uint32)) == 2

@@ -25,8 +25,7 @@ from rasterizer.reference import vectors
 from rasterizer.reference.lamp import LampKind
 from rasterizer.reference.reflection import ReflectionKind
 from rasterizer.scene.color import linear_rgb
-from rasterizer.scene.fields import Color, Vector
-from rasterizer.scene.lights import Shadow, checked_shadow
+from rasterizer.scene.lights import Color, Shadow, Vector, checked_shadow
 from rasterizer.scene.validate import choice, number, position3, unit3
 
 # ---------------------------------------------------------------- the light

@@ -10,23 +10,23 @@ def message(*events, is_rest=False, size=SIZE, background="#ffffff") -> dict:
 
 
 def drag(dx, dy, action="rotate") -> dict:
-    return {"kind": "drag", "action": action, "dx": dx, "dy": dy}
+    return {"type": "drag", "action": action, "dx": dx, "dy": dy}
 
 
 def key(name, is_shift=False) -> dict:
-    return {"kind": "key", "key": name, "is_shift": is_shift}
+    return {"type": "key", "key": name, "is_shift": is_shift}
 
 
 def click(x, y, is_double=False) -> dict:
-    return {"kind": "click", "x": x, "y": y, "is_double": is_double}
+    return {"type": "click", "x": x, "y": y, "is_double": is_double}
 
 
 def switch(name, value) -> dict:
-    return {"kind": "switch", "name": name, "value": value}
+    return {"type": "switch", "name": name, "value": value}
 
 
 def zoom(factor, x=40, y=30) -> dict:
-    return {"kind": "zoom", "factor": factor, "x": x, "y": y}
+    return {"type": "zoom", "factor": factor, "x": x, "y": y}
 
 
 def rest(session: Session, *events, **settings):

@@ -10,7 +10,7 @@ import zlib
 
 import numpy as np
 import pytest
-from helpers.fuzz_cases import MTL, OBJ, TRIANGLE, npz, picture
+from helpers.file_fuzz import MTL, OBJ, TRIANGLE, npz, picture
 from helpers.model_bytes import gltf_with
 from helpers.refusals import assert_refused
 from PIL import Image

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.fuzz_cases import MAKERS, make_case
+from helpers.file_fuzz import MAKERS, make_case
 
 TESTS = Path(__file__).parents[1]
 

@@ -9,7 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
-from helpers.fuzz_cases import TRIANGLE, npz
+from helpers.file_fuzz import TRIANGLE, npz
 from helpers.model_bytes import box, exported, gltf_with
 from PIL import Image
 

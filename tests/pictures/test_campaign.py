@@ -10,7 +10,7 @@ from helpers.arrays import differences
 from helpers.campaign import climb, find_faults, report
 from helpers.campaign_scenes import DEFAULT_RUN, make_case
 
-from rasterizer.scene.material import DISTRIBUTIONS, REFLECTIONS
+from rasterizer.choices import DISTRIBUTIONS, REFLECTIONS
 from rasterizer.scene.texture import FILTERS, WRAPS
 
 SEED = 8

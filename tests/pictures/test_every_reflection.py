@@ -13,6 +13,7 @@ from helpers.pinhole import SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
+from rasterizer.choices import REFLECTIONS as NAMES
 from rasterizer.cli import main
 from rasterizer.engine import plan, uniforms
 from rasterizer.engine import reflections as reflection_table
@@ -22,7 +23,6 @@ from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
 from rasterizer.reference import reflection
 from rasterizer.reference.reflection import read_materials
-from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (36, 27)
 VIEW = rz.Camera.perspective((1.5, 2, 4), fov=40)

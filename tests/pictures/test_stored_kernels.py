@@ -122,7 +122,7 @@ TOGETHER = """
 import hashlib, sys
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.geometry.creases import list_corners
+from rasterizer.geometry.normals import list_corners
 from rasterizer.pipeline.reflection import lambert
 
 sys.stdin.readline()
@@ -145,4 +145,4 @@ def test_many_processes_may_begin_with_an_empty_store_together(tmp_path):
     assert (complaint, code) == ("", 0) and len(out) > 64
     (own,) = (tmp_path / "store").iterdir()
     names = sorted(path.name.rpartition("-")[0] for path in own.iterdir() if path.name != store.MARKER)
-    assert names == ["creases.list_corners", "reflection.lambert"]
+    assert names == ["normals.list_corners", "reflection.lambert"]

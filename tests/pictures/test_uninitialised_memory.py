@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from helpers.campaign_scenes import make_case
 from helpers.dirty_memory import FILLINGS, dirty_memory
-from helpers.mixed_scenes import mixed
 from helpers.pinhole import octasphere
 from helpers.raster import COLORED
-from helpers.small_scenes import SHADINGS, cube, drawn, floor, scene_of
+from helpers.small_scenes import SHADINGS, cube, drawn, floor, mixed, scene_of
 
 import rasterizer as rz
 from rasterizer.engine.ground_shadow import GroundShadow

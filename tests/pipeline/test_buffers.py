@@ -19,7 +19,6 @@ from helpers.stages import (
 )
 
 from rasterizer.engine.buffers import BUFFER_TABLE
-from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.buffers import (
     LONG_RUN,
     VisibleSurfaces,
@@ -29,7 +28,8 @@ from rasterizer.pipeline.buffers import (
     put_run_of_depths,
     write_depth,
 )
-from rasterizer.pipeline.gradients import NEEDS_CORNERS
+from rasterizer.pipeline.cull import Band
+from rasterizer.pipeline.gradients import HAS_CORNERS
 from rasterizer.pipeline.interpolate import ExactTriangle, corner_weights, mean_depth
 from rasterizer.pipeline.transform import compute_z
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, NO_END, NO_START
@@ -61,8 +61,8 @@ def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_
 def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None, source=OWN_CORNERS):
     """Scan; return the workspace and VisibleSurfaces."""
     (name, dtype, is_own), has_corners = source, source is OWN_CORNERS
-    needs = NEEDS_CORNERS if has_corners else 0
-    coding = plain_coding(name.partition(" ")[0], screen, 3, dtype, needs=needs, normal_limit=np.inf)
+    features = HAS_CORNERS if has_corners else 0
+    coding = plain_coding(name.partition(" ")[0], screen, 3, dtype, features=features, normal_limit=np.inf)
     workspace, _ = scan_alone(triangles, depth, normals.astype(dtype), coding, screen, SIZE, is_inverted)
     z = compute_z(np.asarray(depth, float), screen)
     drawables = drawables_of(triangles, z, normals[None], is_inverted)

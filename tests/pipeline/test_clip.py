@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.pipeline import clip as stage
-from rasterizer.pipeline.clip import MOST_CORNERS, N_CORNER_COLUMN, clip, find_nearest
+from rasterizer.pipeline.clip import MAX_CORNERS, N_CORNER_COLUMN, clip, find_nearest
 from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, Triangles, transform
 
 NEAR, FAR = 1.0, 10.0
@@ -162,7 +162,7 @@ def test_what_is_left_covers_the_inside_once():
             assert strict.max() <= 1, (
                 f"{is_perspective=}: points of {corners.tolist()} covered {strict.max()} times > 1"
             )
-        assert max(n_left) >= 4 and min(n_left) == 0 and max(n_left) <= MOST_CORNERS - 2
+        assert max(n_left) >= 4 and min(n_left) == 0 and max(n_left) <= MAX_CORNERS - 2
 
 
 def test_what_is_not_finite_draws_nothing_and_disturbs_nothing():

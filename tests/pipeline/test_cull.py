@@ -3,13 +3,26 @@
 import math
 
 import numpy as np
+import pytest
 from helpers.arrays import differences
 from helpers.stages import SERIAL, random_triangles, slivers
 
-from rasterizer.pipeline.cull import MOST_WIDE, PASS, Grid, find_visible
+from rasterizer.engine.shadow_maps import CUBE, _look, border_planes
+from rasterizer.pipeline.cull import (
+    MAX_PLANES,
+    PASS,
+    SMALL_BOX,
+    Grid,
+    Visible,
+    find_visible,
+    join_lists,
+    list_seen_faces,
+    sort_into_bands,
+)
 from rasterizer.pipeline.threads import MIN_PART, Workers
 from rasterizer.pipeline.transform import OUTSIDE, Vertices
 from rasterizer.reference import coverage
+from rasterizer.scene.camera import Projection
 
 SIZE = (37, 29)
 LIMIT = 2**28
@@ -61,12 +74,12 @@ def expected(triangles, size, band_rows, cull_back):
 
 
 def is_small_and_empty(triangle, columns, rows):
-    """Whether the box of a triangle is at most MOST_WIDE wide and high, and no sample covered from the first one in
+    """Whether the box of a triangle is at most SMALL_BOX wide and high, and no sample covered from the first one in
     the picture on."""
     extents = [first_at(max(values)) - first_at(min(values)) for values in zip(*triangle, strict=True)]
-    if max(extents) > MOST_WIDE:
+    if max(extents) > SMALL_BOX:
         return False
-    return not coverage(np.array(triangle) - 256 * np.array([columns[0], rows[0]]), MOST_WIDE, MOST_WIDE).any()
+    return not coverage(np.array(triangle) - 256 * np.array([columns[0], rows[0]]), SMALL_BOX, SMALL_BOX).any()
 
 
 def test_finds_what_plain_python_finds():
@@ -143,3 +156,97 @@ def test_as_many_bands_as_sixteen_bits_count_and_more():
         [visible] = find_visible(*columns(triangle), Grid(1, height, 1), False, SERIAL)
         assert visible.first_bands.tolist() == [0] and visible.last_bands.tolist() == [height - 1], height
         assert len(visible.histogram) == height and (visible.histogram == 1).all(), height
+
+
+# ---------------------------------------------------------------- bands
+
+# Check the sorting into bands against plain Python lists.
+
+
+def random_parts(rng, n_part, n_face, n_band, most):
+    """Visible triangles in parts of random length, ascending, each over up to `most` bands."""
+    cuts = np.sort(rng.integers(0, n_face + 1, n_part - 1))
+    parts = []
+    for faces in np.split(np.arange(n_face) * 3 + 1, cuts):
+        first = rng.integers(0, n_band, len(faces))
+        last = np.minimum(first + rng.integers(0, most, len(faces)), n_band - 1)
+        histogram = np.zeros(n_band, np.int64)
+        for a, b in zip(first, last, strict=True):
+            histogram[a : b + 1] += 1
+        parts.append(
+            Visible(faces.astype(np.uint32), first.astype(np.uint16), last.astype(np.uint16), histogram, len(parts))
+        )
+    return parts
+
+
+def expected_of_bands(parts, n_band):
+    """One list of faces a band."""
+    lists = [[] for _ in range(n_band)]
+    for part in parts:
+        for face, first, last in zip(*(column.tolist() for column in part[:3]), strict=True):
+            for band in range(first, last + 1):
+                lists[band].append(face)
+    return lists
+
+
+def test_sorts_as_plain_lists_do():
+    """Bands hold their triangles in the order of the faces; the parts are left as they are."""
+    for n_face, n_band, most, n_part in (
+        (0, 3, 1, 1), (1, 1, 1, 2), (500, 1, 1, 7), (500, 13, 13, 1), (500, 13, 13, 2), (60, 900, 99, 7),
+    ):  # fmt: skip
+        case = f"{n_face} faces, {n_band} bands, {most} each, {n_part} parts"
+        parts = random_parts(np.random.default_rng(n_face + n_part), n_part, n_face, n_band, most)
+        before = [[np.copy(column) for column in part[:4]] for part in parts]
+        lists = [sort_into_bands(part) for part in parts]
+        joined = join_lists(lists)
+        bands = [joined.faces[start:end].tolist() for start, end in zip(joined.starts, joined.starts[1:], strict=False)]
+        assert bands == expected_of_bands(parts, n_band), case
+        assert all(band == sorted(band) for band in bands), f"{case}: not in the order of the faces"
+        assert joined.faces.dtype == np.uint32 and joined.starts[-1] == len(joined.faces), case
+        assert joined.n_visible == sum(len(part.faces) for part in parts), case
+        assert joined.n_culled == sum(part.n_culled for part in parts), case
+        for part, copies, found in zip(parts, before, lists, strict=True):
+            assert all((a == b).all() for a, b in zip(part[:4], copies, strict=True)), f"{case}: the parts have changed"
+            assert found.starts[0] == 0 and found.starts[-1] == len(found.faces), case
+            assert len(found.starts) == n_band + 1 and found.n_visible == len(part.faces), case
+
+
+# ---------------------------------------------------------------- outcodes
+
+# Check that no triangle is left out which a map may show.
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e7])
+def test_a_triangle_is_left_out_only_if_it_shows_nothing(shift):
+    """Of those left out, no point lies before the light and on the map, to a texel; the order stays."""
+    rng, side = np.random.default_rng(4), 32
+    middle = rng.normal(size=(600, 1, 3)) * 3
+    corners = middle + rng.normal(size=(600, 3, 3)) * rng.choice([0.05, 1, 4], (600, 1, 1))
+    origin = rng.normal(size=3) * 0.2 + shift
+    positions, faces = (corners.reshape(-1, 3) + shift).T.copy(), np.arange(1800, dtype=np.uint32).reshape(600, 3).T
+    weights = rng.dirichlet((0.5, 0.5, 0.5), 400)
+    points = weights @ (corners + shift - origin)  # (600, 400, 3)
+    half, n_out = side / 2, 0
+    for forward in CUBE:
+        view, projection = _look(origin, forward), Projection(half, half, half, half, True)
+        seen = list_seen_faces(positions, np.ascontiguousarray(faces), origin, border_planes(view, projection, side))
+        assert np.diff(seen.astype(int)).min() > 0
+        is_out = np.ones(600, bool)
+        is_out[seen] = False
+        depth = points @ view.forward
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = half + half * (points @ view.right) / depth
+            y = half - half * (points @ view.up) / depth
+        shows = (depth > 0) & (x >= -0.9) & (x <= side + 0.9) & (y >= -0.9) & (y <= side + 0.9)
+        assert not shows[is_out].any(), f"{shows[is_out].sum()} points of triangles that were left out"
+        n_out += is_out.sum()
+    assert 1500 < n_out < 3500, f"{n_out} of 3600"
+
+
+def test_what_is_no_number_is_kept():
+    positions = np.array([[np.nan, 1.0, 2.0, -5.0, -6.0, -7.0], np.zeros(6), np.zeros(6)])
+    faces = np.array([[0, 3], [1, 4], [2, 5]], np.uint32)
+    planes = np.tile([1.0, 0.0, 0.0], (MAX_PLANES, 1))
+    assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]
+    positions[0, 1:3] = -1.0
+    assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]

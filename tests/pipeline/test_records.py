@@ -18,8 +18,8 @@ from helpers.stages import (
 from rasterizer.engine.attributes import NONE
 from rasterizer.engine.passes import ShadowMapPass
 from rasterizer.pipeline import records as r
-from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
-from rasterizer.pipeline.simd import PLANE_GROUP
+from rasterizer.pipeline.samples import PLANE_GROUP
+from rasterizer.pipeline.setup import DEPTH_PLANE_ROUNDING
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, IS_WEIGHTED, LEVEL_MASK, PAYLOAD_BITS, RECORD_MASK
 
 SIZE, WIDE = (120, 90), (8300, 24)
@@ -157,7 +157,7 @@ def test_intensities_stay_in_range_and_within_the_tolerance(shape):
 
 @pytest.mark.parametrize("is_affine", [False, True])
 def test_planes_of_intensities_err_as_little_as_they_say_in_any_perspective(is_affine):
-    """By what value_planes.py derives, from the roundings of planes and depths; whatever w spans. What is accepted
+    """By what gradients.py derives, from the roundings of planes and depths; whatever w spans. What is accepted
     decides whether planes are affine: with much perspective, if it is much."""
     for ratio in (1.0, 1.5, 4.0, 100.0, 1e4):
         screen, rng, worst, n_compared = plain_screen(True, (1.0, ratio * 1.01)), np.random.default_rng(8), 0.0, 0

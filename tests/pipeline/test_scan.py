@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline import records, scan, visibility
-from rasterizer.pipeline.gradients import IS_INVISIBLE, NEEDS_BEHIND
+from rasterizer.pipeline.gradients import IS_INVISIBLE, IS_TRANSPARENT
 from rasterizer.pipeline.scan import make_deferred
 from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, id_payload
 from rasterizer.reference import coverage
@@ -240,8 +240,8 @@ def coding_of(kind, has_transparent=False):
     n_attributes = [max(n, 3) if kind == "normals" else n for n in N_ATTRIBUTES]
     options = {"level_scale": LEVEL_MASK - 1.0, "tolerance": 0.01, "normal_limit": 2.0**12}
     coding = stages.plain_coding(kind, SCREEN, n_attributes, TYPES, **options, needs_distance=kind == "normals")
-    extra = (0, NEEDS_BEHIND, IS_INVISIBLE, NEEDS_BEHIND) if has_transparent else (0, 0, 0, 0)
-    return coding._replace(needs=coding.needs | np.array(extra, np.uint8))
+    extra = (0, IS_TRANSPARENT, IS_INVISIBLE, IS_TRANSPARENT) if has_transparent else (0, 0, 0, 0)
+    return coding._replace(features=coding.features | np.array(extra, np.uint8))
 
 
 def small_band(seed):
@@ -307,10 +307,10 @@ def test_transparent_triangles_are_listed_and_not_drawn(kind):
         its_material = kept.integers[record, records.MATERIAL] if is_exact else kept.int_planes[16 * record]
         assert (its_face, its_material) == (face, material[face])
     drawn = stages.entries_of(workspace, BAND)[stages.entries_of(workspace, BAND) < CLEAR]
-    assert 0 < len(drawn) < np.prod(BAND) and counts.needs & (NEEDS_BEHIND | IS_INVISIBLE) == 0, (
+    assert 0 < len(drawn) < np.prod(BAND) and counts.features & (IS_TRANSPARENT | IS_INVISIBLE) == 0, (
         "what is drawn is opaque"
     )
-    assert deferred.counts.needs & (NEEDS_BEHIND | IS_INVISIBLE) == NEEDS_BEHIND
+    assert deferred.counts.features & (IS_TRANSPARENT | IS_INVISIBLE) == IS_TRANSPARENT
     n_exact = int((found.payloads & 1).sum())
     assert (deferred.counts.n_plane, deferred.counts.n_exact) == (len(faces) - n_exact, n_exact)
 
@@ -323,7 +323,7 @@ def test_a_band_says_what_its_materials_need_and_whether_there_is_one(kind):
     for chosen, expected in (([2], 2), ([3], 3), ([0, 1], -1), ([0, 2, 3], -1)):
         material = np.array(chosen, np.uint32)[np.arange(len(triangles)) * len(chosen) // len(triangles)]
         _, counts = stages.scan_alone(triangles, depth, attributes, coding, SCREEN, BAND, material=material)
-        assert counts.material == expected and counts.needs == np.bitwise_or.reduce(coding.needs[chosen])
+        assert counts.material == expected and counts.features == np.bitwise_or.reduce(coding.features[chosen])
     _, counts = stages.scan_alone(
         triangles[:0], depth[:0], tuple(a[:0] for a in attributes), coding, SCREEN, BAND, room=1
     )

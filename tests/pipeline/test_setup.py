@@ -9,9 +9,8 @@ from helpers.stages import NO_MATERIALS, drawables_of, random_triangles, slivers
 
 from rasterizer.compiler.kernels import kernel
 from rasterizer.pipeline import setup as s
-from rasterizer.pipeline.bands import Band
-from rasterizer.pipeline.cull import first_sample
-from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
+from rasterizer.pipeline.cull import Band, first_sample
+from rasterizer.pipeline.setup import DEPTH_PLANE_ROUNDING
 
 SIZE, ROWS = (120, 90), (16, 80)
 

@@ -22,7 +22,7 @@ from helpers.stages import (
 
 import rasterizer as rz
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.gradients import EXACT, NEEDS_COLORS
+from rasterizer.pipeline.gradients import EXACT, HAS_COLORS
 from rasterizer.pipeline.phong_shading import FaceTable, shade_lit
 from rasterizer.pipeline.records import FACE, PLANES_FACE, UNIT_SHIFT
 from rasterizer.pipeline.shade import shade_interpolated
@@ -65,7 +65,7 @@ def exact_coding(base, screen, n_attributes, dtypes=np.float32, **options):
     if dtypes is np.float64:
         return plain_coding("exact", screen, n_attributes, dtypes, **options)
     coding = plain_coding(base, screen, n_attributes, dtypes, **options)
-    return coding._replace(ways=np.full_like(coding.ways, EXACT))
+    return coding._replace(paths=np.full_like(coding.paths, EXACT))
 
 
 SHAPES = {
@@ -138,7 +138,7 @@ def test_what_has_one_channel_is_tinted_beside_what_has_three(kind):
     scanned = scan_alone(triangles, depth, values, coding, screen, SIZE, material=material)
     both = shade(scanned, coding, SIZE, 3, TINT).copy()
     workspace, counts = scanned
-    assert counts.needs & NEEDS_COLORS and counts.material == -1
+    assert counts.features & HAS_COLORS and counts.material == -1
     entries, plain = entries_of(workspace, SIZE).copy(), np.zeros(SIZE[::-1], bool)
     for y, x in np.argwhere(entries < CLEAR):
         plain[y, x] = not entries[y, x] & IS_ID or material[face_at(workspace, entries[y, x])] == 0

@@ -18,8 +18,8 @@ from rasterizer.pipeline.transform import (
     DEPTH_BITS,
     DEPTH_MARGIN,
     DEPTH_SPAN,
-    LEAST_PART,
     LIMIT_PX,
+    MIN_VERTICES,
     OUTSIDE,
     POSITION_BOUND,
     Vertices,
@@ -160,12 +160,12 @@ def test_the_unit_of_length_does_not_change_a_bit():
 
 def test_threads_and_compilation_do_not_change_a_bit():
     rng = np.random.default_rng(3)
-    points = rng.uniform(-20, 20, (3 * LEAST_PART + 77, 3))
+    points = rng.uniform(-20, 20, (3 * MIN_VERTICES + 77, 3))
     screen = plain_screen(depths=(1.0, 15.0), far_clip=15.0, scale=30.0, center=(20.5, 10.25))
     serial, n_outside = place(points, screen)
     for n_thread in (2, 3):
         workers = Workers(n_thread)
-        assert len(workers.ranges(len(points), LEAST_PART)) > 1
+        assert len(workers.ranges(len(points), MIN_VERTICES)) > 1
         parallel, n_parallel = place(points, screen, workers)
         workers.close()
         assert n_parallel == n_outside > 100

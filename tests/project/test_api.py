@@ -1,8 +1,11 @@
 """The public names: complete, lazily imported, with the same options everywhere; and what editors see of them."""
 
 import ast
+import html
 import inspect
 import re
+import subprocess
+import sys
 from dataclasses import fields, is_dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -45,12 +48,12 @@ def test_one_tree_of_errors():
 # ---------------------------------------------------------------- what editors see
 
 
-def test_editors_see_the_names_that_are_there():
-    (guard,) = [node for node in ast.parse((PACKAGE / "__init__.py").read_text()).body if isinstance(node, ast.If)]
-    seen = {alias.asname: f"rasterizer.{node.module}" for node in guard.body for alias in node.names}
-    assert seen == {name: seen.get(name) for name in PUBLIC}
-    for name, module in seen.items():
-        assert getattr(rz, name).__module__.startswith(module), f"{name} is of {getattr(rz, name).__module__}"
+def test_an_editor_completes_the_names_and_what_they_return():
+    """Jedi, which IPython and JupyterLab ask; mypy reads the same stub."""
+    jedi = pytest.importorskip("jedi", reason="jedi (it comes with the extra `browser`) isn't installed")
+    editor = jedi.Script("import rasterizer as rz\nrz.\nrz.load('x.obj').\n", project=jedi.Project(PACKAGE.parent))
+    assert {each.name for each in editor.complete(2, 3)} >= set(rz.__all__)
+    assert {each.name for each in editor.complete(3, 17)} >= {"meshes", "lights", "camera"}
 
 
 def test_what_editors_see_of_a_dataclass_is_what_it_takes():
@@ -68,6 +71,23 @@ def test_what_editors_see_of_a_dataclass_is_what_it_takes():
             with_default = len(stub.args.defaults) + sum(each is not None for each in stub.args.kw_defaults)
             assert with_default == sum(each.default is not each.empty for each in real), value
     assert n_stub > 3
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(find_spec("pdoc") is None, reason="pdoc (the extra `docs`) isn't installed")
+def test_the_pages_of_the_api_show_every_name_with_its_text(tmp_path):
+    """Made by the command that README.md gives; any warning is an error."""
+    command = [sys.executable, "-W", "error", "-m", "pdoc", "rasterizer", "-o", str(tmp_path)]
+    done = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    page = (tmp_path / "rasterizer.html").read_text(encoding="utf-8")
+    parts = re.split(r'<section id="([\w.]+)"', page)
+    sections = dict(zip(parts[1::2], parts[2::2], strict=True))
+    assert sections.keys() == set(rz.__all__)
+    for name in PUBLIC:
+        said = html.unescape(re.sub(r"<[^>]+>", "", sections[name]))
+        first_line = re.sub(r"\W+", " ", inspect.getdoc(getattr(rz, name)).splitlines()[0])
+        assert first_line in re.sub(r"\W+", " ", said), name
 
 
 @pytest.mark.nightly  # mypy reads it at any time; its pictures take kernels of their own

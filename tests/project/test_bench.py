@@ -21,13 +21,12 @@ from bench import (
     refinement,
     scale,
     startup,
-    surfaces,
     throughput,
     tolerance,
     tolerance_modes,
 )
 from rasterizer import reference
-from rasterizer.analysis.timing import LEAST_ROUNDS, take_turns
+from rasterizer.analysis.timing import MIN_ROUNDS, take_turns
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
@@ -123,7 +122,7 @@ def test_calls_take_turns():
     order = []
     calls = {name: lambda name=name: order.append(name) for name in "ab"}
     times = take_turns(calls, 0.0, 25)
-    assert order == list("ab") * LEAST_ROUNDS and len(times["a"][0]) == LEAST_ROUNDS
+    assert order == list("ab") * MIN_ROUNDS and len(times["a"][0]) == MIN_ROUNDS
 
 
 def test_a_slope_is_the_power_with_which_a_cost_grows():
@@ -150,8 +149,8 @@ def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front():
 
 
 def test_normals_of_surfaces_look_outwards():
-    for name in surfaces.SURFACES:
-        mesh = surfaces.make_mesh(name, 24)
+    for name in refinement.SURFACES:
+        mesh = refinement.make_mesh(name, 24)
         corners = mesh.vertices[mesh.faces]
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         cosine = np.einsum("ij,ij->i", area, mesh.normals[mesh.faces[:, 0]]) / np.linalg.norm(area, axis=1)

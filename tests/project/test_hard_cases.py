@@ -3,7 +3,7 @@
 import numpy as np
 
 import rasterizer as rz
-from bench import hard_cases, hard_limits, hard_scenes
+from bench import hard_cases, hard_scenes
 
 
 def check(case) -> list[str]:
@@ -21,9 +21,9 @@ def check(case) -> list[str]:
 
 def test_hard_cases_are_right():
     """Each has a name of its own."""
-    faults = [fault for case in hard_limits.CASES for fault in check(case)]
+    faults = [fault for case in hard_scenes.CASES for fault in check(case)]
     assert not faults, "; ".join(faults)
-    assert len({hard_cases.slug(case.name) for case in hard_limits.CASES}) == len(hard_limits.CASES)
+    assert len({hard_cases.slug(case.name) for case in hard_scenes.CASES}) == len(hard_scenes.CASES)
 
 
 def test_a_wrong_picture_is_a_fault():

@@ -7,7 +7,7 @@ from helpers.arrays import differences
 import rasterizer as rz
 from bench.ray_truth import draw_by_rays, only
 from rasterizer import reference
-from rasterizer.analysis.ground_truth import Light
+from rasterizer.analysis.speed_error import Light
 
 SIZE = (40, 27)  # no multiple of a tile
 

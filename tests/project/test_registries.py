@@ -38,8 +38,7 @@ from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.reference.lamp import LAMP_KINDS
 from rasterizer.reference.reflection import REFLECTION_KINDS, ReflectionKind
-from rasterizer.scene.fields import Attenuation, Color, Vector, describe_fields
-from rasterizer.scene.lights import LIGHT_KINDS, kind_of
+from rasterizer.scene.lights import LIGHT_KINDS, Attenuation, Color, Vector, describe_fields, kind_of
 from rasterizer.scene.material import REFLECTION_MODELS
 
 SIZE = (64, 48)

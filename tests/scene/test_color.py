@@ -53,7 +53,7 @@ def test_curves_are_inverse(value):
 
 
 def test_curves_at_known_points():
-    # ends, the joint, and mid grey as SceneTablesd for IEC 61966-2-1
+    # ends, the joint, and mid grey as tabulated for IEC 61966-2-1
     linear = np.array([0.0, 0.0031308, 0.18, 1.0])
     assert srgb_from_linear(linear) == pytest.approx([0.0, 0.04044994, 0.46135613, 1.0], abs=1e-8)
     assert linear_from_srgb([0.0, 0.04045, 0.5, 1.0]) == pytest.approx([0.0, 0.0031308, 0.2140411, 1.0], abs=1e-7)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.errors import ModelError
+from rasterizer.scene.arrays import distinct, is_masked, plain_array
 from rasterizer.scene.mesh_arrays import CHUNK, check_area, has_any_area, has_area
-from rasterizer.scene.validate import distinct, is_masked, plain_array
 
 MASKED = np.ma.array([1.0, 2.0], mask=[False, True])
 UNMASKED = np.ma.array([1.0, 2.0])

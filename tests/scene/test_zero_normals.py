@@ -8,7 +8,7 @@ from helpers.model_bytes import gltf_with
 from helpers.pinhole import octasphere
 
 import rasterizer as rz
-from rasterizer.reference.creases import corner_normals
+from rasterizer.reference.normals import corner_normals
 
 VERTICES, FACES = octasphere(2)
 LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -2, -3), 0.8))

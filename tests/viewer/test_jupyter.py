@@ -2,8 +2,17 @@
 
 import pytest
 from helpers.arrays import differences
-from helpers.browser import browser, canvas_pixels, missing, page_in, wait_for_picture, wait_for_rest
-from helpers.jupyter import jupyterlab, notebook_of, run_cells
+from helpers.browser import (
+    browser,
+    canvas_pixels,
+    jupyterlab,
+    missing,
+    notebook_of,
+    page_in,
+    run_cells,
+    wait_for_picture,
+    wait_for_rest,
+)
 from helpers.raster import ROOT
 
 import rasterizer as rz

@@ -17,7 +17,7 @@ from helpers.viewing import SIZE, drag, message
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.viewer.controls import MOST_BYTES
+from rasterizer.viewer.controls import MAX_BYTES
 from rasterizer.viewer.server import Server
 from rasterizer.viewer.session import Session
 
@@ -199,7 +199,7 @@ def test_a_message_needs_a_length_that_is_not_large(server):
         ("Content-Length: +2\r\n", 400),
         ("Content-Length: 2_0\r\n", 400),
         ("Content-Length: \u00b2\r\n", 400),
-        (f"Content-Length: {MOST_BYTES + 1}\r\n", 413),
+        (f"Content-Length: {MAX_BYTES + 1}\r\n", 413),
         ("Content-Length: " + "9" * 5000 + "\r\n", 413),
         ("Content-Length: 9\r\n", 400),  # more than comes
     ):

@@ -53,7 +53,7 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
 
   function push(event) {
     const last = events[events.length - 1];
-    if (last && event.kind === "drag" && last.kind === "drag" && last.action === event.action) {
+    if (last && event.type === "drag" && last.type === "drag" && last.action === event.action) {
       last.dx += event.dx;
       last.dy += event.dy;
     } else if (events.length < MOST_EVENTS) {
@@ -199,7 +199,7 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
     const now = positionOf(event);
     if (pointers.size === 1) {
       const action = event.buttons & 6 || event.shiftKey ? "pan" : event.ctrlKey ? "zoom" : "rotate";
-      push({ kind: "drag", action, dx: now.x - before.x, dy: now.y - before.y });
+      push({ type: "drag", action, dx: now.x - before.x, dy: now.y - before.y });
     } else if (pointers.size === 2) {
       pinch(event.pointerId, before, now);
     }
@@ -209,9 +209,9 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
   function pinch(moved, before, now) {
     const [other] = [...pointers].filter(([id]) => id !== moved).map(([, at]) => at);
     const middle = { x: (now.x + other.x) / 2, y: (now.y + other.y) / 2 };
-    push({ kind: "drag", action: "pan", dx: (now.x - before.x) / 2, dy: (now.y - before.y) / 2 });
+    push({ type: "drag", action: "pan", dx: (now.x - before.x) / 2, dy: (now.y - before.y) / 2 });
     const factor = distance(now, other) / Math.max(distance(before, other), 1);
-    push({ kind: "zoom", factor: limited(factor), ...middle });
+    push({ type: "zoom", factor: limited(factor), ...middle });
   }
 
   function lift(event) {
@@ -219,7 +219,7 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
     if (pressed && event.type === "pointerup") {
       const at = positionOf(event);
       const isDouble = event.timeStamp - clicked.time < DOUBLE && distance(at, clicked) < 2 * CLICK;
-      push({ kind: "click", x: at.x, y: at.y, is_double: isDouble });
+      push({ type: "click", x: at.x, y: at.y, is_double: isDouble });
       clicked = { time: isDouble ? -Infinity : event.timeStamp, ...at };
     }
     pressed = null;
@@ -237,7 +237,7 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
     }
     event.preventDefault();
     const unit = [1, LINE, canvas.clientHeight][event.deltaMode] || 1;
-    push({ kind: "zoom", factor: limited(ZOOM ** (-event.deltaY * unit)), ...positionOf(event) });
+    push({ type: "zoom", factor: limited(ZOOM ** (-event.deltaY * unit)), ...positionOf(event) });
   }, { passive: false });
 
   canvas.addEventListener("keydown", (event) => {
@@ -246,13 +246,13 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
     }
     event.preventDefault();
     event.stopPropagation();
-    push({ kind: "key", key: event.key, is_shift: event.shiftKey });
+    push({ type: "key", key: event.key, is_shift: event.shiftKey });
   });
 
   for (const [name, select] of Object.entries(parts.switches)) {
-    select.addEventListener("change", () => push({ kind: "switch", name, value: select.value }));
+    select.addEventListener("change", () => push({ type: "switch", name, value: select.value }));
   }
-  parts.reset.addEventListener("click", () => push({ kind: "key", key: "0", is_shift: false }));
+  parts.reset.addEventListener("click", () => push({ type: "key", key: "0", is_shift: false }));
 
   return {
     end(text) {

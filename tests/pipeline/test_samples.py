@@ -7,14 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline.screen_points import (
+from rasterizer.pipeline.samples import (
+    PLANE_GROUP,
+    PlaneGroup,
     ScreenPoints,
-    evaluate_planes_here,
-    evaluate_slopes_here,
+    evaluate_planes,
+    evaluate_slopes,
     evaluate_values,
     evaluate_with_slopes,
 )
-from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, merge_box
+from rasterizer.pipeline.scan import merge_box
+from rasterizer.pipeline.visibility import LANES
 
 PITCH, ROWS = 21, 6
 
@@ -104,11 +107,11 @@ def evaluate(form, entries, group, first, out, places, behind):
     """Evaluate planes in one of the ways in which the shade stage does, from a kernel."""
     start, stride, weights, behind_start = places
     if form == PLANES:
-        evaluate_planes_here(entries, group, first, out, start, stride)
+        evaluate_planes(entries, group, first, out, start, stride)
     elif form == VALUES:
         evaluate_values(entries, group, first, out, start, stride, weights)
     elif form == SLOPES:
-        evaluate_slopes_here(entries, group, first, out, start, stride)
+        evaluate_slopes(entries, group, first, out, start, stride)
     else:
         evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start)
 

@@ -1,4 +1,4 @@
-"""The crew of local processes, and what they and their leader say to each other."""
+"""The pool of local processes, and what they and their leader say to each other."""
 
 import io
 import os
@@ -11,14 +11,13 @@ import pytest
 from helpers.deadly import Deadly
 from helpers.stores import environment_with
 
-from rasterizer.batch.executors import Died, Done, Failed, SharedObject, Unit, work_through
-from rasterizer.batch.processes import LocalProcesses
-from rasterizer.batch.worker import MOST_SHARED, pack_answer, read_message, serve, write_message
+from rasterizer.batch.pools import Died, Done, Failed, Job, ProcessPool, SharedObject, work_through
+from rasterizer.batch.worker import MAX_SHARED, pack_answer, read_message, serve, write_message
 from rasterizer.errors import RasterizerError
 
 
 def add(argument, shared, kept):
-    """What units do here."""
+    """What jobs do here."""
     kept["n"] = kept.get("n", 0) + 1
     return argument + (shared or 0), kept["n"], os.getpid()
 
@@ -51,26 +50,26 @@ def unpickle_counted(value, path):
 
 
 @pytest.fixture(scope="module")
-def crew():
+def pool():
     """One process, for all tests that leave one behind."""
-    made = LocalProcesses(1)
+    made = ProcessPool(1)
     yield made
     made.close()
     assert made.n_running == 0
 
 
-def ask(crew, *units):
-    """The outcomes of units, one after the other."""
+def ask(pool, *jobs):
+    """The outcomes of jobs, one after the other."""
     found = []
-    for unit in units:
-        crew.submit(unit)
-        found.append(crew.wait()[1])
+    for job in jobs:
+        pool.submit(job)
+        found.append(pool.wait()[1])
     return found
 
 
-def test_units_share_what_a_process_keeps_and_it_is_sent_once(crew, tmp_path):
-    shared = [SharedObject(Counted(10 * k, tmp_path / "sent"), str(k)) for k in range(MOST_SHARED + 1)]
-    outcomes = ask(crew, *(Unit(add, 1, each) for each in (shared[0], shared[0], *shared, shared[0])))
+def test_jobs_share_what_a_process_keeps_and_it_is_sent_once(pool, tmp_path):
+    shared = [SharedObject(Counted(10 * k, tmp_path / "sent"), str(k)) for k in range(MAX_SHARED + 1)]
+    outcomes = ask(pool, *(Job(add, 1, each) for each in (shared[0], shared[0], *shared, shared[0])))
     sums, numbers, processes = zip(*(outcome.value for outcome in outcomes), strict=True)
     assert sums == (1, 1, 1, 11, 21, 1) and len(set(processes)) == 1
     assert numbers == tuple(range(numbers[0], numbers[0] + 6)), "what a process keeps stays"
@@ -78,29 +77,28 @@ def test_units_share_what_a_process_keeps_and_it_is_sent_once(crew, tmp_path):
     assert sent == ["0", "10", "20", "0"], "only what it had to forget is sent again"
 
 
-def test_errors_come_back_and_the_process_goes_on(crew):
-    failed, unsendable, done = ask(crew, Unit(fail, 7), Unit(add, lambda: 0), Unit(add, 2))
+def test_errors_come_back_and_the_process_goes_on(pool):
+    failed, unsendable, done = ask(pool, Job(fail, 7), Job(add, lambda: 0), Job(add, 2))
     assert isinstance(failed, Failed) and "OddError: 7 x" in str(failed.error)
     assert isinstance(unsendable, Failed) and isinstance(done, Done)
 
 
-def test_a_process_that_dies_is_replaced(crew):
-    first, died, second = ask(crew, Unit(add, 1), Unit(add, Deadly()), Unit(add, 1))
+def test_a_process_that_dies_is_replaced(pool):
+    first, died, second = ask(pool, Job(add, 1), Job(add, Deadly()), Job(add, 1))
     assert died == Died("ended with exit code 9") and first.value[2] != second.value[2]
 
 
-def test_the_first_unit_is_alone_where_no_kernel_is_stored(tmp_path):
+def test_the_first_job_is_alone_where_no_kernel_is_stored(tmp_path):
     """In a process whose store is empty; what is worked on is a method of text, which needs no kernel."""
     program = """
-from rasterizer.batch.executors import Unit
-from rasterizer.batch.processes import LocalProcesses
+from rasterizer.batch.pools import Job, ProcessPool
 from rasterizer.compiler.kernels import STORE
-crew = LocalProcesses(3)
-assert STORE.is_kept and not crew.is_warm
-n_slot = crew.n_slot
-crew.submit(Unit("{} {} {}".format, 1))
-print(n_slot, crew.wait()[1].value, crew.n_slot)
-crew.close()
+pool = ProcessPool(3)
+assert STORE.is_kept and not pool.is_warm
+n_slot = pool.n_slot
+pool.submit(Job("{} {} {}".format, 1))
+print(n_slot, pool.wait()[1].value, pool.n_slot)
+pool.close()
 """
     environment = environment_with(RASTER_STORE=tmp_path / "store")
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
@@ -112,13 +110,13 @@ def test_processes_that_can_not_be_started_are_told(monkeypatch, tmp_path):
     (tmp_path / "python").write_text("#!/bin/sh\nexit 5\n")
     (tmp_path / "python").chmod(0o700)
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))  # a Python that is broken, and none
-    crew = LocalProcesses(1)
+    pool = ProcessPool(1)
     with pytest.raises(RasterizerError, match="can't be started: the first one ended with exit code 5"):
-        ask(crew, Unit(add, 1))
-    crew.close()
+        ask(pool, Job(add, 1))
+    pool.close()
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     with pytest.raises(RasterizerError, match="no process can be started"):
-        ask(LocalProcesses(1), Unit(add, 1))
+        ask(ProcessPool(1), Job(add, 1))
 
 
 def wait_long(argument, _shared, _kept):
@@ -127,11 +125,11 @@ def wait_long(argument, _shared, _kept):
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are looked for by a signal of POSIX")
 def test_closing_ends_what_is_running(alone):
-    crew = LocalProcesses(1)
-    (done,) = ask(crew, Unit(add, 1))
-    crew.submit(Unit(wait_long, 60))
+    pool = ProcessPool(1)
+    (done,) = ask(pool, Job(add, 1))
+    pool.submit(Job(wait_long, 60))
     start = time.monotonic()
-    crew.close()
+    pool.close()
     with pytest.raises(ProcessLookupError):
         os.kill(done.value[2], 0)
     assert time.monotonic() - start < 15, "it waits for what was begun"
@@ -156,7 +154,7 @@ def test_an_answer_that_can_not_be_sent_becomes_an_error():
     assert pickle.loads(pack_answer(True, 5)) == (True, 5)
 
 
-def test_a_message_that_is_no_unit_is_answered():
+def test_a_message_that_is_no_job_is_answered():
     messages, answers = io.BytesIO(), io.BytesIO()
     write_message(messages, b"nonsense")
     messages.seek(0)
@@ -166,46 +164,46 @@ def test_a_message_that_is_no_unit_is_answered():
     assert pickle.loads(read_message(answers))[0] is False
 
 
-class ToyCrew:
-    """Does each unit when it is waited for, the last one first; a unit's argument says how often it dies."""
+class ToyPool:
+    """Does each job when it is waited for, the last one first; a job's argument says how often it dies."""
 
     is_here, n_slot = True, 2
 
     def __init__(self):
-        self.units, self.most = [], 0
+        self.jobs, self.most = [], 0
 
     @property
     def n_running(self):
-        return len(self.units)
+        return len(self.jobs)
 
-    def submit(self, unit):
-        self.units.append(unit)
-        self.most = max(self.most, len(self.units))
+    def submit(self, job):
+        self.jobs.append(job)
+        self.most = max(self.most, len(self.jobs))
 
     def wait(self):
-        unit = self.units.pop()
-        if unit.argument > 0:
-            return unit, Died("died")
-        return unit, Done(unit.note)
+        job = self.jobs.pop()
+        if job.argument > 0:
+            return job, Died("died")
+        return job, Done(job.note)
 
 
 def test_work_goes_on_until_nothing_is_left():
-    def units():
+    def jobs():
         for k in range(7):
             if k == 3:
                 yield "passed on"
-            unit = Unit(add, k % 3)
-            unit.note = k
-            yield unit
+            job = Job(add, k % 3)
+            job.note = k
+            yield job
 
-    def once_more(unit, outcome):
+    def once_more(job, outcome):
         if isinstance(outcome, Done):
             return []
-        again = Unit(add, unit.argument - 1)
-        again.note = unit.note
+        again = Job(add, job.argument - 1)
+        again.note = job.note
         return [again]
 
-    crew = ToyCrew()
-    found = list(work_through(crew, units(), once_more))
-    assert crew.most == 2 and ("passed on", None) in found
+    pool = ToyPool()
+    found = list(work_through(pool, jobs(), once_more))
+    assert pool.most == 2 and ("passed on", None) in found
     assert sorted(outcome.value for _, outcome in found if outcome is not None) == list(range(7))

@@ -10,8 +10,8 @@ from helpers.arrays import differences
 
 from rasterizer.geometry.normals import split_creases
 from rasterizer.geometry.polygons import find_rings
-from rasterizer.reference.creases import corner_normals
-from rasterizer.reference.polygons import are_convex, find_fans
+from rasterizer.reference.normals import corner_normals
+from rasterizer.reference.surface import are_convex, find_fans
 from rasterizer.scene.triangulation import classify_polygons, cut_polygons
 
 WEIGHTINGS = ("angle", "area", "uniform")

@@ -25,7 +25,7 @@ from .vectors import dot, length
 # Coordinates with six decimals tilt the faces of a cylinder with 12 sides by up to 2.2e-4 degrees against each other.
 # Twice that is no difference between the angle at which two faces meet and the crease angle.
 ANGLE_SLACK = 5e-4  # degrees
-MOST_AT_EDGE = 64  # faces at one edge: an edge of more is no part of a surface, and joins nothing
+MAX_AT_EDGE = 64  # faces at one edge: an edge of more is no part of a surface, and joins nothing
 # A cross product a × b of rounded differences is wrong by up to 5.3·2^-53 |a||b|: each product carries three roundings,
 # and the difference one more. A triangle whose doubled area is below 8·2^-53 |a||b| has no area.
 NO_AREA = 2.0**-50
@@ -121,8 +121,8 @@ def _list_common_edges(corners: Corners) -> tuple[NDArray, NDArray, NDArray]:
     edge = np.cumsum(is_new) - 1
     n_at_edge = np.bincount(edge)[edge] if len(edge) else edge
     firsts, seconds = [], []
-    for step in range(1, min(int(n_at_edge.max(initial=0)), MOST_AT_EDGE)):
-        at = np.flatnonzero((edge[step:] == edge[:-step]) & (n_at_edge[:-step] <= MOST_AT_EDGE))
+    for step in range(1, min(int(n_at_edge.max(initial=0)), MAX_AT_EDGE)):
+        at = np.flatnonzero((edge[step:] == edge[:-step]) & (n_at_edge[:-step] <= MAX_AT_EDGE))
         firsts.append(at)
         seconds.append(at + step)
     first, second = (np.concatenate([np.empty(0, np.int64), *rows]) for rows in (firsts, seconds))

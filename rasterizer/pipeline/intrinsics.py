@@ -1,97 +1,35 @@
-"""Functions of kernels whose instructions are written here, in LLVM's own terms: kernels.spelled_out asks for them.
+"""Inner loops of the pipeline as vector instructions, in LLVM's own terms: kernels.spelled_out asks for them.
 
-Some inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
-itself, but not loops of eight or four: left to it, these take two to four times as long. The functions in Python that
-they stand in for are in pipeline/simd.py and texture_planes.py, with what the parameters are; those of the other
-two are in kernels.py.
+The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, these take
+two to four times as long. A function here is the instructions of the plain function that names it: those of scan.py,
+samples.py and texture_lookup.py, where the parameters are explained. It is loaded only where one is compiled.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
 
 from contextlib import contextmanager
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 
-from .fingerprint import is_seen
-from .widths import ID_BIT, LANES, PLANE_GROUP, TEXELS_AHEAD
+from .samples import PLANE_GROUP
+from .visibility import LANES, LEVEL_BITS
 
-# ----------------------------------------------------------------
-# Vectors in LLVM's own terms: what intrinsics.py and intrinsics.py build instructions of.
-
-if is_seen(numba.__version__):
-    from numba.core import cgutils
-
+TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
 FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)
-
-
-def data_of(context, builder, kind, array):
-    """The address of an array's first element."""
-    return context.make_array(kind)(context, builder, array).data
-
-
-def load(builder, address, offset, kind):
-    """Load a value of a kind, `offset` numbers behind an address."""
-    element = builder.gep(address, [ir.Constant(ir.IntType(64), offset)])
-    return builder.load(builder.bitcast(element, kind.as_pointer()), align=4)
-
-
-@contextmanager
-def in_fours(builder, n):
-    """Loop over n samples, PLANE_GROUP at a time; yield the number of the first one, and of each."""
-    long = ir.IntType(64)
-    step = ir.Constant(long, PLANE_GROUP)
-    count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
-    with cgutils.for_range(builder, count) as loop:
-        first = builder.mul(loop.index, step)
-        yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
-
-
-def shuffle(builder, a, b, order):
-    """A vector of elements of two others, which are counted through."""
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), order))
-
-
-def transpose(builder, rows):
-    """Turn four vectors of four into their columns; of four vectors of eight, the first halves and the second ones."""
-    low = [_interleave(builder, rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
-    high = [_interleave(builder, rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
-    return [_interleave(builder, *pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
-
-
-def _interleave(builder, a, b, order):
-    """Shuffle each four elements of two vectors alike; 4 to 7 are those of the second one."""
-    n = a.type.count
-    return shuffle(builder, a, b, [k + j if j < 4 else n + k + j - 4 for k in range(0, n, 4) for j in order])
-
-
-def half(builder, eight, side):
-    """The first four elements of eight, or the others."""
-    return shuffle(builder, eight, eight, [4 * side + k for k in range(4)])
-
-
-def splat(builder, kind, value):
-    """A vector with the same value in every lane."""
-    nothing = ir.Constant(kind, ir.Undefined)
-    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(
-        first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
-    )
-
-
-if is_seen(numba.__version__):
-    from numba.core import cgutils
-
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
 _ENTRIES = ir.VectorType(ir.IntType(64), LANES)
 _WHOLES = ir.VectorType(ir.IntType(32), PLANE_GROUP)
 _ANCHOR = 1, 2  # where the first four numbers of a record have its anchor, x and y
 
 
+# ---------------------------------------------------------------- small boxes
+
+
 def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, depth_mask):
-    """Build `simd.merge_box`: a row of LANES samples at a time."""
+    """Build `merge_box`: a row of LANES samples at a time."""
     if not (isinstance(entries, types.Array) and entries.dtype == types.int64 and entries.layout == "C"):
         return None
     unsigned, signed = types.uint64, types.int64
@@ -122,13 +60,32 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
     return signature, generate
 
 
-def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `simd.evaluate_planes`."""
+class _Ramp:
+    """A vector value, value + dx, value + 2 dx, ... that moves by dy from row to row."""
+
+    def __init__(self, builder, llvm_type, value, dx, dy):
+        lanes = ir.Constant(llvm_type, list(range(LANES)))
+        first = builder.add(splat(builder, llvm_type, value), builder.mul(splat(builder, llvm_type, dx), lanes))
+        self._state = cgutils.alloca_once_value(builder, first)
+        self._step = splat(builder, llvm_type, dy)
+
+    def next(self, builder):
+        """The vector of this row; moves on to the next."""
+        value = builder.load(self._state)
+        builder.store(builder.add(value, self._step), self._state)
+        return value
+
+
+# ---------------------------------------------------------------- planes
+
+
+def build_planes_of_samples(typing_context, entries, group, first, out, start, stride):
+    """Build `samples.planes_of_samples`."""
     return _build_evaluation(entries, group, out, has_slopes=False)
 
 
-def build_evaluate_slopes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `texture_planes.evaluate_slopes`."""
+def build_slopes_of_samples(typing_context, entries, group, first, out, start, stride):
+    """Build `samples.slopes_of_samples`."""
     return _build_evaluation(entries, group, out, has_slopes=True)
 
 
@@ -138,22 +95,23 @@ def _build_evaluation(entries, group, out, has_slopes):
     `has_slopes` says whether the slopes of the first three planes are written, too: d/dx of each, then d/dy.
     """
     numbers, *layout = group
-    is_single = all(kind.dtype == types.float32 for kind in (numbers, out)) and out.layout == "C"
+    is_single = all(array.dtype == types.float32 for array in (numbers, out)) and out.layout == "C"
     if not is_single or layout != [types.int64, types.uint64, types.uint64]:
         return None
-    signature = types.void(entries, group, types.int64, types.int64, out, types.uint64, types.uint64)
+    sample = types.UniTuple(types.int64, 2)
+    signature = types.void(entries, group, sample, out, types.uint64, types.uint64)
 
     def generate(context, builder, signature, arguments):
-        out = data_of(context, builder, signature.args[4], arguments[4])
+        out = data_of(context, builder, signature.args[3], arguments[3])
         reader = _PlaneReader(context, builder, signature, arguments)
         with in_fours(builder, reader.n_entry) as (first, four):
             position = reader.begin_four()
             samples = [reader.read(position, j, k, has_slopes) for j, k in enumerate(four)]
-            target = builder.add(arguments[5], first)
+            target = builder.add(arguments[4], first)
             for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
                 for values in transpose(builder, vectors)[:n_row]:
                     builder.store(values, builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer()), align=4)
-                    target = builder.add(target, arguments[6])
+                    target = builder.add(target, arguments[5])
         return context.get_dummy_value()
 
     return signature, generate
@@ -168,7 +126,7 @@ class _PlaneReader:
         self._numbers = data_of(context, builder, signature.args[1][0], numbers)
         self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
         first = ir.Constant(_WHOLES, [0] * PLANE_GROUP)
-        for lane, coordinate in zip(_ANCHOR, arguments[2:4], strict=True):
+        for lane, coordinate in zip(_ANCHOR, cgutils.unpack_tuple(builder, arguments[2]), strict=True):
             first = builder.insert_element(first, builder.trunc(coordinate, ir.IntType(32)), ir.IntType(32)(lane))
         self._position = cgutils.alloca_once_value(builder, first)
 
@@ -198,67 +156,12 @@ class _PlaneReader:
 
 def _record_number(builder, entry, mask):
     """The bits of an entry that are the index of a record; 0 where it holds none, as the next samples of a row may."""
-    one, bit = (ir.Constant(ir.IntType(64), number) for number in (1, ID_BIT))
+    one, bit = (ir.Constant(ir.IntType(64), number) for number in (1, LEVEL_BITS))
     is_id = builder.and_(builder.lshr(entry, bit), one)
     return builder.and_(builder.and_(entry, mask), builder.neg(is_id))
 
 
-def build_array(typing_context, pointer, shape):
-    """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
-    kind = types.Array(pointer.dtype, len(shape), "C")
-
-    def generate(context, builder, signature, arguments):
-        array = context.make_array(kind)(context, builder)
-        lengths = cgutils.unpack_tuple(builder, arguments[1])
-        step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(context.get_data_type(kind.dtype)))
-        steps, n_item = [], ir.Constant(ir.IntType(64), 1)
-        for length in reversed(lengths):
-            steps.append(builder.mul(n_item, step))
-            n_item = builder.mul(n_item, length)
-        array.data, array.itemsize, array.nitems = arguments[0], step, n_item
-        array.shape = cgutils.pack_array(builder, lengths)
-        array.strides = cgutils.pack_array(builder, steps[::-1])
-        array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
-        return array._getvalue()
-
-    return kind(pointer, shape), generate
-
-
-def build_call(typing_context, address, batch, n, coefficients):
-    """Build `kernels.call_batch_function`: a call through a pointer to a function."""
-    signature = types.void(types.intp, types.intp, types.intp, types.intp)
-
-    def generate(context, builder, _signature, arguments):
-        whole = ir.IntType(64)
-        function_type = ir.FunctionType(ir.VoidType(), [whole, whole, whole])
-        builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
-class _Ramp:
-    """A vector value, value + dx, value + 2 dx, ... that moves by dy from row to row."""
-
-    def __init__(self, builder, kind, value, dx, dy):
-        lanes = ir.Constant(kind, list(range(LANES)))
-        first = builder.add(splat(builder, kind, value), builder.mul(splat(builder, kind, dx), lanes))
-        self._state = cgutils.alloca_once_value(builder, first)
-        self._step = splat(builder, kind, dy)
-
-    def next(self, builder):
-        """The vector of this row; moves on to the next."""
-        value = builder.load(self._state)
-        builder.store(builder.add(value, self._step), self._state)
-        return value
-
-
-# ----------------------------------------------------------------
-# Functions of kernels that read and blend texels, as instructions: see intrinsics.py.
-# The functions in Python that they stand in for are in pipeline/texture_lookup.py.
-
-if is_seen(numba.__version__):
-    from numba.core import cgutils
+# ---------------------------------------------------------------- texels
 
 
 def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
@@ -326,20 +229,20 @@ class _TexelReader:
     def __init__(self, builder, texels, batch, rows):
         self.builder, self._texels, self._batch, self._rows = builder, texels, batch, rows
 
-    def load_row(self, row, k, kind):
+    def load_row(self, row, k, llvm_type):
         """The numbers of a row from sample k on."""
         address = self.builder.gep(self._batch, [self.builder.add(self._rows[row], k)])
-        return self.builder.load(self.builder.bitcast(address, kind.as_pointer()), align=4)
+        return self.builder.load(self.builder.bitcast(address, llvm_type.as_pointer()), align=4)
 
-    def load(self, row, k, kind):
+    def load(self, row, k, llvm_type):
         """The texels from sample k's texel in a row on."""
-        return self.builder.load(self.builder.bitcast(self._address(row, k), kind.as_pointer()), align=2)
+        return self.builder.load(self.builder.bitcast(self._address(row, k), llvm_type.as_pointer()), align=2)
 
     def prefetch(self, rows, k):
         """Have the texels of sample k in some rows brought near; of one behind the last any address will do."""
         byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
-        function = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        llvm_type = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
+        function = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], llvm_type)
         for row in rows:
             address = self.builder.bitcast(self._address(row, k), byte)
             self.builder.call(function, [address, whole(0), whole(3), whole(1)])  # for reading, to stay, data
@@ -416,3 +319,60 @@ def _weighted_sums(reader, four, pair):
         even, odd = (shuffle(builder, products, products, list(range(i, 16, 2))) for i in (0, 1))
         sums.append(builder.add(even, odd))
     return builder.sitofp(builder.add(*sums), ir.VectorType(ir.FloatType(), 8))
+
+
+# ---------------------------------------------------------------- vectors
+
+
+def data_of(context, builder, array_type, array):
+    """The address of an array's first element."""
+    return context.make_array(array_type)(context, builder, array).data
+
+
+def load(builder, address, offset, llvm_type):
+    """Load a value of a type, `offset` numbers behind an address."""
+    element = builder.gep(address, [ir.Constant(ir.IntType(64), offset)])
+    return builder.load(builder.bitcast(element, llvm_type.as_pointer()), align=4)
+
+
+@contextmanager
+def in_fours(builder, n):
+    """Loop over n samples, PLANE_GROUP at a time; yield the number of the first one, and of each."""
+    long = ir.IntType(64)
+    step = ir.Constant(long, PLANE_GROUP)
+    count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
+    with cgutils.for_range(builder, count) as loop:
+        first = builder.mul(loop.index, step)
+        yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
+
+
+def splat(builder, llvm_type, value):
+    """A vector with the same value in every lane."""
+    undefined = ir.Constant(llvm_type, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(
+        first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), llvm_type.count), [0] * llvm_type.count)
+    )
+
+
+def shuffle(builder, a, b, order):
+    """A vector of elements of two others, which are counted through."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), order))
+
+
+def transpose(builder, rows):
+    """Turn four vectors of four into their columns; of four vectors of eight, the first halves and the second ones."""
+    low = [_interleave(builder, rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
+    high = [_interleave(builder, rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
+    return [_interleave(builder, *pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
+
+
+def _interleave(builder, a, b, order):
+    """Shuffle each four elements of two vectors alike; 4 to 7 are those of the second one."""
+    n = a.type.count
+    return shuffle(builder, a, b, [k + j if j < 4 else n + k + j - 4 for k in range(0, n, 4) for j in order])
+
+
+def half(builder, eight, side):
+    """The first four elements of eight, or the others."""
+    return shuffle(builder, eight, eight, [4 * side + k for k in range(4)])

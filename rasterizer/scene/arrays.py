@@ -1,0 +1,115 @@
+"""Arrays as callers give them, and as a scene keeps them: read as numbers, and fixed, so that nobody can change them.
+
+A masked array is no array of numbers: its masked values would count.
+"""
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias, TypeVar, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+VectorLike: TypeAlias = Sequence[float] | NDArray[Any]  # three numbers, as a caller may give them
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def plain_array(values: ArrayLike) -> NDArray:
+    """Return `np.asarray(values)`, numbers beyond float64 as infinities.
+
+    Parameters
+    ----------
+    values : anything that numpy reads, of any shape and dtype
+
+    Returns
+    -------
+    array of the same shape; longer floats become float64
+
+    Raises
+    ------
+    TypeError, ValueError : no array, or a masked one, whose masked values would count
+    """
+    if is_masked(values):
+        raise ValueError("masked values are no numbers")
+    array = np.asarray(values)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float64)
+    return array
+
+
+def real_array(values: Any) -> NDArray[Any] | None:
+    """Return what `plain_array` does where it is an array of real numbers (booleans are none), else None."""
+    try:
+        array = plain_array(values)
+    except (TypeError, ValueError):
+        return None
+    return array if array.dtype.kind in "fiu" else None
+
+
+def is_masked(values: object) -> bool:
+    """Tell whether an array has masked values. `np.ma` would say so, but takes as long to import as a small model."""
+    return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
+
+
+def distinct(values: NDArray) -> NDArray:
+    """Return the distinct ones of whole numbers (n,), ascending.
+
+    `np.unique` would do, but imports `np.ma`, to see whether some are masked.
+    """
+    ordered = np.sort(values)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
+
+
+# --- arrays that nobody can change ---------------------------------------------------------------------------
+
+
+class _Owned(np.ndarray):
+    """Marks memory that was taken over by `fixed`."""
+
+
+@overload
+def fixed(array: NDArray[_Scalar]) -> NDArray[_Scalar]: ...
+@overload
+def fixed(array: None) -> None: ...
+@overload
+def fixed(array: NDArray[_Scalar] | None) -> NDArray[_Scalar] | None: ...
+def fixed(array: NDArray | None) -> NDArray | None:
+    """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made
+    writable.
+
+    Numpy lets a read-only view be made writable again where its memory is; so what lies between is a read-only buffer.
+    Whoever calls this must hold the only reference that can write: an index changed afterwards would make kernels read
+    anywhere.
+    """
+    if array is None or is_fixed(array):
+        return None if array is None else np.ascontiguousarray(array)
+    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())  # type: ignore[arg-type]
+
+
+def is_fixed(array: NDArray) -> bool:
+    """Tell whether an array is one made by `fixed`, or a view of one."""
+    base: Any = array
+    while type(base) is np.ndarray:
+        base = base.base
+    return type(base) is memoryview and type(base.obj) is _Owned
+
+
+def kept(array: NDArray | None, given: object) -> NDArray | None:
+    """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's
+    memory.
+
+    An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
+    """
+    if array is None or is_fixed(array):
+        return fixed(array)
+    is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
+    is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
+    return fixed(array if is_new else array.copy())
+
+
+class KeepsArrays:
+    """What holds fixed arrays: those that come from pickle or from a deep copy are fixed, too."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for key, value in state.items():
+            self.__dict__[key] = fixed(np.array(value)) if isinstance(value, np.ndarray) else value
