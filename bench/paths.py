@@ -69,8 +69,8 @@ PATHS = (
     ),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
-    Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_samples")', "@helper"),)),
-    Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_samples")', "@helper"),)),
+    Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_row")', "@helper"),)),
+    Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_row")', "@helper"),)),
     Variant(
         "texels: by hand",
         (

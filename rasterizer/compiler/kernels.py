@@ -264,7 +264,7 @@ def helper(function: Callable) -> Callable:
 
 
 def choice(choose: Callable) -> Callable:
-    """Decorate a function that returns which one of several is called in its place, all with its parameters.
+    """Decorate a function that returns which one of several helpers is called in its place, all with its parameters.
 
     It goes by the types of its arguments alone: where a kernel calls it, the compiler asks it once, with types of its
     own in the place of the arguments, and compiles nothing but what it returns. It looks at them by `class_of`,
@@ -276,7 +276,9 @@ def choice(choose: Callable) -> Callable:
 
     def choose_plain(*types):
         chosen = choose(*types)
-        return getattr(chosen, "py_func", chosen)
+        if chosen._is_one:  # its plain function would be compiled: the same results, but slower
+            raise TypeError(f"{chosen.__name__} is spelled out: it can't be chosen, but a helper that calls it")
+        return chosen.py_func
 
     functools.update_wrapper(call, choose)
     functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names

@@ -1,4 +1,4 @@
-"""The geometry of a scene: all its meshes as one set of plain arrays, with normals where the shading method needs them.
+"""The geometry of a scene: all its meshes as one set of plain arrays, with normals where a shading method reads them.
 
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and
 Phong's methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more

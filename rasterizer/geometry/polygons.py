@@ -1,8 +1,7 @@
-"""Convex polygons with more than three corners: found again among the triangles that they were cut into, and drawn
-about their centres, so that methods that interpolate don't depend on which corner comes first.
+"""Convex polygons with more than three corners, drawn about their centres: it doesn't matter which corner comes first.
 
-In: triangles, and which polygon each came from (scene/triangulation.py). Out: `Rings`, the corners of each convex
-polygon in turn; `Split`, triangles about `Centers`.
+They are found again among the triangles that they were cut into. In: triangles, and which polygon each came from
+(scene/triangulation.py). Out: `Rings`, the corners of each convex polygon in turn; `Split`, triangles about `Centers`.
 
     d ─────── c        A fan has a diagonal, and along it only two corners count: with the values 0, 1, 0, 1 the middle
     │ ╲     ╱ │        of a quad would be 0 or 1, as the list of its corners begins. Gouraud 1971 interpolates along the

@@ -1,5 +1,4 @@
-"""Vector algebra on tuples of three numbers, for compiled code: a formula reads as the book has it, and costs what its
-products cost.
+"""Vector algebra on tuples of three numbers, for compiled code: a formula reads as the book has it, and costs no more.
 
 Every function is inlined. Numbers keep their type: float32 stays float32 as long as no factor is an int. Each does the
 same operations in the same order as the components written out, so it changes no bit. Without the compiler

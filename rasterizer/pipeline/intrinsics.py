@@ -79,13 +79,13 @@ class _Ramp:
 # ---------------------------------------------------------------- planes
 
 
-def build_planes_of_samples(typing_context, entries, group, first, out, start, stride):
-    """Build `samples.planes_of_samples`."""
+def build_planes_of_row(typing_context, entries, group, x, y, out, start, stride):
+    """Build `samples.planes_of_row`."""
     return _build_evaluation(entries, group, out, has_slopes=False)
 
 
-def build_slopes_of_samples(typing_context, entries, group, first, out, start, stride):
-    """Build `samples.slopes_of_samples`."""
+def build_slopes_of_row(typing_context, entries, group, x, y, out, start, stride):
+    """Build `samples.slopes_of_row`."""
     return _build_evaluation(entries, group, out, has_slopes=True)
 
 
@@ -98,20 +98,19 @@ def _build_evaluation(entries, group, out, has_slopes):
     is_single = all(array.dtype == types.float32 for array in (numbers, out)) and out.layout == "C"
     if not is_single or layout != [types.int64, types.uint64, types.uint64]:
         return None
-    sample = types.UniTuple(types.int64, 2)
-    signature = types.void(entries, group, sample, out, types.uint64, types.uint64)
+    signature = types.void(entries, group, types.int64, types.int64, out, types.uint64, types.uint64)
 
     def generate(context, builder, signature, arguments):
-        out = data_of(context, builder, signature.args[3], arguments[3])
+        out = data_of(context, builder, signature.args[4], arguments[4])
         reader = _PlaneReader(context, builder, signature, arguments)
         with in_fours(builder, reader.n_entry) as (first, four):
             position = reader.begin_four()
             samples = [reader.read(position, j, k, has_slopes) for j, k in enumerate(four)]
-            target = builder.add(arguments[4], first)
+            target = builder.add(arguments[5], first)
             for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
                 for values in transpose(builder, vectors)[:n_row]:
                     builder.store(values, builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer()), align=4)
-                    target = builder.add(target, arguments[5])
+                    target = builder.add(target, arguments[6])
         return context.get_dummy_value()
 
     return signature, generate
@@ -126,7 +125,7 @@ class _PlaneReader:
         self._numbers = data_of(context, builder, signature.args[1][0], numbers)
         self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
         first = ir.Constant(_WHOLES, [0] * PLANE_GROUP)
-        for lane, coordinate in zip(_ANCHOR, cgutils.unpack_tuple(builder, arguments[2]), strict=True):
+        for lane, coordinate in zip(_ANCHOR, arguments[2:4], strict=True):
             first = builder.insert_element(first, builder.trunc(coordinate, ir.IntType(32)), ir.IntType(32)(lane))
         self._position = cgutils.alloca_once_value(builder, first)
 

@@ -158,12 +158,18 @@ def write_row(rows, place, stride, values):
     rows[place + stride + stride], rows[place + stride + stride + stride] = values[2], values[3]
 
 
-@spelled_out("build_planes_of_samples")
+@helper
 def planes_of_samples(entries, group, first, out, start, stride):
     """See `evaluate_planes`."""
+    planes_of_row(entries, group, first[0], first[1], out, start, stride)
+
+
+@spelled_out("build_planes_of_row")
+def planes_of_row(entries, group, x, y, out, start, stride):
+    """See `evaluate_planes`; x and y are the first sample, int64."""
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
-        across, down = offset_of_sample(first, k, group, record)
+        across, down = offset_of_sample((x, y), k, group, record)
         write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
 
 
@@ -285,10 +291,16 @@ def slopes_of_points(entries, group, first, out, start, stride):
     copy_slopes(entries, group, out, start, stride)
 
 
-@spelled_out("build_slopes_of_samples")
+@helper
 def slopes_of_samples(entries, group, first, out, start, stride):
     """See `evaluate_slopes`."""
-    planes_of_samples(entries, group, first, out, start, stride)
+    slopes_of_row(entries, group, first[0], first[1], out, start, stride)
+
+
+@spelled_out("build_slopes_of_row")
+def slopes_of_row(entries, group, x, y, out, start, stride):
+    """See `evaluate_slopes`; x and y are the first sample, int64."""
+    planes_of_row(entries, group, x, y, out, start, stride)
     copy_slopes(entries, group, out, start, stride)
 
 

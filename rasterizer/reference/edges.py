@@ -172,7 +172,7 @@ def cover_samples(
     depth : (h, w) of what the samples see, inf where that is nothing
     width : samples
     """
-    shares = np.zeros(depth.shape)
+    covered = np.zeros(depth.shape)
     around = [np.pad(depth, 1, mode="edge")[j : j + len(depth), i : i + depth.shape[1]] for j, i in np.ndindex(3, 3)]
     low, high = np.min(around, axis=0), np.max(around, axis=0)
     for segment, side in segments:
@@ -193,8 +193,8 @@ def cover_samples(
         column_there, row_there = (np.clip(point[:, k], 0, depth.shape[1 - k] - 1).astype(int) for k in range(2))
         distance_there = np.hypot(point[:, 0] - column_there - 0.5, point[:, 1] - row_there - 0.5)
         is_seen &= _belongs(z, distance_there, low[row_there, column_there], high[row_there, column_there], 1.0)
-        shares[row, column] = np.maximum(shares[row, column], np.where(is_seen, share, 0.0))
-    return shares
+        covered[row, column] = np.maximum(covered[row, column], np.where(is_seen, share, 0.0))
+    return covered
 
 
 def _belongs(z: NDArray, distance: NDArray, low: NDArray, high: NDArray, bend: float) -> NDArray[np.bool_]:

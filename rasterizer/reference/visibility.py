@@ -251,8 +251,8 @@ def _intersect(
     columns = columns / largest
     a, b, c = (columns[:, :, corner] for corner in range(3))
     determinant = dot(a, np.cross(b - a, c - a))
-    turns = (a, b, c), (b, c, a), (c, a, b)
-    doubt = sum(np.linalg.norm(p, axis=1) * np.linalg.norm(np.cross(q, r - q), axis=1) for p, q, r in turns)
+    rotations = (a, b, c), (b, c, a), (c, a, b)
+    doubt = sum(np.linalg.norm(p, axis=1) * np.linalg.norm(np.cross(q, r - q), axis=1) for p, q, r in rotations)
     is_edge_on = ~(np.abs(determinant) > 2.0**-50 * doubt)
     columns[is_edge_on] = np.eye(3)
     q = np.swapaxes(np.linalg.solve(columns, np.swapaxes(directions, 1, 2) / largest), 1, 2)

@@ -27,7 +27,7 @@ from ..choices import AXES, POSE_FRAMES, Axis, PoseFrame
 from ..errors import SceneError, checked_keywords, shown
 from . import framing
 from .arrays import VectorLike, real_array
-from .validate import choice, number, picture_size, position3, unit3, value_class
+from .validate import choice, number, picture_size, position3, store, unit3, value_class
 
 _MIN_FOV = 1e-6  # degrees: a hair in 10 km
 _MAX_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
@@ -132,17 +132,13 @@ class Camera:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        self._set("position", position3(self.position, "the camera's position"))
-        self._set("target", position3(self.target, "the camera's target"))
+        position = position3(self.position, "the camera's position")
+        target = position3(self.target, "the camera's target")
         up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
-        self._set("up", unit3(up, "the camera's up"))
-        if self.position == self.target:
-            raise SceneError(f"the camera's position and target must differ; given {self.position} for both")
-        for field, value in (_checked_lens(self) | _checked_depths(self)).items():
-            self._set(field, value)
-
-    def _set(self, field: str, value: object) -> None:
-        object.__setattr__(self, field, value)
+        store(self, position=position, target=target, up=unit3(up, "the camera's up"))
+        if position == target:
+            raise SceneError(f"the camera's position and target must differ; given {position} for both")
+        store(self, **(_checked_lens(self) | _checked_depths(self)))
 
     @property
     def is_perspective(self) -> bool:

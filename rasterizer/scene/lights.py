@@ -22,7 +22,7 @@ from ..choices import ATTACHMENTS, Attachment
 from ..errors import SceneError, shown
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
-from .validate import choice, is_whole, number, position3, unit3, value_class, vector3
+from .validate import choice, is_whole, number, position3, store, unit3, value_class, vector3
 
 MAX_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 _MAX_SHADOWED = 4096  # of them cast shadows: each is a picture or six
@@ -69,7 +69,7 @@ class Shadow:
                 raise SceneError(
                     f"the shadow's {field} must be {article} number within {low}..{high}; given {shown(value)}"
                 )
-            object.__setattr__(self, field, int(value))
+            store(self, **{field: int(value)})
 
 
 @value_class
@@ -89,7 +89,7 @@ class AmbientLight:
     color: Color = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "color", linear_rgb(self.color, "the ambient light's color"))
+        store(self, color=linear_rgb(self.color, "the ambient light's color"))
 
 
 @value_class
@@ -115,10 +115,13 @@ class DirectionalLight:
     shadow: Shadow | bool | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "direction", unit3(self.direction, "the directional light's direction"))
-        object.__setattr__(self, "color", linear_rgb(self.color, "the directional light's color"))
+        store(
+            self,
+            direction=unit3(self.direction, "the directional light's direction"),
+            color=linear_rgb(self.color, "the directional light's color"),
+        )
         choice(self.attached, ATTACHMENTS, "the directional light's attached")
-        object.__setattr__(self, "shadow", checked_shadow(self.shadow, "the directional light's"))
+        store(self, shadow=checked_shadow(self.shadow, "the directional light's"))
 
 
 @value_class
@@ -155,7 +158,7 @@ class PointLight:
     shadow: Shadow | bool | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", position3(self.position, "the point light's position"))
+        store(self, position=position3(self.position, "the point light's position"))
         _check_positional(self, "the point light's")
 
 
@@ -204,8 +207,11 @@ class SpotLight:
     falloff: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", position3(self.position, "the spot light's position"))
-        object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
+        store(
+            self,
+            position=position3(self.position, "the spot light's position"),
+            direction=unit3(self.direction, "the spot light's direction"),
+        )
         outer = number(self.outer, "the spot light's outer angle")
         if not 0.0 < outer <= 90.0:
             raise SceneError(
@@ -222,8 +228,7 @@ class SpotLight:
         falloff = number(self.falloff, "the spot light's falloff")
         if falloff <= 0.0:
             raise SceneError(f"the spot light's falloff must be above 0; given {shown(self.falloff)}")
-        for name, value in (("inner", inner), ("outer", outer), ("exponent", exponent), ("falloff", falloff)):
-            object.__setattr__(self, name, value)
+        store(self, inner=inner, outer=outer, exponent=exponent, falloff=falloff)
         _check_positional(self, "the spot light's")
 
 
@@ -260,7 +265,7 @@ class AreaLight:
 
     def __post_init__(self) -> None:
         for field in ("corner", "edge_u", "edge_v"):
-            object.__setattr__(self, field, position3(getattr(self, field), f"the area light's {field}"))
+            store(self, **{field: position3(getattr(self, field), f"the area light's {field}")})
         for ends in ((0, 1), (1, 0), (1, 1)):
             end = [c + ends[0] * u + ends[1] * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)]
             position3(end, "each corner of the area light")
@@ -273,7 +278,7 @@ class AreaLight:
                 "the area light's edge_u and edge_v must not be parallel; "
                 f"given {shown(self.edge_u)} and {shown(self.edge_v)}"
             )
-        object.__setattr__(self, "resolution", _cells(self.resolution))
+        store(self, resolution=_cells(self.resolution))
         _check_positional(self, "the area light's")
 
     @property
@@ -540,18 +545,17 @@ def _cells(resolution: Any) -> tuple[int, int]:
 
 def _check_positional(light: Any, whose: str) -> None:
     """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
-    object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
-    object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
+    store(light, color=linear_rgb(light.color, f"{whose} color"), attenuation=_attenuation(light.attenuation, whose))
     choice(light.attached, ATTACHMENTS, f"{whose} attached")
     if not isinstance(light.amplify, (bool, np.bool_, int)):
         raise SceneError(f"{whose} amplify must be True or False; given {shown(light.amplify)}")
-    object.__setattr__(light, "amplify", bool(light.amplify))
+    store(light, amplify=bool(light.amplify))
     if light.range is not None:
         light_range = number(light.range, f"{whose} range")
         if light_range <= 0.0:
             raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
-        object.__setattr__(light, "range", light_range)
-    object.__setattr__(light, "shadow", checked_shadow(light.shadow, whose))
+        store(light, range=light_range)
+    store(light, shadow=checked_shadow(light.shadow, whose))
 
 
 def _attenuation(value: Any, whose: str) -> tuple[float, float, float]:

@@ -29,7 +29,7 @@ from ..errors import SceneError, shown
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb, surface_rgb
 from .texture import Texture, TextureLike
-from .validate import choice, number, unit3, value_class
+from .validate import choice, number, store, unit3, value_class
 
 MAX_LEVELS = 256
 
@@ -141,17 +141,17 @@ class Material:
     def __post_init__(self) -> None:
         for field in ("diffuse", "specular", "emissive", "ambient"):
             value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
-            object.__setattr__(self, field, surface_rgb(value, f"the material's {field}"))
+            store(self, **{field: surface_rgb(value, f"the material's {field}")})
         shininess = number(self.shininess, "the material's shininess")
         if shininess <= 0.0:
             raise SceneError(f"the material's shininess must be above 0; given {self.shininess!r}")
-        object.__setattr__(self, "shininess", shininess)
+        store(self, shininess=shininess)
         opacity = number(self.opacity, "the material's opacity")
         if not 0.0 <= opacity <= 1.0:
             raise SceneError(f"the material's opacity must be within 0..1; given {self.opacity!r}")
-        object.__setattr__(self, "opacity", opacity)
+        store(self, opacity=opacity)
         if self.texture is not None and not isinstance(self.texture, Texture):
-            object.__setattr__(self, "texture", Texture(self.texture))
+            store(self, texture=Texture(self.texture))
         choice(self.reflection, tuple(REFLECTION_MODELS), "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
@@ -160,21 +160,21 @@ class Material:
     def _check_model(self) -> None:
         """Check and normalise the fields that only some of the reflection models read."""
         choice(self.distribution, DISTRIBUTIONS, "the material's distribution")
-        object.__setattr__(self, "roughness", self._checked_roughness())
+        store(self, roughness=self._checked_roughness())
         if not isinstance(self.tangent, str):
-            object.__setattr__(self, "tangent", unit3(self.tangent, "the material's tangent"))
+            store(self, tangent=unit3(self.tangent, "the material's tangent"))
         elif self.tangent != "u":
             raise SceneError(
                 f"the material's tangent must be 'u' or three numbers, an axis; given {shown(self.tangent)}"
             )
-        object.__setattr__(self, "fresnel", _checked_fresnel(self.fresnel))
+        store(self, fresnel=_checked_fresnel(self.fresnel))
         if not isinstance(self.normalized, (bool, np.bool_)):
             raise SceneError(f"the material's normalized must be True or False; given {shown(self.normalized)}")
-        object.__setattr__(self, "normalized", bool(self.normalized))
+        store(self, normalized=bool(self.normalized))
         levels = number(self.levels, "the material's levels")
         if levels != int(levels) or not 1 <= levels <= MAX_LEVELS:
             raise SceneError(f"the material's levels must be whole, within 1..{MAX_LEVELS}; given {self.levels!r}")
-        object.__setattr__(self, "levels", int(levels))
+        store(self, levels=int(levels))
 
     def _checked_roughness(self) -> float | tuple[float, ...]:
         """Return the roughness as a float, or as two that differ."""

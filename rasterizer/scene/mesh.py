@@ -9,7 +9,7 @@ mesh are shared: nobody can write into them.
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -22,7 +22,7 @@ from . import mesh_arrays
 from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
 from .framing import rotation
 from .material import Material
-from .validate import COORDINATE_LIMIT, choice, number, position3, unit3, vector3
+from .validate import COORDINATE_LIMIT, choice, number, position3, store, unit3, vector3
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 MAX_FACES = 2**31 - 1  # of a mesh and of a scene: face indices are int32, -1 means nothing hit
@@ -129,11 +129,11 @@ class Mesh(KeepsArrays):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        store, given = partial(object.__setattr__, self), dict(self.__dict__)
-        store("crease_angle", _checked_crease_angle(self.crease_angle))
+        given = dict(self.__dict__)
+        store(self, crease_angle=_checked_crease_angle(self.crease_angle))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
-        store("materials", _checked_materials(self.material, self.materials))
-        store("material", self.palette[0])
+        store(self, materials=_checked_materials(self.material, self.materials))
+        store(self, material=self.palette[0])
         if not isinstance(self.name, str):
             raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
         vertices = mesh_arrays.checked_vertices(self.vertices)
@@ -161,8 +161,7 @@ class Mesh(KeepsArrays):
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         if self.crease_angle is None:
             attributes["normals"] = mesh_arrays.filled_normals(attributes, self.weighting)
-        for key, array in attributes.items():
-            store(key, kept(array, given[key]))
+        store(self, **{key: kept(array, given[key]) for key, array in attributes.items()})
 
     def _checked_attributes(
         self, n_vertex: int, faces: NDArray[np.uint32], cut_from: NDArray[np.int32] | None

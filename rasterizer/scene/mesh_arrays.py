@@ -1,10 +1,8 @@
-"""The arrays of a mesh, checked and brought into their stored form: contiguous, of one dtype each, triangles
-only.
+"""The arrays of a mesh, checked and brought into their stored form: contiguous, of one dtype each, triangles only.
 
-    in:  what people have: any real dtype, lists, quads, ragged polygons     out: float64, uint32 and int32
-    arrays
+In: what people have: any real dtype, lists, quads, ragged polygons. Out: float64, uint32 and int32 arrays.
 
-A form that is right already is passed through without a copy; `kept` then copies what the caller could still write to.
+A form that is right already is passed through without a copy; `arrays.kept` then copies what could still be written to.
 Whole-array checks are minima and maxima, which hand a nan on and need no temporary; the culprit is looked for only once
 there is one.
 """

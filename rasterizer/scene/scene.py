@@ -18,7 +18,7 @@ from .color import RGB, ColorLike, linear_rgb, surface_rgb
 from .lights import Light, checked_lights, studio
 from .material import Material
 from .mesh import MAX_FACES, Mesh, MeshLike
-from .validate import choice, number, picture_size, value_class
+from .validate import choice, number, picture_size, store, value_class
 
 
 @value_class
@@ -54,9 +54,7 @@ class DepthCue:
         start = number(self.start, "the depth cue's start")
         if start < 0.0:
             raise SceneError(f"the depth cue's start must be at least 0; given {shown(self.start)}")
-        object.__setattr__(self, "scale", scale)
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "color", linear_rgb(self.color, "the depth cue's color"))
+        store(self, scale=scale, start=start, color=linear_rgb(self.color, "the depth cue's color"))
 
 
 def checked_cue(cue: DepthCue | float | None) -> DepthCue | None:
@@ -117,13 +115,16 @@ class Scene:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "meshes", _checked_meshes(self.meshes))
-        object.__setattr__(self, "lights", studio() if self.lights is None else checked_lights(self.lights))
+        store(
+            self,
+            meshes=_checked_meshes(self.meshes),
+            lights=studio() if self.lights is None else checked_lights(self.lights),
+        )
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
-            object.__setattr__(self, "background", surface_rgb(self.background, "the background"))
-        object.__setattr__(self, "depth_cue", checked_cue(self.depth_cue))
+            store(self, background=surface_rgb(self.background, "the background"))
+        store(self, depth_cue=checked_cue(self.depth_cue))
         choice(self.up, tuple(AXES), "the scene's up")
 
     def __repr__(self) -> str:

@@ -26,7 +26,7 @@ from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError, checked_fields, shown
 from .arrays import KeepsArrays, fixed, plain_array
 from .color import linear_from_srgb_bytes
-from .validate import choice
+from .validate import choice, store
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -98,12 +98,12 @@ class Texture(KeepsArrays):
         wrap: Any = (self.wrap, self.wrap) if isinstance(self.wrap, str) else self.wrap
         if not isinstance(wrap, (tuple, list)) or len(wrap) != 2:
             raise SceneError(f"the texture's wrap must be one word, or two for u and v; given {shown(self.wrap)}")
-        object.__setattr__(self, "wrap", tuple(choice(word, WRAPS, "the texture's wrap") for word in wrap))
+        store(self, wrap=tuple(choice(word, WRAPS, "the texture's wrap") for word in wrap))
         if not isinstance(self.name, str):
             raise SceneError(f"the texture's name must be text; given {shown(self.name)}")
         image: Any = self.image
         if isinstance(image, (str, os.PathLike)):
-            object.__setattr__(self, "name", self.name or os.fsdecode(image))
+            store(self, name=self.name or os.fsdecode(image))
             image = read_picture(image, os.fsdecode(image))
         elif hasattr(image, "convert"):
             try:
@@ -115,7 +115,7 @@ class Texture(KeepsArrays):
                 raise SceneError(
                     f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}"
                 ) from fault
-        object.__setattr__(self, "image", _checked_image(image))
+        store(self, image=_checked_image(image))
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""

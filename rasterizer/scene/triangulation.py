@@ -205,5 +205,5 @@ def rotate_to_first(lists: NDArray, points: NDArray) -> NDArray:
     for axis in range(3):
         values = np.where(is_least, points[..., axis], np.inf)
         is_least &= values == values.min(axis=0)
-    turns = (is_least.argmax(axis=0)[:, None] + np.arange(k)) % k
-    return lists.ravel()[turns + np.arange(0, lists.size, k)[:, None]]
+    columns = (is_least.argmax(axis=0)[:, None] + np.arange(k)) % k
+    return lists.ravel()[columns + np.arange(0, lists.size, k)[:, None]]

@@ -108,7 +108,13 @@ def picture_size(size: object) -> tuple[int, int]:
     return int(width), int(height)
 
 
-# --- what the small dataclasses of a scene have in common ----------------------------------------------------
+# --- what the frozen dataclasses of a scene have in common ---------------------------------------------------
+
+
+def store(instance: object, **values: object) -> None:
+    """Set fields of a frozen dataclass to their checked values."""
+    for name, value in values.items():
+        object.__setattr__(instance, name, value)
 
 
 def value_class(cls: T) -> T:
