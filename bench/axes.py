@@ -38,7 +38,7 @@ from rasterizer import (
 from rasterizer.analysis.speed_error import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
-from rasterizer.engine.shadow_maps import MOST_NUMBERS
+from rasterizer.engine.shadow_maps import MAX_TEXELS
 from rasterizer.scene.lights import Light as Lamp
 from rasterizer.scene.lights import with_shadow_fields
 
@@ -223,7 +223,7 @@ def _fits(scene: Scene) -> bool:
         if shadow is not None:
             n_cell = math.prod(getattr(light, "resolution", (1, 1)))
             n_texel += n_cell * shadow.size**2 * (1 if isinstance(light, (DirectionalLight, SpotLight)) else 6)
-    return n_texel <= 0.9 * MOST_NUMBERS  # the rest is for what stands beside the texels
+    return n_texel <= 0.9 * MAX_TEXELS  # the rest is for what stands beside the texels
 
 
 def _shadow_axis(scene: Scene, name: str, variants: Iterable[Variant]) -> Axis | None:

@@ -17,7 +17,7 @@ def depth_resolution(scene, size, depth, units=UNITS) -> np.ndarray:
     view, projection = camera.view(), camera.projection(size)
     depths = depths_of_boxes(view, bounds)
     depth_range, far_clip = fit_depth_range(camera, depths)
-    screen = fit_screen(view, projection, depth_range, far_clip, gather_geometry(scene, True), size, depths)
+    screen = fit_screen(view, projection, depth_range, far_clip, gather_geometry(scene.meshes, True), size, depths)
     step = units / abs(screen.z_scale) if screen.z_scale != 0.0 else 0.0
     return np.where(np.isfinite(depth), depth, 0.0) ** 2 * step if camera.is_perspective else np.full(depth.shape, step)
 

@@ -168,7 +168,7 @@ def _arrays_of(mesh: str, is_textured: bool, size: tuple[int, int]) -> tuple[dic
         scene = replace(scene, meshes=[replace(part, **plain) for part in scene.meshes])
     # A quad is two triangles for everybody, not four about a centre.
     scene = replace(scene, meshes=[replace(part, polygons=None) for part in scene.meshes])
-    geometry = gather_geometry(scene, is_flat=False)
+    geometry = gather_geometry(scene.meshes, is_flat=False)
     uv = geometry.uv if is_textured else None
     # Of several textures the first one is laid over everything.
     texels = _srgb_bytes(own[0].image[..., :3]) if own and is_textured else make_texels()

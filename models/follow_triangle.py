@@ -18,8 +18,9 @@ from rasterizer.engine.attributes import light_all, make_coding, make_encoding, 
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
 from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
+from rasterizer.engine.plan import ViewPlans
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
-from rasterizer.engine.view_plans import ViewPlans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
@@ -63,16 +64,16 @@ class Way(NamedTuple):
 
 def go(scene) -> Way:
     """Send the triangle through the stages."""
-    geometry, view = gather_geometry(scene, OPTIONS.is_flat), scene.camera.view()
+    geometry, view = gather_geometry(scene.meshes, OPTIONS.is_flat), scene.camera.view()
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
     screen = screen_of(scene.camera, view, OPTIONS.size, OPTIONS.factor, geometry, bounds)
-    render_pass = make_pass(scene, geometry, bounds, view, screen)
+    render_pass = make_pass(scene, geometry, view, screen)
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
     drawn = Drawn.whole(geometry, vertices, render_pass)
     lists, n_band_row = cull(drawn, render_pass, SERIAL)
     band = Band(lists.faces, 0, HEIGHT)
-    kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.most_records(len(band.faces))
+    kind, n_record = render_pass.workspace_shape(n_band_row), render_pass.max_records(len(band.faces))
     workspace = WorkspacePool().acquire(kind, n_record)
     visibility, records = workspace.visibility, workspace.records
     counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))
@@ -84,9 +85,9 @@ def go(scene) -> Way:
     return Way(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
 
 
-def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
+def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
-    plan = ViewPlans(scene, OPTIONS, geometry, bounds).plan_for(view, screen).plan
+    plan = ViewPlans(SceneTables(scene, OPTIONS), OPTIONS, geometry).plan_for(view, screen).plan
     lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),

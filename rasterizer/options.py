@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 # Samples along an axis, so that a picture may have 65536 pixels with 16 samples. What is counted along an axis has room
 # for 2^20, the guard band in which edge functions stay below 2^60: depths keep their order, rounded by half a unit a
 # sample beside a margin of 2^23 units (pipeline/transform.py), and columns are exact in float32 up to 2^23.
-MOST_PIXELS = 2**18
-LEAST_WAVES, MOST_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
-MOST_STOPS = 64
-MOST_THREADS = 1024
-MOST_WIDTH = 256  # px, of edges
+MAX_PIXELS = 2**18
+MIN_WAVES, MAX_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
+MAX_STOPS = 64
+MAX_THREADS = 1024
+MAX_WIDTH = 256  # px, of edges
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
 DEFAULT_TOLERANCE = 1 / 4096
@@ -140,9 +140,9 @@ class Options:
         object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
         object.__setattr__(self, "exposure", _checked_exposure(self.exposure))
         object.__setattr__(
-            self, "spectral", _checked_count("spectral", self.spectral, LEAST_WAVES, MOST_WAVES, " samples")
+            self, "spectral", _checked_count("spectral", self.spectral, MIN_WAVES, MAX_WAVES, " samples")
         )
-        object.__setattr__(self, "threads", _checked_count("threads", self.threads, 1, MOST_THREADS))
+        object.__setattr__(self, "threads", _checked_count("threads", self.threads, 1, MAX_THREADS))
 
         from .scene.color import linear_rgb
 
@@ -159,7 +159,7 @@ class Options:
             width, height = size
         except (TypeError, ValueError):
             width = height = None
-        most = MOST_PIXELS // self.factor
+        most = MAX_PIXELS // self.factor
         if not (is_whole(width, 1, most) and is_whole(height, 1, most)):
             legal = f"(width, height), each 1 to {most} px with {self.samples} samples"
             raise SceneError(f"size must be {legal}; given {shown(self.size)}")
@@ -234,8 +234,8 @@ def _checked_edges(edges: object) -> tuple:
 def _checked_width(width: object) -> float:
     """Return the width of edges as a float."""
     value = number(width, "edge_width")
-    if not 0.0 < value <= MOST_WIDTH:
-        raise SceneError(f"edge_width must be above 0 to {MOST_WIDTH} px; given {shown(width)}")
+    if not 0.0 < value <= MAX_WIDTH:
+        raise SceneError(f"edge_width must be above 0 to {MAX_WIDTH} px; given {shown(width)}")
     return value
 
 
@@ -250,6 +250,6 @@ def _checked_tolerance(tolerance: object) -> float:
 def _checked_exposure(exposure: object) -> float:
     """Return the exposure as a float; beyond 64 stops nothing is told apart."""
     value = number(exposure, "exposure")
-    if not -MOST_STOPS <= value <= MOST_STOPS:
-        raise SceneError(f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {shown(exposure)}")
+    if not -MAX_STOPS <= value <= MAX_STOPS:
+        raise SceneError(f"exposure must be a number within -{MAX_STOPS}..{MAX_STOPS} stops; given {shown(exposure)}")
     return value

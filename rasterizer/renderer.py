@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from .choices import Antialias, Axis, ColorRange, Cull, EdgeType, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
+from .engine.draw import Clock
+from .engine.memory import check_memory, checked_out
 from .engine.plan_summary import PlanSummary, summarize
-from .engine.prepared import Clock, PreparedScene, check_memory, checked_out
+from .engine.prepared import DrawnPicture, PreparedScene
+from .engine.scene_tables import SceneTables
 from .errors import SceneError, checked_keywords, counted, shown
 from .frame import Frame, Stats
 from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, scene_of
@@ -174,12 +177,11 @@ class Renderer:
         if ground:
             lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
             self.scene = replace(self.scene, lights=lights)
-        # The background lies behind the shadow.
+        # The background lies behind the shadow on the ground.
         drawn = replace(self.scene, background=None) if ground else self.scene
-        with compiling_ahead(lambda: list_kernels_of(drawn, self.options)):
-            self._prepared = PreparedScene(drawn, self.options)
-        self._ground = self._make_ground() if ground else None
-        self._plan = summarize(self._prepared.view_plans.plan)
+        self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options)
+        with compiling_ahead(self._list_kernels):
+            self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
 
     @property
@@ -247,7 +249,7 @@ class Renderer:
         if azimuth is not None or elevation is not None:
             camera = self._framed_from(azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.lock, compiling_ahead(lambda: self._list_kernels(camera)):
+        with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, camera)):
             return self._render(camera, words)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
@@ -272,16 +274,20 @@ class Renderer:
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)
 
-    def _list_kernels(self, camera: Camera) -> list[Job]:
-        """List the kernels of a picture through a camera."""
-        return list_kernels_of(self._prepared.scene, self.options, camera, self._prepared.plan_for(camera).plan)
+    def _list_kernels(self, camera: Camera | None = None) -> list[Job]:
+        """List the kernels of a picture through a camera; None = of the first one, before anything is prepared."""
+        if camera is None:
+            return self._prepared.list_kernels(self.scene.camera_for(self.options.size))
+        return self._prepared.list_kernels(camera, self._prepared.plan_for(camera).plan)
 
-    def _make_ground(self) -> Any:
-        """Draw the shadow on the ground."""
-        from .engine.ground_shadow import GroundShadow, masks_of
+    @cached_property
+    def _ground(self) -> Any:
+        """The shadow on the ground, drawn for the first picture; None without a ground."""
+        if not self.options.ground:
+            return None
+        from .engine.ground_shadow import GroundShadow
 
-        with compiling_ahead(lambda: list_kernels_of(*masks_of(self.scene))):
-            return GroundShadow(self.scene, threads=self.options.threads)
+        return GroundShadow(self.scene, threads=self.options.threads)
 
     def _framed_from(self, azimuth: float | None = None, elevation: float | None = None) -> Camera:
         """Return the camera that frames the scene, with the shadow on its ground."""
@@ -300,37 +306,46 @@ class Renderer:
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
 
-    def _render(self, camera, out) -> Frame:
+    def _render(self, camera: Camera, out: NDArray[np.uint32] | None) -> Frame:
         """Draw the picture if one is wanted, and the buffers: together where both have one sample a pixel.
 
         `out` is what `PreparedScene.draw_picture` takes.
         """
         self._check_open()
         check_memory(self.options, has_out=out is not None)
-        prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
-        arrays, rgba, counts, view_plan, buffers, screen = {}, None, None, None, None, None
+        prepared, outputs, clock, arrays = self._prepared, self.options.outputs, Clock(), {}
+        picture, buffers, counts, screen = None, None, None, None
         if "color" in outputs or "rgb" in outputs:
-            rgba, color, alpha, counts, view_plan, buffers, screen = prepared.draw_picture(camera, clock, out)
-            self._plan = view_plan.summary._replace(ways=counts.ways)
-            linear = (color, alpha) if "color" in outputs else (None, None)
-            if self.options.edges:
-                prepared.draw_edges(camera, rgba, *linear)
-                clock.lap("edges")
-            if self._ground is not None:
-                self._ground.lay_under(camera, rgba, *linear, self.scene.background)
-                clock.lap("ground")
+            picture = self._draw_picture(camera, clock, out)
+            buffers, counts, screen = picture.buffers, picture.counts, picture.screen
             if "color" in outputs:
-                arrays.update(color=color, alpha=alpha)
+                arrays.update(color=picture.color, alpha=picture.alpha)
         if buffers is None and prepared.buffer_names:
             buffers, counts_of_buffers, screen = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
         arrays.update(buffers or {})
+        view_plan = None if picture is None else picture.view_plan
         bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
         # What a frame picks with draws the surfaces that it shows, and no colours.
         shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "samples": 1}
-        renderer = partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
-        source = FrameSource(self.scene, camera, renderer)
+        source = FrameSource(
+            self.scene, camera, partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
+        )
+        rgba = None if picture is None else picture.rgba
         return Frame(rgba, arrays, self._stats(counts, view_plan, clock, bounds), self.options.size, source)
+
+    def _draw_picture(self, camera: Camera, clock: Clock, out: NDArray[np.uint32] | None) -> DrawnPicture:
+        """Draw the picture, with edges over it and the ground's shadow under it, and keep what it needed."""
+        picture = self._prepared.draw_picture(camera, clock, out)
+        self._plan = self._prepared.summary_of(picture.view_plan.plan, picture.counts.paths)
+        linear = (picture.color, picture.alpha) if "color" in self.options.outputs else (None, None)
+        if self.options.edges:
+            self._prepared.edges.draw_over(camera, picture.rgba, *linear)
+            clock.lap("edges")
+        if self._ground is not None:
+            self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background)
+            clock.lap("ground")
+        return picture
 
     def _stats(self, counts, view_plan, clock, bounds) -> Stats:
         """Say what happened; `view_plan` is None where no picture was drawn."""
@@ -343,13 +358,6 @@ class Renderer:
             plan=self._plan,
             error_bounds=bounds,
         )
-
-
-def list_kernels_of(*arguments: Any) -> list[Job]:
-    """Return what `list_kernels` does, which is imported where a kernel is missing."""
-    from .engine.kernels_of_plan import list_kernels
-
-    return list_kernels(*arguments)
 
 
 def _arguments_of(options: Options) -> dict:

@@ -40,7 +40,7 @@ def alone(tmp_path_factory):
 def threads_for_small_pictures():
     """Draw pictures on as many threads as they ask for, however small they are: most of the tests' are."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(draw, "LEAST_TIME", 0)
+        patch.setattr(draw, "MIN_THREADED_TIME", 0)
         yield
 
 

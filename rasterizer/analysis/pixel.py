@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared import PreparedScene
-from ..engine.probe import ways_at
+from ..engine.scene_tables import SceneTables
 from ..errors import checked_keywords
 from ..io.loader import FileLike, scene_of
 from ..options import Options
@@ -64,5 +64,6 @@ def explain(
         cull=cull, color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
     )  # fmt: skip
     found = explaining.explain(scene, x, y, options)
-    ways = ways_at(PreparedScene(scene, options), scene.camera_for(options.size), (found.x, found.y))
-    return replace(found, way=" and ".join(ways) or None)
+    prepared = PreparedScene(SceneTables(scene, options), options)
+    paths = prepared.paths_at(scene.camera_for(options.size), (found.x, found.y))
+    return replace(found, way=" and ".join(paths) or None)

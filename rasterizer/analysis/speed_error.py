@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from ..compiler import kernels
 from ..engine.kernels_of_plan import list_kernels
+from ..engine.scene_tables import SceneTables
 from ..errors import counted
 from ..options import Options
 from ..renderer import Renderer
@@ -200,7 +201,7 @@ def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> N
     for chosen in (*(method.options for method in methods), truth):
         for output in ("color", "rgb"):
             settings = Options(**options | chosen | {"outputs": (output,)})
-            listed += list_kernels(scene, settings)
+            listed += list_kernels(SceneTables(scene, settings), settings, scene.camera_for(settings.size))
     kernels.compile_into(kernels.STORE, kernels.missing_in(kernels.STORE, listed))
 
 

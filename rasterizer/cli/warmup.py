@@ -11,7 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-from ..choices import BUFFERS, PROCESSOR_LEVELS, REFLECTIONS
+from ..choices import BUFFERS
+from ..choices import PROCESSOR_LEVELS
+from ..choices import REFLECTIONS
 from ..errors import OutputError
 from ..options import DEFAULT_TOLERANCE, Options
 from .flags import add_messages
@@ -124,12 +126,13 @@ def _store_in(folder):
 def list_all_kernels() -> list:
     """List the kernels of all kinds of pictures, each once."""
     from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
+    from ..engine.scene_tables import SceneTables
 
     found = dict.fromkeys(list_mesh_kernels())
     for scene, settings in _pictures():
         for tolerance in (0.0, DEFAULT_TOLERANCE):
             options = Options(size=_SIZE, tolerance=tolerance, threads=1, **settings)
-            found |= dict.fromkeys(list_kernels(scene, options))
+            found |= dict.fromkeys(list_kernels(SceneTables(scene, options), options, scene.camera_for(options.size)))
     return list(found)
 
 

@@ -1,7 +1,9 @@
-"""What is interpolated over the triangles: intensities of points that are lit before they are drawn, or normals.
+"""What goes from the points of surfaces to the samples: attributes, and how visibility entries and records hold them.
 
-Flat shading lights the centroids of faces, Gouraud's method the vertices. Phong's method hands on the normals, and
-behind them what else a sample needs: colours, texture coordinates, tangents.
+Attributes are interpolated over the triangles. Flat shading lights the centroids of faces, Gouraud's method the
+vertices, before anything is drawn: these hand on intensities. Phong's method hands on the normals, and behind them what
+else a sample needs: colours, texture coordinates, tangents. A coding says which materials have attributes in entries,
+in planes or in exact records, and how far each may be off; an encoding how linear colour becomes 8 bits.
 """
 
 from typing import NamedTuple
@@ -124,8 +126,8 @@ def list_groups(geometry) -> list[Group]:
 
 def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
-    dtype, needs = lighting.materials.dtype, plan.of_materials.needs
-    n_channel = 3 if any(needs[group.material] & HAS_COLORS for group in groups) else 1
+    dtype, features = lighting.materials.dtype, plan.of_materials.features
+    n_channel = 3 if any(features[group.material] & HAS_COLORS for group in groups) else 1
     intensities = blank((n_side, geometry.points.shape[1], n_channel), dtype, groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
@@ -136,28 +138,28 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
         for first, end in threads.ranges(group.end - group.start, least)
     ]
 
-    def light_share(share):
+    def light_bundle(bundle):
         batch = make_batch(dtype)
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
-            for material, start, end in share:
+            for material, start, end in bundle:
                 light_points(points, (start, end), screen, sign, lighting, material, batch, out)
 
-    threads.map(light_share, bundle(pieces, least))
+    threads.map(light_bundle, bundles_of(pieces, least))
     return intensities
 
 
-def bundle(pieces: list[Group], least: int) -> list[list[Group]]:
-    """Put neighbouring pieces together, until a share has `least` points."""
-    shares: list[list[Group]] = []
+def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:
+    """Put neighbouring pieces together, until a bundle has `least` points."""
+    bundles: list[list[Group]] = []
     room = 0
     for piece in pieces:
         if room <= 0:
-            shares.append([])
+            bundles.append([])
             room = least
-        shares[-1].append(piece)
+        bundles[-1].append(piece)
         room -= piece.end - piece.start
-    return shares
+    return bundles
 
 
 def fill_centers(values, geometry, groups, threads) -> np.ndarray:
@@ -218,8 +220,7 @@ class NormalAttributes:
         return NONE._replace(double=np.stack([toward, -toward]))
 
 
-# ----------------------------------------------------------------
-# How one view is coded: what visibility entries and records hold, and how linear colour becomes 8 bits.
+# ---------------------------------------------------------------- how entries, records and bytes hold them
 
 NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # of no view
 
@@ -234,12 +235,12 @@ def make_coding(plan: Plan, tolerance, step=1.0) -> Coding:
     more they have weights, and err by next to nothing.
     """
     of_materials, n_material = plan.of_materials, len(plan.materials)
-    rows = of_materials.ways, of_materials.needs, of_materials.reads_double, of_materials.n_attributes
+    rows = of_materials.paths, of_materials.features, of_materials.reads_double, of_materials.n_attributes
     if of_materials.is_double.all():  # so all are exact
         return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, NO_DEPTHS)
     left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
-        has_albedo = (of_materials.needs & HAS_ALBEDO) != 0
+        has_albedo = (of_materials.features & HAS_ALBEDO) != 0
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
@@ -290,8 +291,8 @@ def sampled_in_double(textures: Textures, coding: Coding) -> Textures | None:
 
 def make_buffer_coding(screen, n_attribute) -> BufferCoding:
     """Say that entries hold indices of triangles, as for buffers; with attributes all have exact records, too."""
-    needs = DOUBLE_PRECISION | (HAS_CORNERS if n_attribute > 0 else 0)
-    return _plain_coding(BufferCoding, IN_PLANES, needs, n_attribute, None, screen)
+    features = DOUBLE_PRECISION | (HAS_CORNERS if n_attribute > 0 else 0)
+    return _plain_coding(BufferCoding, IN_PLANES, features, n_attribute, None, screen)
 
 
 def make_map_coding(screen) -> Coding:
@@ -299,11 +300,11 @@ def make_map_coding(screen) -> Coding:
     return _plain_coding(LevelCoding, IN_ENTRIES, SINGLE_PRECISION, 0, 1.0, screen)
 
 
-def _plain_coding(kind, way, needs, n_attribute, level_scale, screen) -> Coding:
+def _plain_coding(coding_type, path, features, n_attribute, level_scale, screen) -> Coding:
     """The coding of passes in which all is of one material."""
-    is_double = needs & DOUBLE_PRECISION != 0
-    rows = np.array([way], np.uint8), np.array([needs], np.uint8), np.array([is_double]), np.array([n_attribute])
-    return kind(*rows, np.full(1, np.inf), level_scale, 0.0, False, None, scale_depths(screen))
+    is_double = features & DOUBLE_PRECISION != 0
+    rows = np.array([path], np.uint8), np.array([features], np.uint8), np.array([is_double]), np.array([n_attribute])
+    return coding_type(*rows, np.full(1, np.inf), level_scale, 0.0, False, None, scale_depths(screen))
 
 
 def scale_depths(screen) -> DepthScale:

@@ -59,7 +59,7 @@ from .rounding import DOUBLE, SINGLE, Step, times
 
 EXACT = 1e-6  # what is stated of float64
 ROUNDED = 6e-7  # the most that float64 may err by before it becomes float32, where EXACT is stated
-MOST_LIGHT = 1024.0  # and the brightest that light may be without highlights
+MAX_LIGHT = 1024.0  # and the brightest that light may be without highlights
 WRITTEN = 6 * SINGLE  # a pixel over a background, in float32, of its own intensity
 # In units of u:
 LIT, INTERPOLATED, ROUGH, CONE = 24, 7, 20, 12
@@ -67,8 +67,8 @@ NORMALS, POINTS, SAMPLES = 7, 2, 20  # interpolated normals; positions of vertic
 # In units of 2^-53:
 DEPTHS, RATIO = 42, 4  # of depths, and that times the furthest over the nearest one
 # Shares:
-LEAST_SHARE = 2.0**-10  # a light nearer to a surface than this share of the scene's depth counts as on it
-LEAST_NORMAL = 2.0**-14  # an interpolated normal shorter than this counts as none
+MIN_SHARE = 2.0**-10  # a light nearer to a surface than this share of the scene's depth counts as on it
+MIN_NORMAL = 2.0**-14  # an interpolated normal shorter than this counts as none
 
 
 # ---------------------------------------------------------------- how bright a scene may be
@@ -108,25 +108,25 @@ class Brightness(NamedTuple):
         return self._replace(diffuse=times(self.diffuse, strengths), specular=times(self.specular, strengths))
 
 
-def compute_brightness(materials, lights, ambient, most_albedo: float, products=None) -> Brightness:
+def compute_brightness(materials, lights, ambient, max_albedo: float, products=None) -> Brightness:
     """Compute how bright each light makes each material at most, where its strength is 1.
 
     Parameters
     ----------
     ambient : (3,) float64, the sum of the ambient lights
-    most_albedo : largest component of the colours that multiply what materials reflect, textures' included
+    max_albedo : largest component of the colours that multiply what materials reflect, textures' included
     products : those of spectra (engine/plan.py), in which the exposure is included, or None
     """
-    undirected = np.array([max(m.ambient) * ambient.max() * most_albedo + max(m.emissive) for m in materials])
+    undirected = np.array([max(m.ambient) * ambient.max() * max_albedo + max(m.emissive) for m in materials])
     colors = np.array([max(light.color) for light in lights], float)
     diffuse = np.array([max(m.diffuse) for m in materials])[:, None] * colors
     specular = np.array([max(m.specular) for m in materials])[:, None] * colors
     if products is not None:
-        undirected = np.abs(products.ambient).max(axis=1) * most_albedo + np.abs(products.emissive).max(axis=1)
+        undirected = np.abs(products.ambient).max(axis=1) * max_albedo + np.abs(products.emissive).max(axis=1)
         diffuse = np.abs(products.diffuse).max(axis=2)
         specular = (np.abs(products.specular) + np.abs(products.grazing)).max(axis=2)
     heights = np.array([reflection_table.highlight_height(material) for material in materials])
-    return Brightness(undirected, diffuse * most_albedo, specular * heights[:, None], tuple(materials), tuple(lights))
+    return Brightness(undirected, diffuse * max_albedo, specular * heights[:, None], tuple(materials), tuple(lights))
 
 
 # ---------------------------------------------------------------- what rounding adds
@@ -147,8 +147,8 @@ class Distances(NamedTuple):
     def kept(self, share: float = 1.0) -> "Distances":
         """Return the same without points that lie on a light, and normals that vanish: next to these nothing is
         bounded. `share` of what counts as next to them is left out."""
-        least = np.maximum(share * LEAST_SHARE * self.furthest, np.finfo(float).tiny)
-        shortest = max(self.shortest, share * LEAST_NORMAL)
+        least = np.maximum(share * MIN_SHARE * self.furthest, np.finfo(float).tiny)
+        shortest = max(self.shortest, share * MIN_NORMAL)
         return self._replace(clearances=np.maximum(self.clearances, least[:, None]), shortest=shortest)
 
 
@@ -164,10 +164,8 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     lights, materials = brightness.lights, brightness.materials
     # Float64 is right where float32 has lost all digits: a direction turns by 2 u·2^30 radians, more than there are.
     distances = distances.kept(2.0**-20 if u == SINGLE else 1.0)
-    models, kinds = (
-        [reflection_table.entry_of(material) for material in materials],
-        list(map(light_table.entry_of, lights)),
-    )
+    models = [reflection_table.entry_of(material) for material in materials]
+    entries = [light_table.entry_of(light) for light in lights]
     weights = np.array([model.weight(material, u) for model, material in zip(models, materials, strict=True)])
     lit, fading = brightness.at(distances.clearances), distances.fading if u == SINGLE else 0.0
     lit = lit._replace(specular=lit.specular * weights[:, None])
@@ -176,11 +174,11 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     position = ((SAMPLES if per_sample else POINTS) * u + DEPTHS * DOUBLE + ratio) * distances.furthest
     normal = (NORMALS * u + ratio) / distances.shortest if per_sample else 0.0
     turns = np.where(np.isfinite(distances.clearances), position[:, None] / distances.clearances + u, 0.0)
-    steep = np.array([kind.steepness(light) for kind, light in zip(kinds, lights, strict=True)], float)
-    slopes = np.array([kind.slope(light) for kind, light in zip(kinds, lights, strict=True)], float)
+    steep = np.array([entry.steepness(light) for entry, light in zip(entries, lights, strict=True)], float)
+    slopes = np.array([entry.slope(light) for entry, light in zip(entries, lights, strict=True)], float)
     of_light = times(2.0 + slopes, turns) + CONE * u * steep
     # What rounding may carry across the edge of a sharp cone must stay within what counts as lying on it.
-    edges = [[step.near for step in kind.steps(light, of_type)] for kind, light in zip(kinds, lights, strict=True)]
+    edges = [[step.near for step in entry.steps(light, of_type)] for entry, light in zip(entries, lights, strict=True)]
     near = np.array([min(of_one, default=np.inf) for of_one in edges], float)
     of_light = np.where(turns + CONE * u > near / 2.0, np.inf, of_light)
     n_term = len(lights) * (2 if any(map(reflection_table.has_colored_fresnel, materials)) else 1)
@@ -195,7 +193,7 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     return error
 
 
-def position_reach(screen: Screen, furthest: float, is_lit_per_sample: bool) -> float:
+def position_shift(screen: Screen, furthest: float, is_lit_per_sample: bool) -> float:
     """Return how far beside its triangle a sample's point may lie, scene units: vertices are rounded to 1/256 px, so by
     √2/512 px at its depth at most; 0 where vertices or centroids are lit."""
     if not is_lit_per_sample:
@@ -230,12 +228,12 @@ def list_steps(plan: Any, distances: Distances) -> tuple[Step, ...]:
     steps += _shadow_steps(plan, distances)
     if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
         steps.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
-    least = LEAST_SHARE * distances.furthest
+    least = MIN_SHARE * distances.furthest
     is_near = ((distances.clearances < least[:, None]) & plan.is_lit).any(axis=1)
     if is_near.any():
         steps.append(Step("a light on a surface", float(least[is_near].max()), "scene units"))
-    if distances.is_lit_per_sample and distances.shortest < LEAST_NORMAL:
-        steps.append(Step("an interpolated normal without length", LEAST_NORMAL, "of its length"))
+    if distances.is_lit_per_sample and distances.shortest < MIN_NORMAL:
+        steps.append(Step("an interpolated normal without length", MIN_NORMAL, "of its length"))
     return tuple(dict.fromkeys(steps))  # each cause once
 
 
@@ -268,7 +266,7 @@ STEEPEST, MAX_LEVELS = 12.92 * 255.0, 255  # levels of 8 bits for an intensity o
 # Of the largest number that corners have: 2^-24 where float64 becomes float32, and as much for what the ratio of depths
 # leaves of float64. A mean of normals may be short, so that more is left: twice as much.
 INTERPOLATED_BOUND, NORMAL_BOUND = 2.0**-23, 2.0**-22
-MOST_RATIO = 2.0**26  # of the furthest to the nearest depth, where these are stated: RATIO·2^-53·2^26 = 2^-25
+MAX_RATIO = 2.0**26  # of the furthest to the nearest depth, where these are stated: RATIO·2^-53·2^26 = 2^-25
 
 
 class ShadowBound(NamedTuple):
@@ -387,9 +385,9 @@ def bound_buffers(names, screen: Screen, furthest: float, nearest: float, shorte
     elif "depth" in names:
         found["depth"] = (SINGLE + DEPTHS * DOUBLE) * furthest
         found["depth_share"] = SINGLE + DEPTHS * DOUBLE * furthest / least if least > 0.0 else math.inf
-    if not {"uv", "barycentric", "position", "position_camera"}.isdisjoint(names) and ratio <= MOST_RATIO:
+    if not {"uv", "barycentric", "position", "position_camera"}.isdisjoint(names) and ratio <= MAX_RATIO:
         found["interpolated"] = INTERPOLATED_BOUND
-    is_long = ratio / max(shortest, LEAST_NORMAL) <= MOST_RATIO
+    is_long = ratio / max(shortest, MIN_NORMAL) <= MAX_RATIO
     if not {"normal", "normal_camera"}.isdisjoint(names) and is_long:
         found["normal"] = NORMAL_BOUND
     return found

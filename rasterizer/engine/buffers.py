@@ -20,7 +20,7 @@ from ..pipeline.buffers import (
 )
 from ..scene.camera import View
 from ..scene.mesh import Mesh
-from ..scene.scene import Scene
+from .scene_tables import SceneTables
 
 # ----------------------------------------------------------------
 # What output buffers look up for the visible triangle: labels of faces, and values of the corners of triangles.
@@ -43,7 +43,7 @@ class BufferTables:
     geometry : the triangles that it is drawn with
     """
 
-    def __init__(self, scene: Scene, geometry: Geometry) -> None:
+    def __init__(self, scene: SceneTables, geometry: Geometry) -> None:
         self._scene, self._geometry = scene, geometry
 
     @cached_property
@@ -55,12 +55,10 @@ class BufferTables:
     @cached_property
     def materials(self) -> NDArray[np.int32]:
         """(n_face,) the material of each face as loaded, by its index in `Scene.materials`."""
-        number = {material: k for k, material in enumerate(self._scene.materials)}
         parts = []
-        for mesh in self._scene.meshes:
-            of_palette = np.array([number[material] for material in mesh.palette], np.int32)
+        for mesh, of_palette in zip(self._scene.meshes, self._scene.palettes, strict=True):
             face_material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material
-            parts.append(of_palette[face_material])
+            parts.append(of_palette.astype(np.int32)[face_material])
         return np.concatenate(parts)
 
     @cached_property

@@ -8,9 +8,9 @@ from ..pipeline.transform import Screen, make_screen
 
 # The fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there.
 NEAREST = 2.0**-20
-MOST_DEEP = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
+MAX_DEPTH_RATIO = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
 # Distances down to NEAREST of a scene's extent keep their digits in their squares, which are 2^-1000 then.
-LEAST_EXTENT = 2.0**-480
+MIN_EXTENT = 2.0**-480
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 
 
@@ -65,8 +65,8 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=N
     So planes that somebody gives far before or behind the scene cost no digits of depth. With perspective the
     z-buffer's 38 bits are even in 1/w: they leave 2^-38 · w/near of the depth w, so near counts most. Where it is small
     beside far, the nearest depth that is seen is looked for. 1/w is rounded to 2^-53 of the nearest one, twice: a
-    relative error of 2^-52 · w/near, which `Stats.error_bound` counts. What is further than MOST_DEEP times as far as
-    the nearest that is seen is clipped: depth tells nothing of it any more.
+    relative error of 2^-52 · w/near, which `Stats.error_bound` counts. What is further than MAX_DEPTH_RATIO times
+    as far as the nearest that is seen is clipped: depth tells nothing of it any more.
 
     What lies between the near plane and the nearest depth that is seen needs a depth, too, for the planes of triangles
     that reach there; the near plane is brought so near to the range that such depths leave it by no more than 2^20
@@ -91,17 +91,17 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=N
         screen = make_screen(view, projection, (near, far), near, far_clip)
         seen = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
         near = seen if near < seen < far else near
-    if near * MOST_DEEP < far:
-        far = far_clip = near * MOST_DEEP
+    if near * MAX_DEPTH_RATIO < far:
+        far = far_clip = near * MAX_DEPTH_RATIO
     return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
 
 
 def check_extent(bounds) -> None:
     """Refuse a scene that is so small that float64 can't hold what is computed of it; `bounds` are (n_mesh, 2, 3)."""
     extent = float((bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)).max())
-    if 0.0 < extent < LEAST_EXTENT:
+    if 0.0 < extent < MIN_EXTENT:
         raise SceneError(
-            f"the scene is {extent:.3g} scene units large; it must be at least {LEAST_EXTENT:.3g}: scale the scene"
+            f"the scene is {extent:.3g} scene units large; it must be at least {MIN_EXTENT:.3g}: scale the scene"
         )
 
 

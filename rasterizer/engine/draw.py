@@ -1,13 +1,14 @@
-"""A triangle's way from the scene to the picture, one stage after the other.
+"""A triangle's path from the scene to the picture, one stage after the other.
 
     Scene ─ geometry ─ light ─ transform ─ clip ─ cull ─ bands ─ scan ─ shade ─ resolve ─ Frame
             normals            1/256 px          boxes   by y    z-test         8 bits
 
-Every stage hands plain arrays to the next; `draw` is the way from transform on. What is drawn, how it is shaded and
+Every stage hands plain arrays to the next; `draw` is the path from transform on. What is drawn, how it is shaded and
 what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
 Buffers of the same samples are drawn beside a picture, band by band.
 """
 
+from time import perf_counter
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -19,20 +20,20 @@ from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sor
 from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
+from ..pipeline.workspace import WorkspacePool, WorkspaceShape
 from .passes import BufferPass, FaceTable, Pass
-from .plan_summary import Ways
+from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 FACE_TIME = 40  # nanoseconds of a triangle, roughly, from scan on: every other one is hidden
-LEAST_TIME = 400_000  # of the bands of a picture that are drawn on several threads: four times what waking one takes
-MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
+MIN_THREADED_TIME = 400_000  # of bands that are drawn on several threads: four times what waking one takes
+MAX_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
-NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
 def draw(
-    geometry, render_pass: Pass, screen, workspaces, threads, clock, buffers: BufferPass | None = None
+    geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads, clock, buffers: BufferPass | None = None
 ) -> "Counts":
     """Send every triangle of the scene through the stages.
 
@@ -41,7 +42,7 @@ def draw(
     geometry : Geometry of the scene, world space
     render_pass : what is drawn, and what becomes of it
     screen : Screen of the view
-    workspaces : WorkspacePool, from which each band takes the memory that it is drawn in
+    workspaces : from which each band takes the memory that it is drawn in
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
     buffers : BufferPass of the same samples, which is drawn beside the picture; None for none
@@ -56,43 +57,50 @@ def draw(
         clock.lap("clip")
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
-    kind = render_pass.workspace_kind(n_row)
+    shape = render_pass.workspace_shape(n_row)
     if buffers is not None:
-        kind = kind._replace(n_attribute=max(kind.n_attribute, buffers.n_attribute))
+        shape = shape._replace(n_attribute=max(shape.n_attribute, buffers.n_attribute))
 
-    (first, end), starts, n_unit = render_pass.drawn_rows, lists.starts.tolist(), render_pass.most_records(1)
+    def scan_shade_resolve(band: Band) -> BandCounts:
+        return draw_band(band, drawn, render_pass, buffers, workspaces, shape)
 
-    def draw_band(k) -> BandCounts:
-        band = Band(lists.faces[starts[k] : starts[k + 1]], max(k * n_row, first), min((k + 1) * n_row, end))
-        workspace = workspaces.acquire(kind, n_unit * len(band.faces))
-        if workspace.records.clipped_planes is not drawn.clipped_planes:
-            workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
-        deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
-        found = ScanCounts(
-            *scan(
-                band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
-                deferred,
-            )
-        )  # fmt: skip
-        translucent = None
-        if deferred is None or deferred.is_empty:
-            render_pass.shade(workspace, band, found, drawn.face_table)
-        else:
-            task = Task(band, drawn, render_pass, Memory(workspace, workspaces, kind))
-            found, translucent = draw_transparent_band(task, found, deferred.listed())
-        is_shared = buffers is not None and buffers.can_share(render_pass, found)
-        if is_shared:
-            buffers.share(workspace, band, drawn)
-        n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
-        if buffers is not None and not is_shared:
-            buffers.draw(workspace, band, drawn)
-        workspaces.release(kind, workspace)
-        return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
-
-    order, bands = busiest_first(np.diff(lists.starts), render_pass.is_filled), range(first // n_row, -(-end // n_row))
-    counts = threads.map(draw_band, [k for k in order if k in bands])
+    counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass))
     clock.lap("scan, shade, resolve")
     return Counts.of(geometry, drawn, lists, render_pass, counts)
+
+
+def draw_band(
+    band: Band, drawn: "Drawn", render_pass: Pass, buffers: BufferPass | None, workspaces: WorkspacePool,
+    shape: WorkspaceShape,
+) -> "BandCounts":  # fmt: skip
+    """Draw the rows of one band: find what is visible, shade it, write it."""
+    workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
+    if workspace.records.clipped_planes is not drawn.clipped_planes:
+        workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
+    deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
+    found = ScanCounts(
+        *scan(
+            band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
+            deferred,
+        )
+    )  # fmt: skip
+    translucent = None
+    if deferred is None or deferred.is_empty:
+        render_pass.shade(workspace, band, found, drawn.face_table)
+    else:
+        task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
+        found, translucent = draw_transparent_band(task, found, deferred.listed())
+    is_shared = buffers is not None and buffers.can_share(render_pass, found)
+    if is_shared:
+        buffers.share(workspace, band, drawn)
+    n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
+    if buffers is not None and not is_shared:
+        buffers.draw(workspace, band, drawn)
+    workspaces.release(shape, workspace)
+    return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
+
+
+# ---------------------------------------------------------------- the triangles of a view
 
 
 class Drawn(NamedTuple):
@@ -126,9 +134,12 @@ def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
 def checked(drawn: Drawn) -> Drawn:
     """Return the triangles if records have numbers for all of them."""
     n = drawn.drawables.triangles.vertex_idx.shape[1]
-    if n > MOST_FACES:
-        raise SceneError(f"a scene may have {MOST_FACES} triangles; this one has {n}")
+    if n > MAX_FACES:
+        raise SceneError(f"a scene may have {MAX_FACES} triangles; this one has {n}")
     return drawn
+
+
+# ---------------------------------------------------------------- bands
 
 
 def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
@@ -139,20 +150,20 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     Returns the lists of the triangles, and the number of rows of samples in a band.
     """
     factor, (width, height) = render_pass.factor, render_pass.n_sample
-    n_face = drawn.drawables.triangles.vertex_idx.shape[1]
-    is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > LEAST_TIME
+    triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
+    n_face = triangles.vertex_idx.shape[1]
+    is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > MIN_THREADED_TIME
     n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
     while True:
-        triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
         grid = Grid(width, height, n_row)
         parts = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, sort_into_bands)
         lists = join_lists(parts)
-        most = int(np.diff(lists.starts).max(initial=0))
-        if render_pass.most_records(most) <= MAX_RECORDS:
+        n_max = int(np.diff(lists.starts).max(initial=0))
+        if render_pass.max_records(n_max) <= MAX_RECORDS:
             return lists, n_row
         if n_row == factor:
             raise SceneError(
-                f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: "
+                f"{n_max} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.max_records(1)}: "
                 "draw a larger picture"
             )
         n_row = max(factor, n_row // 2 // factor * factor)
@@ -167,20 +178,24 @@ def choose_band_rows(width, height, n_thread, factor) -> int:
     return max(1, min(n_row, height) // factor) * factor
 
 
-def busiest_first(n_in_band, is_filled) -> list[int]:
-    """The bands to draw, those with most triangles first: so no thread is left with a big one at the end.
-
-    Parameters
-    ----------
-    n_in_band : (n_band,) int64, triangles
-    is_filled : bands without triangles are drawn, too
-    """
+def list_bands(lists: BandLists, n_row: int, render_pass: Pass) -> list[Band]:
+    """List the bands to draw, those with most triangles first: so no thread is left with a big one at the end. Those
+    without triangles are drawn where the pass fills them."""
+    (first, end), starts = render_pass.drawn_rows, lists.starts.tolist()
+    n_in_band = np.diff(lists.starts)
     order = np.argsort(-n_in_band, kind="stable").tolist()
-    return order if is_filled else [k for k in order if n_in_band[k] > 0]
+    return [
+        Band(lists.faces[starts[k] : starts[k + 1]], max(k * n_row, first), min((k + 1) * n_row, end))
+        for k in order
+        if first // n_row <= k < -(-end // n_row) and (render_pass.is_filled or n_in_band[k] > 0)
+    ]
+
+
+# ---------------------------------------------------------------- what was done, and how long it took
 
 
 class BandCounts(NamedTuple):
-    """What was drawn in one band: samples, and triangles by the way that their attributes took
+    """What was drawn in one band: samples, and triangles by the path that their attributes took
     (pipeline/gradients.py)."""
 
     covered: int
@@ -190,7 +205,7 @@ class BandCounts(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """What went the way, for `Stats`."""
+    """What was drawn, for `Stats`."""
 
     faces: int
     clipped: int
@@ -198,12 +213,31 @@ class Counts(NamedTuple):
     drawn: int
     covered: int
     samples: int
-    ways: Ways
+    paths: PathCounts
 
     @classmethod
-    def of(cls, geometry, drawn: Drawn, lists: BandLists, render_pass: Pass, counts) -> "Counts":
+    def of(cls, geometry, drawn: Drawn, lists: BandLists, render_pass: Pass, counts: list[BandCounts]) -> "Counts":
         """Sum up the counts of the stages and bands."""
         width, height = render_pass.n_sample
-        covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
+        covered, *paths = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
         n_visible = lists.n_visible
-        return cls(geometry.n_loaded, drawn.n_clipped, lists.n_culled, n_visible, covered, width * height, Ways(*ways))
+        return cls(
+            geometry.n_loaded, drawn.n_clipped, lists.n_culled, n_visible, covered, width * height, PathCounts(*paths)
+        )
+
+
+class Clock:
+    """Milliseconds of each stage, in order."""
+
+    def __init__(self) -> None:
+        self.milliseconds: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Add the time since the last lap to a stage."""
+        now = perf_counter()
+        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + 1000.0 * (now - self._last)
+        self._last = now
+
+
+NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture

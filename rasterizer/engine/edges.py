@@ -34,7 +34,7 @@ class EdgeOverlay:
 
     def __init__(self, prepared: "PreparedScene") -> None:
         self._prepared = prepared
-        self._edges = join_edges(prepared.scene.meshes)
+        self._edges = join_edges(prepared.tables.meshes)
 
     def draw_over(self, camera: Camera, rgba: NDArray[np.uint8], color: NDArray | None, alpha: NDArray | None) -> None:
         """Draw the edges that the options ask for over a picture.
@@ -68,7 +68,7 @@ class EdgeOverlay:
         lines = place_lines(segments, sides[is_left], width)
         draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, depth, share)
         share = average(share, factor)
-        has_background = prepared.scene.background is not None
+        has_background = prepared.tables.background is not None
         return share, np.ones(share.shape) if has_background else average(depth < np.inf, factor)
 
 
@@ -80,7 +80,7 @@ def average(samples: NDArray, factor: int) -> NDArray[np.float64]:
     return out / factor**2
 
 
-def choose(edges: Edges, kinds: tuple[str, ...], screen: Screen, is_culled: bool) -> tuple[NDArray, NDArray]:
+def choose(edges: Edges, names: tuple[str, ...], screen: Screen, is_culled: bool) -> tuple[NDArray, NDArray]:
     """Choose the edges that are drawn.
 
     Returns
@@ -97,10 +97,10 @@ def choose(edges: Edges, kinds: tuple[str, ...], screen: Screen, is_culled: bool
     is_left = is_shown & (is_front == edges.is_along)
     n_left, n_shown = (np.add.reduceat(column, edges.first, dtype=np.int64) for column in (is_left, is_shown))
     is_outline = (n_left == 0) | (n_left == n_shown)
-    chosen = np.full(len(edges.first), "wire" in kinds)
-    if "crease" in kinds:
+    chosen = np.full(len(edges.first), "wire" in names)
+    if "crease" in names:
         chosen |= edges.is_crease
-    if "silhouette" in kinds:
+    if "silhouette" in names:
         chosen |= edges.is_open | is_outline
     chosen &= n_shown > 0
     sides = np.where(is_outline, np.where(n_left > 0, -1.0, 1.0), 0.0)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import Output
+from ..compiler.kernels import Job, compiling_ahead
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_from_srgb, srgb_from_linear
@@ -29,15 +30,16 @@ from ..scene.lights import AmbientLight
 from ..scene.scene import Scene
 from .draw import NO_CLOCK
 from .prepared import PreparedScene
+from .scene_tables import SceneTables
 
 HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
 RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller is a point
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-MOST_POINTS, LEAST_POINTS = 128, 16  # of the light, as many as there is time for
+MAX_POINTS, MIN_POINTS = 128, 16  # of the light, as many as there is time for
 FACES_DRAWN = 2**22  # triangles times points of the light: some 0.2 s
-# Renderers that draw masks side by side, and triangles of a scene that they do so for: each prepares the scene.
-MOST_SHARES, MOST_SHARED = 4, 2**17
+# Prepared scenes whose masks are drawn side by side, and triangles of a scene of which there are several.
+MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
 
 
 class _Ground(NamedTuple):
@@ -78,7 +80,7 @@ class GroundShadow:
         threads: int | None = None,
     ) -> None:
         if points is None:
-            points = min(max(FACES_DRAWN // max(scene.n_face, 1), LEAST_POINTS), MOST_POINTS)
+            points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
         self._ground = _ground_under(scene, size)
         if self._ground is None:
             self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
@@ -179,12 +181,13 @@ def _over(
     return color + (1 - alpha - shadow)[:, None] * np.asarray(background, np.float32), np.ones_like(alpha)
 
 
-def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[Scene, Options]:
-    """Return the scene and the options that masks are drawn with: whichever tell what is covered, at the least cost."""
+def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[SceneTables, Options]:
+    """Return what masks are drawn of, and with: whichever tells what is covered, at the least cost."""
     is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
     output: Output = "mask" if is_opaque else "rgb"
     casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
-    return casters, Options(size=size, shading="flat", outputs=(output,), samples=1, threads=threads)
+    options = Options(size=size, shading="flat", outputs=(output,), samples=1, threads=threads)
+    return SceneTables(casters, options), options
 
 
 def faded(size: tuple[int, int]) -> NDArray[np.float32]:
@@ -248,8 +251,8 @@ def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> N
     rows, columns = ground.shape
     points, n_thread = _light_points(ground, n).tolist(), Options(threads=threads).n_thread
     # Masks of a small scene take less time side by side than one after the other on all threads.
-    n_share = min(n_thread, MOST_SHARES, n) if scene.n_face <= MOST_SHARED else 1
-    casters, options = masks_of(scene, (columns, rows), n_thread // n_share)
+    n_batch = min(n_thread, MAX_BATCHES, n) if scene.n_face <= MAX_BATCHED_FACES else 1
+    casters, options = masks_of(scene, (columns, rows), n_thread // n_batch)
     is_opaque = options.outputs == ("mask",)
 
     def draw_mask(prepared: PreparedScene, x: float, y: float) -> NDArray:
@@ -258,23 +261,27 @@ def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> N
             return prepared.draw_buffers(camera, NO_CLOCK)[0]["mask"]
         return prepared.draw_picture(camera, NO_CLOCK).rgba[..., 3]
 
-    def draw_share(k: int) -> NDArray[np.uint32]:
+    def draw_batch(k: int) -> NDArray[np.uint32]:
         covered = np.zeros(ground.shape, np.uint32)  # whole numbers: their sum is the same in any order
         prepared = PreparedScene(casters, options)
         try:
-            for x, y in points[k::n_share]:
+            for x, y in points[k::n_batch]:
                 covered += draw_mask(prepared, x, y)
         finally:
             prepared.threads.close()
         return covered
 
-    if n_share == 1:
-        covered = draw_share(0)
-    else:
-        from concurrent.futures import ThreadPoolExecutor
+    def list_kernels() -> list[Job]:
+        return PreparedScene(casters, options).list_kernels(_camera_at(ground, 0.0, 0.0))
 
-        with ThreadPoolExecutor(n_share) as pool:
-            covered = sum(pool.map(draw_share, range(n_share)), np.uint32(0))
+    with compiling_ahead(list_kernels):
+        if n_batch == 1:
+            covered = draw_batch(0)
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            with ThreadPoolExecutor(n_batch) as pool:
+                covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
     return covered.astype(np.float32) / np.float32(n if is_opaque else 255 * n)
 
 

@@ -5,7 +5,7 @@ the same structures as in the stages, with no room in their arrays: a signature 
 missing here costs no more than time: it is compiled when it is met.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,12 +13,10 @@ import numpy as np
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
 from ..geometry import ears, normals, surfaces
-from ..geometry.points import number_materials
 from ..geometry.polygons import fill_means
-from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
-from ..pipeline.cull import Band, Rows, compute_outcodes, list_seen, scatter
+from ..pipeline.cull import Band, Rows, scatter
 from ..pipeline.edges import draw_edges
 from ..pipeline.gradients import HAS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
@@ -27,125 +25,92 @@ from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.resolve import encode_picture
 from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.shade import fade, shade_interpolated
-from ..pipeline.shade_once import make_grid
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_screen, transform_range
 from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
-from ..scene.scene import Scene
 from . import lights as light_table
 from .attributes import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
 from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
-from .plan import Plan, list_lights, make_plan
+from .plan import Plan, make_plan
+from .scene_tables import SceneTables
 from .shadow_maps import corners_of, leaves_casters_out
 from .uniforms import list_materials, used_functions
 
 SIZE = (8, 8)  # of a picture without room, pixels
-NO_FANS = normals.Fans(np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), 0)
-COUNTS = ScanCounts(0, 0, 0, 0, 0)
-NO_MAPS = ShadowMaps(0, np.empty(0, np.int64))
 SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
+# Arrays without room, by what they would hold:
+ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
+CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
+NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
+NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
+NO_TRIANGLES = Drawables(
+    Triangles(CORNERS, CORNERS, FLAGS), Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS),
+    np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)),
+)  # fmt: skip
+
+
+def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Plan | None = None) -> list[Job]:
+    """List the kernels that draw a picture of a scene through a camera.
+
+    Parameters
+    ----------
+    plan : None = the one that the scene will have in most views, before anything of it is prepared
+    """
+    plan = plan_ahead(tables, options, camera) if plan is None else plan
+    found = PictureKernels(tables, options, camera, plan)
+    found.add_geometry()
+    names = [name for name in options.outputs if name not in ("color", "rgb")]
+    if len(names) < len(options.outputs):
+        found.add_picture()
+    if names:
+        # Entries of normals hold what buffers look for: no triangles are drawn for these.
+        is_shared = len(names) < len(options.outputs) and options.factor == 1 and plan.is_lit_per_sample
+        found.add_buffers(names, is_shared and plan.opacity is None)
+    if options.edges:
+        found.add_edges()
+    return list(found.jobs)
+
+
+def list_mesh_kernels() -> list[Job]:
+    """List the kernels that work on meshes outside of pictures: those that cut ears."""
+    found = KernelList()
+    polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
+    found.add(ears.cut_outlines, polygons, ears.make_ear_scratch(0), np.empty((0, 3), np.int64), np.empty(0, np.bool_))
+    return list(found.jobs)
+
+
+def plan_ahead(tables: SceneTables, options: Options, camera: Camera) -> Plan:
+    """The plan of a scene whose surfaces aren't known yet: lights are as far away as from the nearest vertex."""
+    colors = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in tables.meshes]
+    albedo = [ROWS, *(each[..., :3].reshape(-1, 3) for each in colors if each is not None)]
+    clearances, view = np.full(tables.is_lit.shape, np.inf), camera.view()
+    for mesh, of_mesh in zip(tables.meshes, tables.palettes, strict=True):
+
+        def distance(position, vertices=mesh.vertices):
+            return float(np.linalg.norm(vertices - np.asarray(position), axis=1).min(initial=np.inf))
+
+        of_lights = [light_table.entry_of(light).clearance(light, view, distance) for light in tables.lights]
+        clearances[of_mesh] = np.minimum(clearances[of_mesh], of_lights)
+    return make_plan(tables, options, np.concatenate(albedo), 0.5 * clearances)
 
 
 class KernelList:
     """Kernels with their signatures, each once."""
 
     def __init__(self) -> None:
-        self._found: dict[Job, None] = {}
+        self.jobs: dict[Job, None] = {}
 
     def add(self, kernel: Callable, *arguments: Any) -> None:
         """Add a kernel that is called with such arguments."""
-        self._found[getattr(kernel, "py_func", kernel), signature_of(arguments)] = None
+        self.jobs[getattr(kernel, "py_func", kernel), signature_of(arguments)] = None
 
     def add_batch_function(self, function: Callable, dtype: np.dtype) -> None:
         """Add a function that kernels call by its address."""
-        self._found[function, ("batch function", dtype.name)] = None
-
-    def __iter__(self) -> Iterator[Job]:
-        return iter(self._found)
-
-
-def list_kernels(scene: Scene, options: Options, camera: Camera | None = None, plan: Plan | None = None) -> list[Job]:
-    """List the kernels that draw a picture of a scene.
-
-    Parameters
-    ----------
-    camera : None = the scene's own
-    plan : None = the one that the scene will have in most views, before anything of it is prepared
-    """
-    found, camera = KernelList(), scene.camera_for(options.size) if camera is None else camera
-    plan = plan_of(scene, options, camera) if plan is None else plan
-    add_geometry(found, scene, options, plan, camera)
-    names = [name for name in options.outputs if name not in ("color", "rgb")]
-    if len(names) < len(options.outputs):
-        add_picture(found, scene, options, plan, camera)
-    if names:
-        # Entries of normals hold what buffers look for: no triangles are drawn for these.
-        is_shared = len(names) < len(options.outputs) and options.factor == 1 and plan.is_lit_per_sample
-        add_buffers(found, scene, options, names, camera, is_shared and plan.opacity is None)
-    if options.edges:
-        add_edges(found, scene, options, camera)
-    return list(found)
-
-
-def list_mesh_kernels() -> list[Job]:
-    """List the kernels that work on meshes outside of pictures: those that cut ears."""
-    found, columns = KernelList(), np.empty(0, np.int64)
-    polygons = ears.Polygons(np.empty((0, 3)), columns, columns, columns, columns)
-    found.add(ears.cut_outlines, polygons, ears.make_ear_scratch(0), np.empty((0, 3), np.int64), np.empty(0, np.bool_))
-    return list(found)
-
-
-def plan_of(scene: Scene, options: Options, camera: Camera) -> Plan:
-    """The plan of a scene whose surfaces aren't known yet: lights are as far away as from the nearest vertex."""
-    colors = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in scene.meshes]
-    rows = [np.empty((0, 3)), *(each[..., :3].reshape(-1, 3) for each in colors if each is not None)]
-    materials, numbers = number_materials(scene.meshes)
-    lights = list_lights(scene)[0]
-    clearances = np.full((len(materials), len(lights)), np.inf)
-    for mesh, of_mesh in zip(scene.meshes, numbers, strict=True):
-
-        def distance(position, vertices=mesh.vertices):
-            return float(np.linalg.norm(vertices - np.asarray(position), axis=1).min(initial=np.inf))
-
-        of_lights = [light_table.entry_of(light).clearance(light, camera.view(), distance) for light in lights]
-        clearances[of_mesh] = np.minimum(clearances[of_mesh], of_lights)
-    return make_plan(scene, options, np.concatenate(rows), 0.5 * clearances)
-
-
-# ---------------------------------------------------------------- before the first picture
-
-
-def add_geometry(found: KernelList, scene: Scene, options: Options, plan: Plan, camera: Camera) -> None:
-    """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""
-    vertices, faces, of_faces = np.empty((0, 3)), np.empty((0, 3), np.uint32), np.empty(0, np.uint32)
-    columns, corners = np.empty((3, 0)), np.empty((3, 0), np.uint32)
-    if options.is_flat:
-        found.add(normals.sum_by_polygon, vertices, faces, of_faces, vertices, np.empty(0))
-    else:
-        found.add(surfaces.flag_inverted, columns, columns, corners, np.empty(0, np.uint8))
-        if any(mesh.normals is None or mesh.crease_angle is not None for mesh in scene.meshes):
-            rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
-            split = normals.SplitVertices(of_faces, vertices)
-            found.add(normals.list_corners, of_faces, of_faces, of_faces)
-            found.add(normals.split_fans, vertices, NO_FANS, rule, normals.make_fan_scratch(0), 0, 0, of_faces, split)
-    if plan.has_shadows:
-        found.add(surfaces.compute_shapes, columns, corners, np.empty((0, 5)))
-    asked: list = []  # of lights whose clearance is measured
-    for light in plan.lights:
-        light_table.entry_of(light).clearance(light, camera.view(), lambda position: asked.append(position) or 1.0)
-    if asked and plan.is_lit_per_sample:
-        found.add(surfaces.compute_clearance, columns, corners, 0.0, 0.0, 0.0)
-    elif asked:
-        found.add(surfaces.compute_point_clearance, columns, 0.0, 0.0, 0.0)
-    if plan.is_lit_per_sample and plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
-        found.add(surfaces.find_shortest_normal, columns, corners)
-
-
-# ---------------------------------------------------------------- what all pictures have
+        self.jobs[function, ("batch function", dtype.name)] = None
 
 
 class Parts(NamedTuple):
@@ -154,271 +119,268 @@ class Parts(NamedTuple):
     screen: Screen
     coding: Coding
     workspace: Workspace
-    drawables: Drawables
-    factor: int = 1  # samples a pixel along each axis
 
     @property
     def band(self) -> ScannedBand:
         """A band behind the scan stage."""
-        return ScannedBand(self.workspace.visibility, self.workspace.records, self.coding, COUNTS, 0, 0)
+        return ScannedBand(
+            self.workspace.visibility, self.workspace.records, self.coding, ScanCounts(0, 0, 0, 0, 0), 0, 0
+        )
 
 
-def screen_of_no_scene(camera: Camera, factor: int) -> Screen:
-    """The screen of a camera, fitted to no depths."""
-    size = (SIZE[0] * factor, SIZE[1] * factor)
-    return make_screen(camera.view(), camera.projection(size), (1.0, 2.0), 1.0, np.inf)
+class PictureKernels(KernelList):
+    """The kernels of one picture, stage after stage."""
 
+    def __init__(self, tables: SceneTables, options: Options, camera: Camera, plan: Plan) -> None:
+        super().__init__()
+        self.tables, self.options, self.camera, self.plan = tables, options, camera, plan
 
-def no_drawables() -> Drawables:
-    """No triangles, as all passes take them."""
-    corners = np.empty((3, 0), np.uint32)
-    vertices = Vertices(np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0))
-    triangles = Triangles(corners, corners, np.empty(0, np.uint8))
-    return Drawables(triangles, vertices, np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)))
+    # ------------------------------------------------ before the first picture
 
-
-def add_stages(found: KernelList, parts: Parts, with_deferred=False) -> None:
-    """Add the stages up to scan."""
-    screen, workspace, drawables = parts.screen, parts.workspace, parts.drawables
-    corners, faces, bands = drawables.triangles.vertex_idx, np.empty(0, np.uint32), np.empty(0, np.uint16)
-    visible = cull.Visible(faces, bands, bands, np.empty(0, np.int64), 0)
-    found.add(transform_range, np.empty((3, 0)), 0, 0, screen, drawables.vertices)
-    grid = cull.Grid(*SIZE, 1)
-    found.add(cull.find_visible_in, 0, 0, corners, drawables.vertices, grid, False, cull.make_cull_scratch(), visible)
-    found.add(scatter, faces, bands, bands, np.empty(0, np.int64), faces)
-    deferred = make_deferred(0, workspace.extents) if with_deferred else None
-    found.add(scan, Band(faces, 0, 0), drawables, parts.coding, workspace.block, workspace.visibility,
-              workspace.records, deferred)  # fmt: skip
-
-
-def add_clipping(found: KernelList, scene: Scene, camera: Camera, screen: Screen) -> None:
-    """Add what clips, where a mesh's box reaches beyond the clip planes."""
-    depths = depths_of_boxes(camera.view(), np.stack([mesh.bounds for mesh in scene.meshes]))
-    (near, far), far_clip = fit_depth_range(camera, depths)
-    positions, corners, faces = np.empty((3, 0)), np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
-    scratch, parts = clip.make_clip_scratch(), np.empty((0, 3, clip.N_CORNER_COLUMN))
-    if depths[0] < near or depths[1] > far_clip:
-        found.add(clip.find_crossing, positions, corners, faces, screen, scratch, faces)
-        found.add(clip.clip_faces, positions, corners, faces, screen, scratch, parts, faces)
-    if camera.is_perspective and near < far * DEEP:
-        found.add(clip.search_nearest, positions, corners, screen, clip.Window(0.0, 0.0, 0.0, 0.0), scratch)
-
-
-# ---------------------------------------------------------------- the picture
-
-
-def add_picture(found: KernelList, scene: Scene, options: Options, plan: Plan, camera: Camera) -> None:
-    """Add what draws the colours of a picture."""
-    factor, is_lit = options.factor, plan.is_lit_per_sample
-    once = factor if options.antialias == "shade-once" and factor > 1 and (is_lit or plan.textures) else 0
-    kind = WorkspaceShape(8 * factor, 8 * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
-                         plan.textures is not None, plan.opacity is not None, once)  # fmt: skip
-    screen = screen_of_no_scene(camera, factor)
-    coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
-    parts = Parts(screen, coding, make_workspace(kind, 1), no_drawables(), factor)
-    add_stages(found, parts, with_deferred=plan.opacity is not None)
-    add_clipping(found, scene, camera, screen)
-    add_lights(found, scene, plan, camera)
-    if plan.packed_textures is not None:
-        add_packing(found)
-    (add_lit if is_lit else add_interpolated)(found, scene, plan, parts)
-    if plan.cue is not None:
-        found.add(fade, parts.band.uncoded(), coding.depths, True, plan.cue, parts.workspace.radiance)
-    if plan.opacity is not None:
-        add_layers(found, plan, parts)
-    add_resolve(found, options, plan, scene, parts)
-
-
-def add_lights(found: KernelList, scene: Scene, plan: Plan, camera: Camera) -> None:
-    """Add the functions of lights and reflection models, and what draws shadow maps."""
-    for dtype in plan.dtypes:
-        functions = {function for row in used_functions(plan, dtype) for function in row}
-        for function in functions - {None}:
-            found.add_batch_function(function, dtype)
+    def add_geometry(self) -> None:
+        """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""
+        plan, view = self.plan, self.camera.view()
+        if self.options.is_flat:
+            self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
+        else:
+            self.add(surfaces.flag_inverted, COLUMNS, COLUMNS, CORNERS, FLAGS)
+            if any(mesh.normals is None or mesh.crease_angle is not None for mesh in self.tables.meshes):
+                rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
+                split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
+                self.add(normals.list_corners, FACES, FACES, FACES)
+                self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
         if plan.has_shadows:
-            found.add_batch_function(shadow_lookup.occlude, dtype)
-            add_shadow_map(found, dtype)
-    if plan.has_shadows:
-        corners = corners_of(np.stack([mesh.bounds for mesh in scene.meshes]))
-        if leaves_casters_out(plan.reflected_lights, corners, camera.view()):
-            codes, faces = np.empty(0, np.uint8), np.empty(0, np.uint32)
-            found.add(compute_outcodes, np.empty((3, 0)), np.empty(3), np.empty((0, 3)), codes)
-            found.add(list_seen, np.empty((3, 0), np.uint32), codes, faces)
+            self.add(surfaces.compute_shapes, COLUMNS, CORNERS, np.empty((0, 5)))
+        asked: list = []  # of lights whose clearance is measured
+        for light in plan.lights:
+            light_table.entry_of(light).clearance(light, view, lambda position: asked.append(position) or 1.0)
+        if asked and plan.is_lit_per_sample:
+            self.add(surfaces.compute_clearance, COLUMNS, CORNERS, 0.0, 0.0, 0.0)
+        elif asked:
+            self.add(surfaces.compute_point_clearance, COLUMNS, 0.0, 0.0, 0.0)
+        if plan.is_lit_per_sample and plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
+            self.add(surfaces.find_shortest_normal, COLUMNS, CORNERS)
 
+    # ------------------------------------------------ the stages up to scan
 
-def add_shadow_map(found: KernelList, dtype: np.dtype) -> None:
-    """Add what draws the map of a light."""
-    screen = screen_of_no_scene(Camera.perspective((0, 0, 1)), 1)
-    workspace = make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, False, False), 1)
-    add_stages(found, Parts(screen, make_map_coding(screen), workspace, no_drawables()))
-    found.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
+    def screen(self, factor: int) -> Screen:
+        """The screen of the camera, fitted to no depths; `factor` samples a pixel along each axis."""
+        size = (SIZE[0] * factor, SIZE[1] * factor)
+        return make_screen(self.camera.view(), self.camera.projection(size), (1.0, 2.0), 1.0, np.inf)
 
+    def add_stages(self, parts: Parts, with_deferred: bool = False) -> None:
+        """Add the stages from transform to scan."""
+        screen, workspace, (triangles, vertices, *_) = parts.screen, parts.workspace, NO_TRIANGLES
+        bands, grid = np.empty(0, np.uint16), cull.Grid(*SIZE, 1)
+        visible = cull.Visible(FACES, bands, bands, NUMBERS, 0)
+        self.add(transform_range, COLUMNS, 0, 0, screen, vertices)
+        self.add(cull.find_visible_in, 0, 0, triangles.vertex_idx, vertices, grid, False, cull.make_cull_scratch(),
+                 visible)  # fmt: skip
+        self.add(scatter, FACES, bands, bands, NUMBERS, FACES)
+        deferred = make_deferred(0, workspace.extents) if with_deferred else None
+        self.add(scan, Band(FACES, 0, 0), NO_TRIANGLES, parts.coding, workspace.block, workspace.visibility,
+                 workspace.records, deferred)  # fmt: skip
 
-def add_lit(found: KernelList, scene: Scene, plan: Plan, parts: Parts) -> None:
-    """Add what lights every sample: Phong's method."""
-    workspace, tangents = parts.workspace, 0 if plan.has_tangents else None
-    textures = plan.textures and Texturing(plan.textures, workspace.lookup_batch, workspace.double_batch,
-                                           workspace.texels)  # fmt: skip
-    table = FaceTable(np.empty((0, 5)))
-    for band in shaded_bands(plan, parts):
-        add_look_up(found, plan, parts, band)
+    def add_clipping(self, screen: Screen) -> None:
+        """Add what clips, where a mesh's box reaches beyond the clip planes."""
+        depths = depths_of_boxes(self.camera.view(), self.tables.bounds)
+        (near, far), far_clip = fit_depth_range(self.camera, depths)
+        scratch = clip.make_clip_scratch()
+        if depths[0] < near or depths[1] > far_clip:
+            parts = np.empty((0, 3, clip.N_CORNER_COLUMN))
+            self.add(clip.find_crossing, COLUMNS, CORNERS, FACES, screen, scratch, FACES)
+            self.add(clip.clip_faces, COLUMNS, CORNERS, FACES, screen, scratch, parts, FACES)
+        if self.camera.is_perspective and near < far * DEEP:
+            self.add(clip.search_nearest, COLUMNS, CORNERS, screen, clip.Window(0.0, 0.0, 0.0, 0.0), scratch)
+
+    # ------------------------------------------------ the picture
+
+    def add_picture(self) -> None:
+        """Add what draws the colours of a picture."""
+        options, plan, factor = self.options, self.plan, self.options.factor
+        is_shaded_once = options.antialias == "shade-once" and factor > 1 and (plan.is_lit_per_sample or plan.textures)
+        shape = WorkspaceShape(
+            SIZE[0] * factor, SIZE[1] * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
+            plan.textures is not None, plan.opacity is not None, factor if is_shaded_once else 0,
+        )  # fmt: skip
+        screen = self.screen(factor)
+        coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
+        parts = Parts(screen, coding, make_workspace(shape, 1))
+        self.add_stages(parts, with_deferred=plan.opacity is not None)
+        self.add_clipping(screen)
+        self.add_lights()
+        if plan.packed_textures is not None:
+            texels = np.empty((0, 0), np.int16)
+            self.add(textures.largest_color, np.empty((0, 4), np.float32))
+            self.add(textures.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
+        if plan.is_lit_per_sample:
+            self.add_lit(parts)
+        else:
+            self.add_interpolated(parts)
+        if plan.cue is not None:
+            self.add(fade, parts.band.uncoded(), coding.depths, True, plan.cue, parts.workspace.radiance)
+        if plan.opacity is not None:
+            self.add_layers(parts)
+        self.add_resolve(parts)
+
+    def add_lights(self) -> None:
+        """Add the functions of lights and reflection models, and what draws shadow maps."""
+        plan = self.plan
         for dtype in plan.dtypes:
-            batch = workspace.batch if dtype == SINGLE else workspace.double_batch
-            found.add(shade_lit, band, parts.screen, lighting_without_functions(plan, dtype), table, tangents, textures,
-                      batch, workspace.radiance)  # fmt: skip
-    if workspace.points is not None:
-        add_points(found, parts, plan)
+            functions = {function for row in used_functions(plan, dtype) for function in row}
+            for function in functions - {None}:
+                self.add_batch_function(function, dtype)
+            if plan.has_shadows:
+                self.add_batch_function(shadow_lookup.occlude, dtype)
+                self.add_shadow_map(dtype)
+        corners = corners_of(self.tables.bounds)
+        if plan.has_shadows and leaves_casters_out(plan.reflected_lights, corners, self.camera.view()):
+            self.add(cull.compute_outcodes, COLUMNS, np.empty(3), ROWS, FLAGS)
+            self.add(cull.list_seen, CORNERS, FLAGS, FACES)
 
+    def add_shadow_map(self, dtype: np.dtype) -> None:
+        """Add what draws the map of a light."""
+        screen, workspace = self.screen(1), make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, False, False), 1)
+        self.add_stages(Parts(screen, make_map_coding(screen), workspace))
+        self.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
 
-def add_interpolated(found: KernelList, scene: Scene, plan: Plan, parts: Parts) -> None:
-    """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
-    workspace = parts.workspace
-    columns, tangents = np.empty((3, 0)), np.empty((3, 0)) if plan.has_tangents else None
-    points = SurfacePoints(columns, columns, tangents, np.empty((0, 3)), np.empty((2, 0)))
-    for dtype in plan.dtypes:
-        batch = workspace.batch if dtype == SINGLE else workspace.double_batch
-        lighting, out = lighting_without_functions(plan, dtype), np.empty((0, 1), dtype)
-        found.add(light_points, points, (0, 0), parts.screen, 0, lighting, 0, batch, out)
-    if any(mesh.polygons is not None for mesh in scene.meshes) and not plan.is_flat:
-        for is_double in set(plan.of_materials.reads_double.tolist()):
-            out, rows = np.empty((0, 1), DOUBLE if is_double else SINGLE), np.empty(0, np.int64)
-            found.add(fill_means, out, 0, rows, rows, 0, 0)
-    has_texture = (parts.coding.features & HAS_TEXTURE) != 0
-    if not has_texture.all():
-        found.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
-    if plan.textures is not None:
-        texturing = Texturing(plan.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
-        for band in shaded_bands(plan, parts):
-            add_look_up(found, plan, parts, band)
-            found.add(shade_textured, band, texturing, workspace.batch, workspace.radiance)
-        if workspace.points is not None:
-            add_points(found, parts, plan)
+    def add_lit(self, parts: Parts) -> None:
+        """Add what lights every sample: Phong's method."""
+        plan, workspace, table = self.plan, parts.workspace, FaceTable(np.empty((0, 5)))
+        tangents = 0 if plan.has_tangents else None
+        for band in self.shaded_bands(parts):
+            self.add_look_up(parts, band)
+            for dtype in plan.dtypes:
+                batch = workspace.batch if dtype == SINGLE else workspace.double_batch
+                lighting, texturing = self.lighting(dtype), self.texturing(parts)
+                self.add(shade_lit, band, parts.screen, lighting, table, tangents, texturing, batch, workspace.radiance)
+        self.add_points(parts)
 
+    def add_interpolated(self, parts: Parts) -> None:
+        """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
+        plan, workspace = self.plan, parts.workspace
+        points = SurfacePoints(COLUMNS, COLUMNS, COLUMNS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
+        for dtype in plan.dtypes:
+            batch, out = workspace.batch if dtype == SINGLE else workspace.double_batch, np.empty((0, 1), dtype)
+            self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, out)
+        if any(mesh.polygons is not None for mesh in self.tables.meshes) and not plan.is_flat:
+            for is_double in set(plan.of_materials.reads_double.tolist()):
+                self.add(fill_means, np.empty((0, 1), DOUBLE if is_double else SINGLE), 0, NUMBERS, NUMBERS, 0, 0)
+        if not ((parts.coding.features & HAS_TEXTURE) != 0).all():
+            self.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
+        if plan.textures is not None:
+            for band in self.shaded_bands(parts):
+                self.add_look_up(parts, band)
+                self.add(shade_textured, band, self.texturing(parts), workspace.batch, workspace.radiance)
+            self.add_points(parts)
 
-def lighting_without_functions(plan: Plan, dtype: np.dtype) -> Any:
-    """The illumination in one type, as kernels take it."""
-    lighting = list_materials(plan, dtype)
-    return lighting._replace(shadows=NO_MAPS if plan.has_shadows else None)
+    def lighting(self, dtype: np.dtype) -> Any:
+        """The illumination in one type, as kernels take it."""
+        shadows = ShadowMaps(0, NUMBERS) if self.plan.has_shadows else None
+        return list_materials(self.plan, dtype)._replace(shadows=shadows)
 
+    def texturing(self, parts: Parts) -> Texturing | None:
+        """The textures with memory for looking them up; None where there are none."""
+        workspace, textures = parts.workspace, self.plan.textures
+        return textures and Texturing(textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
 
-def shaded_bands(plan: Plan, parts: Parts) -> list[ScannedBand]:
-    """The bands that the shade stage takes: of points, where a pixel is shaded once a polygon; else of samples, as for
-    what is transparent always."""
-    points = parts.workspace.points
-    return ([parts.band] if points is None or plan.opacity is not None else []) + (
-        [points.band(parts.band, 2)] if points is not None else []
-    )
+    def shaded_bands(self, parts: Parts) -> list[ScannedBand]:
+        """The bands that the shade stage takes: of points, where a pixel is shaded once a polygon; else of samples, as
+        for what is transparent always."""
+        points = parts.workspace.points
+        of_samples = [parts.band] if points is None or self.plan.opacity is not None else []
+        return of_samples + ([] if points is None else [points.band(parts.band, 2)])
 
+    def add_look_up(self, parts: Parts, band: ScannedBand) -> None:
+        """Add what looks textures up in float64."""
+        sampled = self.plan.textures and sampled_in_double(self.plan.textures, parts.coding)
+        if sampled:
+            self.add(sample_textures, band.uncoded(), sampled, parts.workspace.double_batch, parts.workspace.texels)
 
-def add_packing(found: KernelList) -> None:
-    """Add what packs textures for look-ups in float32."""
-    found.add(textures.largest_color, np.empty((0, 4), np.float32))
-    texels = np.empty((0, 0), np.int16)
-    found.add(textures.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
+    def add_points(self, parts: Parts) -> None:
+        """Add what lists the points where pixels are shaded, and what gives samples their light, where that is done."""
+        workspace, plan, factor = parts.workspace, self.plan, self.options.factor
+        if workspace.points is None:
+            return
+        grid, order = shade_once.make_grid(factor), shade_once.order_samples(factor)
+        self.add(shade_once.list_points, parts.band, grid, order, False, workspace.points)
+        if plan.opacity is not None or plan.cue is not None or not plan.is_lit_per_sample:
+            radiance = workspace.radiance
+            self.add(shade_once.spread_points, workspace.visibility, 0, 0, workspace.points, radiance, radiance)
 
+    def add_layers(self, parts: Parts) -> None:
+        """Add what sums up the layers of transparent surfaces."""
+        workspace, extents, rows = parts.workspace, parts.workspace.extents, Rows(0, 1)
+        buffer = a_buffer.make_a_buffer(workspace.room, extents, 1, self.plan.n_channel)
+        self.add(a_buffer.number_samples, extents, buffer.columns, buffer.first_samples)
+        lists = a_buffer.FragmentLists(0, 0, 0, NUMBERS, *buffer.lists, True, NUMBERS)
+        triangles, vertices, *_ = NO_TRIANGLES
+        self.add(a_buffer.list_fragments, 0, make_deferred(0, extents), triangles, vertices, rows, workspace.block,
+                 workspace.visibility, lists)  # fmt: skip
+        self.add(a_buffer.divide_room, buffer.cursors, buffer.starts)
+        self.add(a_buffer.sort_lists, lists)
+        layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
+        translucent = a_buffer.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
+        self.add(a_buffer.show_layer, 0, layer, lists, buffer.transmittance, 0.0)
+        self.add(a_buffer.composite, layer, workspace.records, buffer, self.plan.opacity)
+        self.add(a_buffer.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
+        self.add(forget_extents, extents)
+        self.add(buffers.clear_band, workspace.visibility, 0)
 
-def add_look_up(found: KernelList, plan: Plan, parts: Parts, band: ScannedBand) -> None:
-    """Add what looks textures up in float64."""
-    sampled = plan.textures and sampled_in_double(plan.textures, parts.coding)
-    if sampled:
-        found.add(sample_textures, band.uncoded(), sampled, parts.workspace.double_batch, parts.workspace.texels)
+    def add_resolve(self, parts: Parts) -> None:
+        """Add what makes pixels of samples."""
+        workspace, options, plan = parts.workspace, self.options, self.plan
+        radiance, visibility, points = workspace.radiance, workspace.visibility, workspace.points
+        encoding = make_encoding(plan, self.tables.background, options.color_range)
+        picture = make_picture(SIZE, "color" in options.outputs or options.color_range == "global")
+        rest = (0, 0), shade_once.make_grid(options.factor), encoding, workspace.pixels, picture
+        if points is not None and (plan.is_lit_per_sample or plan.textures is not None):
+            self.add(resolve.resolve_averages, visibility, radiance, points, *rest)
+        if points is None or plan.opacity is not None or not plan.is_lit_per_sample or plan.cue is not None:
+            self.add(resolve.resolve_averages, visibility, radiance, None, *rest)
+        if plan.opacity is not None:
+            translucent = a_buffer.Translucent(LENGTHS, NUMBERS, NUMBERS, NUMBERS)
+            self.add(resolve.resolve_translucent, visibility, radiance, translucent, *rest)
+        if options.color_range == "global" or self.tables.background is not None:
+            color, alpha = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
+            self.add(encode_picture, color, alpha, encoding, picture.rgba)
 
+    # ------------------------------------------------ exact buffers
 
-def add_points(found: KernelList, parts: Parts, plan: Plan) -> None:
-    """Add what lists the points where pixels are shaded, and what gives samples their light."""
-    workspace, radiance = parts.workspace, parts.workspace.radiance
-    grid, order = make_grid(parts.factor), shade_once.order_samples(parts.factor)
-    found.add(shade_once.list_points, parts.band, grid, order, False, workspace.points)
-    if plan.opacity is not None or plan.cue is not None or not plan.is_lit_per_sample:
-        found.add(shade_once.spread_points, workspace.visibility, 0, 0, workspace.points, radiance, radiance)
+    def add_buffers(self, names: Collection[str], is_shared: bool) -> None:
+        """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
+        screen = self.screen(1)
+        n_attribute = 3 if any(BUFFER_TABLE[name].needs_normals for name in names) else 0
+        workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, False, False), 1)
+        parts = Parts(screen, make_buffer_coding(screen, n_attribute), workspace)
+        if not is_shared:
+            self.add_stages(parts)
+            self.add_clipping(screen)
+            self.add(buffers.clear_band, workspace.visibility, 0)
+        visible = buffers.VisibleSurfaces(
+            workspace.visibility, workspace.records, NO_TRIANGLES, FACES, parts.coding.depths, False, False, False,
+            workspace.batch,
+        )  # fmt: skip
+        for name in names:
+            self.add_buffer(name, visible)
+        if "normal" in names and not self.options.is_flat:
+            self.add(surfaces.find_shortest_normal, COLUMNS, CORNERS)
 
+    def add_buffer(self, name: str, visible: buffers.VisibleSurfaces) -> None:
+        """Add what writes one buffer."""
+        buffer, band = BUFFER_TABLE[name], Band(FACES, 0, 0)
+        out = buffer.make((0, 0))
+        if buffer.write in (buffers.write_normal, buffers.write_turned_normal):
+            self.add(buffers.write_normal_rows, visible, band, np.empty((0, 0), np.float32))
+        elif buffer.write is buffers.write_label:
+            self.add(buffer.write, visible, band, out, np.empty(0, np.int32))
+        elif buffer.write is buffers.write_mean:
+            self.add(buffer.write, visible, band, out, buffers.CornerTable(np.empty((0, 2)), CORNERS))
+        elif buffer.table is None:
+            self.add(buffer.write, visible, band, out)
 
-def add_layers(found: KernelList, plan: Plan, parts: Parts) -> None:
-    """Add what sums up the layers of transparent surfaces."""
-    workspace, drawables, least = parts.workspace, parts.drawables, 0.0
-    extents, rows = workspace.extents, Rows(0, 1)
-    buffer = a_buffer.make_a_buffer(workspace.room, extents, 1, plan.n_channel)
-    found.add(a_buffer.number_samples, extents, buffer.columns, buffer.first_samples)
-    deferred, entries = make_deferred(0, extents), np.empty(0, np.int64)
-    lists = a_buffer.FragmentLists(0, 0, 0, entries, *buffer.lists, True, entries)
-    found.add(a_buffer.list_fragments, 0, deferred, drawables.triangles, drawables.vertices, rows, workspace.block,
-              workspace.visibility, lists)  # fmt: skip
-    found.add(a_buffer.divide_room, buffer.cursors, buffer.starts)
-    found.add(a_buffer.sort_lists, lists)
-    layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
-    translucent = a_buffer.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
-    found.add(a_buffer.show_layer, 0, layer, lists, buffer.transmittance, least)
-    found.add(a_buffer.composite, layer, workspace.records, buffer, plan.opacity)
-    found.add(a_buffer.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
-    found.add(forget_extents, extents)
-    found.add(buffers.clear_band, workspace.visibility, 0)
-
-
-def add_resolve(found: KernelList, options: Options, plan: Plan, scene: Scene, parts: Parts) -> None:
-    """Add what makes pixels of samples."""
-    workspace, factor, with_color = parts.workspace, options.factor, "color" in options.outputs
-    encoding, grid = make_encoding(plan, scene.background, options.color_range), make_grid(factor)
-    picture = make_picture(SIZE, with_color or options.color_range == "global")
-    radiance, visibility, batch = workspace.radiance, workspace.visibility, workspace.pixels
-    if workspace.points is not None and (plan.is_lit_per_sample or plan.textures is not None):
-        found.add(
-            resolve.resolve_averages, visibility, radiance, workspace.points, (0, 0), grid, encoding, batch, picture
-        )
-    if workspace.points is None or plan.opacity is not None or not plan.is_lit_per_sample or plan.cue is not None:
-        found.add(resolve.resolve_averages, visibility, radiance, None, (0, 0), grid, encoding, batch, picture)
-    if plan.opacity is not None:
-        columns, opacity = np.empty(0, np.int64), np.empty(0)
-        translucent = a_buffer.Translucent(opacity, columns, columns, columns)
-        found.add(
-            resolve.resolve_translucent, visibility, radiance, translucent, (0, 0), grid, encoding, batch, picture
-        )
-    if options.color_range == "global" or scene.background is not None:
-        found.add(encode_picture, np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32), encoding, picture.rgba)
-
-
-# ---------------------------------------------------------------- exact buffers
-
-
-def add_buffers(
-    found: KernelList, scene: Scene, options: Options, names: Collection[str], camera: Camera, is_shared: bool
-) -> None:
-    """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
-    screen = screen_of_no_scene(camera, 1)
-    n_attribute = 3 if any(BUFFER_TABLE[name].needs_normals for name in names) else 0
-    workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, False, False), 1)
-    coding = make_buffer_coding(screen, n_attribute)
-    parts = Parts(screen, coding, workspace, no_drawables())
-    if not is_shared:
-        add_stages(found, parts)
-        add_clipping(found, scene, camera, screen)
-        found.add(buffers.clear_band, workspace.visibility, 0)
-    surfaces = buffers.VisibleSurfaces(
-        workspace.visibility, workspace.records, parts.drawables, np.empty(0, np.uint32), coding.depths,
-        False, False, False, workspace.batch,
-    )  # fmt: skip
-    for name in names:
-        add_buffer(found, name, surfaces)
-    if "normal" in names and not options.is_flat:
-        found.add(find_shortest_normal, np.empty((3, 0)), np.empty((3, 0), np.uint32))
-
-
-def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) -> None:
-    """Add what writes one buffer."""
-    buffer, band = BUFFER_TABLE[name], Band(np.empty(0, np.uint32), 0, 0)
-    out = buffer.make((0, 0))
-    if buffer.write in (buffers.write_normal, buffers.write_turned_normal):
-        found.add(buffers.write_normal_rows, surfaces, band, np.empty((0, 0), np.float32))
-    elif buffer.write is buffers.write_label:
-        found.add(buffer.write, surfaces, band, out, np.empty(0, np.int32))
-    elif buffer.write is buffers.write_mean:
-        table = buffers.CornerTable(np.empty((0, 2)), np.empty((3, 0), np.uint32))
-        found.add(buffer.write, surfaces, band, out, table)
-    elif buffer.table is None:
-        found.add(buffer.write, surfaces, band, out)
-
-
-def add_edges(found: KernelList, scene: Scene, options: Options, camera: Camera) -> None:
-    """Add what draws edges over a picture, and the depths that hide them."""
-    add_buffers(found, scene, options, ("depth",), camera, is_shared=False)
-    samples, lines = np.empty((0, 0), np.float32), np.empty((0, 3))
-    found.add(draw_edges, np.empty((0, 6)), lines, float(options.edge_width), True, samples, samples)
+    def add_edges(self) -> None:
+        """Add what draws edges over a picture, and the depths that hide them."""
+        self.add_buffers(("depth",), is_shared=False)
+        samples = np.empty((0, 0), np.float32)
+        self.add(draw_edges, np.empty((0, 6)), ROWS, float(self.options.edge_width), True, samples, samples)

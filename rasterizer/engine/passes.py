@@ -4,6 +4,7 @@
     LitPass            Phong's method: normals are interpolated, and every visible sample is lit
     BufferPass         exact buffers: depth, face, normal
     ShadowMapPass      what a light sees: depth alone
+    ProbePass          which path the samples of one pixel took
 
 A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `shade`, then
 `finish`.
@@ -32,6 +33,7 @@ from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen
+from ..pipeline.visibility import CLEAR, IS_EXACT, IS_ID
 from ..pipeline.workspace import Workspace, WorkspaceShape
 from .attributes import NONE, Attributes, sampled_in_double
 from .buffers import BUFFER_TABLE
@@ -50,7 +52,7 @@ AS_PASS = {"kw_only": True, "repr": False, "eq": False}
 
 @dataclass(**AS_PASS)
 class Pass:
-    """One way through the stages."""
+    """What is drawn by the stages, and what becomes of it."""
 
     attributes: Attributes  # interpolated over the triangles
     coding: Coding
@@ -83,14 +85,14 @@ class Pass:
         """The most that a triangle has."""
         return max(array.shape[2] for array in self.attributes)
 
-    def workspace_kind(self, n_row) -> WorkspaceShape:
+    def workspace_shape(self, n_row) -> WorkspaceShape:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceShape(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
             self.textures is not None, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
-    def most_records(self, n_triangle: int) -> int:
+    def max_records(self, n_triangle: int) -> int:
         """How many units the records of so many triangles have at most."""
         return n_triangle * max_units(self.coding)
 
@@ -284,9 +286,9 @@ class LitPass(ColorPass):
         super().evaluate(workspace, band, face_table, radiance)
         texturing = self.texturing_in(workspace) if self.textures is not None else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
-        ways = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)
-        for need, dtype, batch in ways:
-            if band.counts.features & need:
+        types = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)
+        for feature, dtype, batch in types:
+            if band.counts.features & feature:
                 lighting = self.lightings[np.dtype(dtype)]
                 shade_lit(band, self.screen, lighting, face_table, tangents, texturing, batch, radiance)
 
@@ -364,3 +366,28 @@ def shadow_map_pass(coding, screen, texels) -> ShadowMapPass:
     return ShadowMapPass(
         attributes=NONE, coding=coding, size=texels.shape[::-1], depth=depth, texels=texels, is_filled=True
     )
+
+
+@dataclass(**AS_PASS)
+class ProbePass(Pass):
+    """Look at the visibility entries of one pixel: which path its samples took. Nothing is shaded or written."""
+
+    pixel: tuple[int, int]  # column and row
+    paths: set[str]  # filled
+
+    def finish(self, workspace, band, counts, translucent, drawn):
+        """Note the paths of the pixel's samples in this band."""
+        visibility, (x, y), factor = workspace.visibility, self.pixel, self.factor
+        for row in range(max(y * factor, band.y_start), min((y + 1) * factor, band.y_end)):
+            start = (row - band.y_start) * visibility.pitch + x * factor
+            self.paths.update(filter(None, map(path_of, visibility.entries[start : start + factor].tolist())))
+        return clear_band(visibility, band.n_row)
+
+
+def path_of(entry: int) -> str | None:
+    """Return the path that a visibility entry tells of; None where nothing is visible."""
+    if entry >= CLEAR:
+        return None
+    if not entry & int(IS_ID):
+        return "packed entry"
+    return "exact record" if entry & int(IS_EXACT) else "plane record"

@@ -10,8 +10,8 @@ from .plan import Plan
 from .uniforms import batch_functions_of
 
 
-class Ways(NamedTuple):
-    """Triangles by the way that their attributes took, counted in each band that they meet.
+class PathCounts(NamedTuple):
+    """Triangles by the path that their attributes took, counted in each band that they meet.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Ways(NamedTuple):
     exact: int
 
 
-class MaterialNeeds(NamedTuple):
+class MaterialSummary(NamedTuple):
     """What the samples of some materials need.
 
     Parameters
@@ -34,7 +34,7 @@ class MaterialNeeds(NamedTuple):
     channels : 1 where every colour is a multiple of the picture's tint, else 3
     dtype : "float32" or "float64", the type of the illumination
     reasons : why it is float64; empty for float32
-    way : the cheapest way that attributes may take from the vertices to the samples
+    path : the cheapest one that attributes may take from the vertices to the samples
     lights : how many lights reach them and are reflected; of an area light each of its cells counts
     """
 
@@ -42,12 +42,12 @@ class MaterialNeeds(NamedTuple):
     channels: int
     dtype: str
     reasons: tuple[str, ...]
-    way: str
+    path: str
     lights: int
 
     def __repr__(self) -> str:
         why = f" because of {', '.join(self.reasons)}" if self.reasons else ""
-        return f"{counted(self.channels, 'channel')}, {self.dtype}{why}; {self.way}; {counted(self.lights, 'light')}"
+        return f"{counted(self.channels, 'channel')}, {self.dtype}{why}; {self.path}; {counted(self.lights, 'light')}"
 
 
 class PlanSummary(NamedTuple):
@@ -59,35 +59,35 @@ class PlanSummary(NamedTuple):
     channels : 1 where every colour of the picture is a multiple of one RGB triple, else 3
     dtype : the type of the illumination: "float32", or "float64" where all materials need that
     reasons : why some material needs float64; empty where none does
-    way : the cheapest way that attributes of any material may take from the vertices to the samples
-    needs : what the materials need, those that need the same together
+    path : the cheapest one that attributes of any material may take from the vertices to the samples
+    materials : what they need, those that need the same together
     light_functions : names of the compiled functions of lights, each once
     reflection_functions : the same for reflection models
     features : what else the scene uses: "textures", "shadows", "transparency", "depth cueing", "spectra", "tangents"
     bound : the largest intensity that any point may have, linear
     left_out : how many lights were left out of everything: black ones, and others of which nothing is reflected
-    ways : how many triangles took which way; None before anything was drawn
+    paths : how many triangles took which path; None before anything was drawn
     """
 
     shading: str
     channels: int
     dtype: str
     reasons: tuple[str, ...]
-    way: str
-    needs: tuple[MaterialNeeds, ...]
+    path: str
+    materials: tuple[MaterialSummary, ...]
     light_functions: tuple[str, ...]
     reflection_functions: tuple[str, ...]
     features: tuple[str, ...]
     bound: float
     left_out: int = 0
-    ways: Ways | None = None
+    paths: PathCounts | None = None
 
     def __repr__(self) -> str:
-        if len(self.needs) == 1:
-            lines = [f"{self.shading} shading, {self.needs[0]}"]
+        if len(self.materials) == 1:
+            lines = [f"{self.shading} shading, {self.materials[0]}"]
         else:
             lines = [f"{self.shading} shading"]
-            lines += [f"material{'s' * (len(n.materials) > 1)} {shorten(n.materials)}: {n}" for n in self.needs]
+            lines += [f"material{'s' * (len(n.materials) > 1)} {shorten(n.materials)}: {n}" for n in self.materials]
         lines += [
             f"lights: {', '.join(self.light_functions) or 'none but ambient'}",
             f"reflection: {', '.join(self.reflection_functions) or 'none'}",
@@ -96,25 +96,25 @@ class PlanSummary(NamedTuple):
         ]
         if self.left_out:
             lines.append(f"left out: {counted(self.left_out, 'light')} that no surface shows")
-        if self.ways is not None:
-            counts = ", ".join(f"{count} by {name}" for name, count in zip(_WAY_NAMES, self.ways, strict=True))
+        if self.paths is not None:
+            counts = ", ".join(f"{count} by {name}" for name, count in zip(_PATH_NAMES, self.paths, strict=True))
             lines.append(f"triangles in their bands: {counts}")
         return "\n".join(lines)
 
 
-MOST_NUMBERS = 8  # of materials that are named in a line
+MAX_NUMBERS = 8  # of materials that are named in a line
 
 
 def shorten(numbers: tuple[int, ...]) -> str:
     """Return numbers as text; of many the first ones and how many there are."""
-    text = ", ".join(map(str, numbers[:MOST_NUMBERS]))
-    return text if len(numbers) <= MOST_NUMBERS else f"{text}, … ({len(numbers)} of them)"
+    text = ", ".join(map(str, numbers[:MAX_NUMBERS]))
+    return text if len(numbers) <= MAX_NUMBERS else f"{text}, … ({len(numbers)} of them)"
 
 
-_WAY_NAMES = ("entries", "planes", "exact records")
+_PATH_NAMES = ("entries", "planes", "exact records")
 
 
-def summarize(plan: Plan, ways: Ways | None = None) -> PlanSummary:
+def summarize(plan: Plan) -> PlanSummary:
     """Put a plan into words."""
     of_lights, of_materials = used_functions_of(plan)
     features = {
@@ -125,21 +125,19 @@ def summarize(plan: Plan, ways: Ways | None = None) -> PlanSummary:
         "spectra": plan.products is not None,
         "tangents": plan.has_tangents,
     }
-    needs = list_needs(plan)
-    cheapest = int(plan.of_materials.ways.max()) if (plan.of_materials.ways != IN_ENTRIES).all() else IN_ENTRIES
+    cheapest = int(plan.of_materials.paths.max()) if (plan.of_materials.paths != IN_ENTRIES).all() else IN_ENTRIES
     return PlanSummary(
         shading="flat" if plan.is_flat else "phong" if plan.is_lit_per_sample else "gouraud",
         channels=plan.n_channel,
         dtype=str(plan.dtype),
         reasons=plan.reasons,
-        way=name_way(cheapest, plan.is_lit_per_sample),
-        needs=needs,
+        path=name_path(cheapest, plan.is_lit_per_sample),
+        materials=list_materials(plan),
         light_functions=_names(of_lights),
         reflection_functions=_names(of_materials),
         features=tuple(name for name, holds in features.items() if holds),
         bound=plan.bound,
         left_out=plan.n_left_out,
-        ways=ways,
     )
 
 
@@ -153,20 +151,20 @@ def used_functions_of(plan: Plan) -> tuple[list, list]:
     return lights, [f for functions, row in pairs for f, used in zip(functions, row, strict=True) if used]
 
 
-def list_needs(plan: Plan) -> tuple[MaterialNeeds, ...]:
+def list_materials(plan: Plan) -> tuple[MaterialSummary, ...]:
     """List what the materials need, those that need the same together."""
     rows, groups, n_lights = plan.of_materials, {}, plan.is_lit.sum(axis=1).tolist()
-    for k, (way, is_double, is_colored) in enumerate(zip(rows.ways, rows.is_double, rows.is_colored, strict=True)):
-        dtype, way = "float64" if is_double else "float32", name_way(int(way), plan.is_lit_per_sample)
-        groups.setdefault((3 if is_colored else 1, dtype, rows.reasons[k], way, n_lights[k]), []).append(k)
-    return tuple(MaterialNeeds(tuple(numbers), *key) for key, numbers in groups.items())
+    for k, (path, is_double, is_colored) in enumerate(zip(rows.paths, rows.is_double, rows.is_colored, strict=True)):
+        dtype, words = "float64" if is_double else "float32", name_path(int(path), plan.is_lit_per_sample)
+        groups.setdefault((3 if is_colored else 1, dtype, rows.reasons[k], words, n_lights[k]), []).append(k)
+    return tuple(MaterialSummary(tuple(numbers), *key) for key, numbers in groups.items())
 
 
-def name_way(way: int, is_lit_per_sample: bool) -> str:
-    """Return a way of attributes in words."""
-    if way == IN_ENTRIES:
+def name_path(path: int, is_lit_per_sample: bool) -> str:
+    """Return a path of attributes in words."""
+    if path == IN_ENTRIES:
         return "one intensity in each visibility entry"
-    if way == IN_PLANES:
+    if path == IN_PLANES:
         return "planes of the normals" if is_lit_per_sample else "planes of the intensities"
     return "exact records"
 

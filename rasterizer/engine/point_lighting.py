@@ -18,7 +18,8 @@ from ..scene.camera import Camera, View
 from ..scene.lights import Light, checked_lights
 from ..scene.material import Material
 from ..scene.validate import unit3, vector3
-from .plan import common_color, make_plan
+from .plan import make_plan
+from .scene_tables import SceneTables, common_color
 from .uniforms import make_lighting
 
 
@@ -74,9 +75,10 @@ def illuminate(
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
-    meshes = [SimpleNamespace(palette=(material,))]
-    scene = SimpleNamespace(background=None, lights=lights, meshes=meshes, depth_cue=None)
-    plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
+    options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
+    meshes = (SimpleNamespace(palette=(material,)),)
+    tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
+    plan = make_plan(tables, options, np.empty((0, 3)))
     lighting = make_lighting(plan, view, plan.dtype)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)

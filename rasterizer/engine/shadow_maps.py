@@ -1,5 +1,12 @@
 """Shadow maps: for every light that casts shadows, pictures of the opaque surfaces as the light sees them
-(pipeline/shadow_lookup.py). What they show is chosen in shadow_maps.py."""
+(pipeline/shadow_lookup.py).
+
+What a map shows follows from the light's `Beam` (lights.py); an area light is many point lights:
+
+    parallel rays   one map, fitted to the scene
+    a cone          one map about its axis, as wide as the cone, if that has 63 degrees at most; else as to all sides
+    to all sides    one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
+"""
 
 import math
 from collections.abc import Iterable
@@ -17,7 +24,6 @@ from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING
-from ..pipeline.shadow_lookup import ROUNDINGS
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
@@ -28,252 +34,19 @@ from .depth_range import NEAREST, fit_screen
 from .draw import NO_CLOCK, draw
 from .lights import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
-from .plan import Plan
+from .plan import ANYWHERE, Plan
 from .rounding import DOUBLE, SINGLE
 
-# ----------------------------------------------------------------
-# What the maps of a light's shadows show: their views, which of them matter, and whether float32 holds them.
-# parallel rays   one map, fitted to the scene
-#     a cone          one map about its axis, as wide as the cone, if that has 63 degrees at most; else as to all sides
-#     to all sides    one map, if the scene fits into a wide view from the light; else six, the faces of a cube round
-#     it
-#
-# Which of these a light is says its `Beam` (engine/lights.py); an area light is many point lights.
-
+MAX_TEXELS = 2**28  # of all maps of a scene: 1 GiB in float32
+DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
 # Tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have.
 WIDEST = 2.0
 MARGIN = 1.0  # texels that stay free at the borders of a fitted map, beside those that the filter reaches
 # The directions of the faces of a cube, in the order in which a lookup counts them.
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 # Float32 may move what shadows are asked for by this share of a texel, where the scene is furthest from the light.
-MOST_SHIFT = 0.125
-OUT_OF_REACH = 1.0 + 2.0**-10  # times the range of a light: no rounding brings anything back from there
-
-
-class MapViews(NamedTuple):
-    """How the maps of one light see the scene."""
-
-    origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
-    views: list[tuple[View, Projection]]
-    is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
-
-
-def corners_of(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the corners of boxes (n, 2, 3), (n, 8, 3)."""
-    return np.stack([bounds[:, [(k >> axis) & 1 for axis in range(3)], range(3)] for k in range(8)], axis=1)
-
-
-def map_side(shadow: Any) -> int:
-    """Return the texels along a side of a map: those of a Shadow, and on every side what its filter reaches beyond."""
-    return shadow.size + 2 * (shadow.filter >> 1)
-
-
-def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapViews:
-    """Choose the views that a light's maps show of the scene.
-
-    Parameters
-    ----------
-    corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
-    shadow : Shadow of the light
-    """
-    origin = corners.reshape(-1, 3).mean(axis=0) if beam.origin is None else beam.origin
-    corners, radius = corners - origin, shadow.filter >> 1
-    points = corners.reshape(-1, 3)
-    if beam.origin is None:
-        view = _look(origin, beam.axis)
-        box = _extent(points @ view.right), _extent(points @ view.up)
-        return MapViews(origin, [(view, _fit_projection(*box, shadow, False))], [True])
-    spread = beam.spread
-    view = _look(origin, beam.axis if spread <= WIDEST else points.mean(axis=0))
-    depth = points @ view.forward
-    across = upward = (-math.inf, math.inf)
-    if depth.min() > 0.0:
-        across, upward = _extent(points @ view.right / depth), _extent(points @ view.up / depth)
-    if spread <= WIDEST:
-        across, upward = (_overlap(extent, spread) for extent in (across, upward))
-    if max(map(abs, (*across, *upward))) <= WIDEST:
-        return MapViews(origin, [(view, _fit_projection(across, upward, shadow, True))], [True])
-    half = shadow.size / 2
-    whole = Projection(half, half, half + radius, half + radius, True)
-    widest = map_side(shadow) / shadow.size  # tangent of half a map's angle
-    is_needed = [_is_needed(forward, widest, corners, beam) for forward in CUBE]
-    return MapViews(origin, [(_look(origin, forward), whole) for forward in CUBE], is_needed)
-
-
-def _is_needed(forward, widest, corners, beam) -> bool:
-    """Tell whether a cube's face can show something, and its light shines there.
-
-    A box lies beside the pyramid of the face where all its corners lie beyond the plane of one of its sides. The cone
-    of a spot light does where the angle between both axes is larger than theirs together.
-    """
-    axis = int(np.argmax(np.abs(forward)))
-    depth, sides = corners @ forward, np.delete(corners, axis, axis=2)
-    beyond = [(sign * sides - widest * depth[..., None] > 0.0).all(axis=1) for sign in (-1.0, 1.0)]  # (n_mesh, 2) each
-    is_beside = np.concatenate(beyond, axis=1).any(axis=1) | (depth < 0.0).all(axis=1)
-    if beam.axis is not None:
-        between = math.acos(min(max(float(forward @ beam.axis), -1.0), 1.0))
-        if between > math.atan(beam.spread) + math.atan(math.sqrt(2.0) * widest) + 2.0**-20:
-            return False
-    return not is_beside.all()
-
-
-def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
-    """Tell whether a light can reach any of the boxes (n_mesh, 8, 3): they lie within its range, and not beside its
-    cone."""
-    if beam.origin is None:
-        return True
-    low, high = corners.min(axis=1) - beam.origin, corners.max(axis=1) - beam.origin
-    within = np.ones(len(corners), bool)
-    if getattr(light, "range", None) is not None:
-        nearest = np.maximum(np.maximum(low, -high), 0.0)
-        within &= np.linalg.norm(nearest, axis=1) <= OUT_OF_REACH * light.range
-    if beam.axis is not None:
-        # The sphere round a box, of radius r at the distance d, is seen within asin r/d of its middle.
-        middle, radius = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
-        distance = np.linalg.norm(middle, axis=1)
-        is_round = distance <= radius * (1 + 2.0**-20)  # the light lies within the sphere
-        distance = np.where(is_round, 1.0, distance)
-        between = np.arccos(np.clip(middle @ beam.axis / distance, -1.0, 1.0))
-        wide = math.atan(beam.spread) + np.arcsin(np.clip(radius / distance, 0.0, 1.0))
-        within &= is_round | (between <= wide + 2.0**-20)
-    return bool(within.any())
-
-
-def widest_texel(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> float:
-    """Return the largest side of a texel of a light's maps, scene units, on a surface that faces the light where the
-    scene is furthest from it; arguments as `choose_views` takes them."""
-    maps, widest = choose_views(beam, corners, shadow), 0.0
-    points = (corners - maps.origin).reshape(-1, 3)
-    for (view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-        furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
-        if is_needed and furthest > 0.0:
-            widest = max(widest, furthest / min(projection.scale_x, projection.scale_y))
-    return widest
-
-
-def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64] | None:
-    """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/clip.py. None
-    where all casters stand in one direction, so that the map is narrower than a number can say.
-
-    What lies behind the light, or more than a texel beyond a border of the map: no rounding of vertices to 1/256 of one
-    brings it back. A texel's column is center_x + scale_x·across/depth.
-
-    Parameters
-    ----------
-    side : texels a side of the map
-    """
-    if not np.isfinite(projection[:4]).all():
-        return None
-    across, upward = projection.scale_x * view.right, -projection.scale_y * view.up
-    return np.stack(
-        [
-            view.forward,
-            across + (projection.center_x + 1.0) * view.forward,
-            -across + (side + 1.0 - projection.center_x) * view.forward,
-            upward + (projection.center_y + 1.0) * view.forward,
-            -upward + (side + 1.0 - projection.center_y) * view.forward,
-        ]
-    )
-
-
-def _look(origin, forward) -> View:
-    """A view in a direction; which way is up doesn't matter."""
-    length = np.linalg.norm(forward)
-    forward = np.array([0.0, 0.0, -1.0]) if length == 0.0 else np.asarray(forward) / length
-    across = np.array(cross(forward.tolist(), np.eye(3)[np.argmin(np.abs(forward))].tolist()))
-    right = across / np.linalg.norm(across)
-    return View(origin, right, np.array(cross(right.tolist(), forward.tolist())), forward)
-
-
-def _extent(values) -> tuple[float, float]:
-    """Least and largest value."""
-    return float(values.min()), float(values.max())
-
-
-def _overlap(extent, spread) -> tuple[float, float]:
-    """The part of an extent within -spread..spread; all of that where they don't meet."""
-    low, high = max(extent[0], -spread), min(extent[1], spread)
-    return (low, high) if low < high else (-spread, spread)
-
-
-def _fit_projection(across, upward, shadow, is_perspective) -> Projection:
-    """The projection that spreads an extent over the map, but for a margin."""
-    widths = [high - low for low, high in (across, upward)]
-    least = max(*widths, 2.0**-1000) * NEAREST  # something that is seen edge-on has no width
-    scale_x, scale_y = ((shadow.size - 2 * MARGIN) / max(width, least) for width in widths)
-    margin = MARGIN + (shadow.filter >> 1)
-    return Projection(scale_x, scale_y, margin - scale_x * across[0], margin + scale_y * upward[1], is_perspective)
-
-
-class Precision:
-    """How far float32 moves the points that shadows are asked for.
-
-    Positions are rounded to ROUNDINGS·u of their distances (pipeline/shadow_lookup.py), from the eye to the light and
-    from there to the points. That must be no more than MOST_SHIFT of a texel's width where the scene is furthest from
-    the light: up to there float32 and float64 show the same shadows, but for edges that move by so much. So it holds
-    where the eye and the lights are no further from the scene than some twenty times its extent, with maps of 1024
-    texels, and half as far with twice as many.
-    """
-
-    def __init__(self, plan: Plan, bounds: NDArray[np.float64]):
-        self._corners = corners_of(bounds)
-        self._lights = [light for light in plan.reflected_lights if shadow_of(light) is not None]
-        anywhere = View(np.zeros(3), *np.eye(3))
-        self._lasting = [None if is_carried(light) else self._measure(light, anywhere) for light in self._lights]
-
-    def shift(self, view: View) -> float:
-        """Return how far float32 moves any point in one view, scene units; infinite where that is too far."""
-        largest = 0.0
-        for light, lasting in zip(self._lights, self._lasting, strict=True):
-            origin, reach, texel = lasting or self._measure(light, view)
-            shift = ROUNDINGS * SINGLE * (reach + float(np.abs(origin - view.eye).sum()))
-            largest = max(largest, shift if shift <= MOST_SHIFT * texel else math.inf)
-        return largest
-
-    def _measure(self, light, view) -> tuple:
-        """Where a light is, how far the scene reaches from there (sum of components), and the width of a texel."""
-        beam = entry_of(light).beam(light, view)
-        if beam is None:
-            return np.zeros(3), 0.0, math.inf
-        maps = choose_views(beam, self._corners, shadow_of(light))
-        points = (self._corners - maps.origin).reshape(-1, 3)
-        texel = math.inf
-        for (map_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-            furthest = float((points @ map_view.forward).max()) if projection.is_perspective else 1.0
-            if is_needed and furthest > 0.0:
-                texel = min(texel, furthest / max(projection.scale_x, projection.scale_y))
-        return maps.origin, float(np.abs(points).sum(axis=1).max()), texel
-
-
-DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
-MOST_NUMBERS = 2**28  # texels of all maps of a scene: 1 GiB in float32
-
-
-class ShadowMap(NamedTuple):
-    """The maps of one light."""
-
-    block: NDArray[np.floating]  # the header, then the texels; float32 or float64
-    origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
-
-    def fit_view(self, eye: NDArray[np.float64], plan: Plan) -> None:
-        """Write what depends on the view: the origin relative to the eye, as the positions of surface points are, and
-        how far the normals of the materials that are lit in the map's type may be turned.
-
-        A normal errs by no more than normal_limit allows its planes, or than exact records do; normalising it, and its
-        products with the axes of the map and with the position, by 8 u.
-        """
-        limits, u = plan.of_materials.normal_limits[~plan.of_materials.is_double], _unit(self.block.dtype)
-        turned = NORMALS + 8 if u == DOUBLE else max(np.sqrt(3.0) * limits.max(initial=0.0), NORMALS) + 8
-        radius = int(self.block[lookup.FILTER]) >> 1
-        self.block[lookup.ORIGIN : lookup.ORIGIN + 3] = self.origin - eye
-        self.block[lookup.NORMAL_ERROR] = turned * u * (0.5 + radius)
-
-
-class Casters(NamedTuple):
-    """What casts shadows."""
-
-    geometry: Geometry  # of the opaque faces
-    corners: NDArray[np.float64]  # (n_mesh, 8, 3) of boxes round them, and what they fall on, world space
+MAX_SHIFT = 0.125
+BEYOND_RANGE = 1.0 + 2.0**-10  # times the range of a light: no rounding brings anything back from there
 
 
 class Shadows:
@@ -281,20 +54,20 @@ class Shadows:
 
     def __init__(self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan):
         self._casters = gather_casters(geometry, bounds, plan.opacity)
-        self._geometry = geometry
+        self._geometry, self._bounds, self._plan = geometry, bounds, plan
         self._maps: dict[tuple, ShadowMap | None] = {}  # by the index of the light and the type of the maps
         self._texels: dict[int, float] = {}  # by the index of the light, see `widest_texel`; 0 where it reaches nothing
 
     def draw(
         self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
-    ) -> list[ShadowMap | None]:
+    ) -> "list[ShadowMap | None]":
         """Return the maps of all lights in a type, None for those that cast no shadows here; those of lights that stay
         where they are, are kept.
 
-        Raises SceneError where they would have more than MOST_NUMBERS numbers.
+        Raises SceneError where they would have more than MAX_TEXELS numbers.
         """
         maps: list[ShadowMap | None] = []
-        room = MOST_NUMBERS
+        room = MAX_TEXELS
         for k, light in enumerate(plan.lights):
             if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
                 maps.append(None)
@@ -309,11 +82,6 @@ class Shadows:
                 room -= len(shadow_map.block)
             maps.append(shadow_map)
         return maps
-
-    def leaves_out(self, plan: Plan, view: View) -> bool:
-        """Tell whether some map may leave out what casts no shadow in it, see `leaves_casters_out`."""
-        lights = [light for k, light in enumerate(plan.lights) if plan.is_lit[:, k].any()]
-        return self._casters is not None and leaves_casters_out(lights, self._casters.corners, view)
 
     def list_bounds(self, plan: Plan, view: View) -> tuple[ShadowBound, ...]:
         """List what the maps of each kind of light that casts shadows in a view can't tell, see `ShadowBound`."""
@@ -332,6 +100,15 @@ class Shadows:
                 found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
         return tuple(found.values())
 
+    def shift(self, view: View) -> float:
+        """Return how far float32 moves what shadows are asked for in a view, scene units; see `Precision`."""
+        return self._precision.shift(view)
+
+    @cached_property
+    def _precision(self) -> "Precision":
+        """Made for the first view that may be drawn in float32."""
+        return Precision(self._plan, self._bounds)
+
     @cached_property
     def shapes(self) -> NDArray[np.float64]:
         """The planes of all triangles, and their longest sides, (n_face, 5)."""
@@ -343,6 +120,13 @@ class Shadows:
     def normal_offsets(self) -> NDArray[np.float64]:
         """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
         return compute_normal_offsets(self._geometry)
+
+
+class Casters(NamedTuple):
+    """What casts shadows."""
+
+    geometry: Geometry  # of the opaque faces
+    corners: NDArray[np.float64]  # (n_mesh, 8, 3) of boxes round them, and what they fall on, world space
 
 
 def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opacity | None) -> Casters | None:
@@ -368,9 +152,32 @@ def _some_faces(geometry: Geometry, faces: NDArray) -> Geometry:
     return geometry._replace(vertex=vertex, corner=vertex, is_inverted=geometry.is_inverted[faces])
 
 
+# ---------------------------------------------------------------- the maps of one light
+
+
+class ShadowMap(NamedTuple):
+    """The maps of one light."""
+
+    block: NDArray[np.floating]  # the header, then the texels; float32 or float64
+    origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
+
+    def fit_view(self, eye: NDArray[np.float64], plan: Plan) -> None:
+        """Write what depends on the view: the origin relative to the eye, as the positions of surface points are, and
+        how far the normals of the materials that are lit in the map's type may be turned.
+
+        A normal errs by no more than normal_limit allows its planes, or than exact records do; normalising it, and its
+        products with the axes of the map and with the position, by 8 u.
+        """
+        limits, u = plan.of_materials.normal_limits[~plan.of_materials.is_double], _unit(self.block.dtype)
+        turned = NORMALS + 8 if u == DOUBLE else max(np.sqrt(3.0) * limits.max(initial=0.0), NORMALS) + 8
+        radius = int(self.block[lookup.FILTER]) >> 1
+        self.block[lookup.ORIGIN : lookup.ORIGIN + 3] = self.origin - eye
+        self.block[lookup.NORMAL_ERROR] = turned * u * (0.5 + radius)
+
+
 def draw_shadow_map(
     light: Any, view: View, casters: Casters, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers,
-    room: int = MOST_NUMBERS, before: ShadowMap | None = None,
+    room: int = MAX_TEXELS, before: ShadowMap | None = None,
 ) -> ShadowMap | None:  # fmt: skip
     """Draw what a light sees; one that is attached to the camera is where `view` puts it.
 
@@ -416,43 +223,11 @@ def draw_shadow_map(
     return ShadowMap(block, maps.origin)
 
 
-def leaves_casters_out(lights: Iterable[Any], corners: NDArray[np.float64], view: View) -> bool:
-    """Tell whether the shadow map of some light may leave out what casts no shadow in it: in a view, or where it is
-    carried, in another one.
-
-    Parameters
-    ----------
-    corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
-    """
-    for light in lights:
-        beam = None if shadow_of(light) is None else entry_of(light).beam(light, view)
-        if beam is None or beam.origin is None:
-            continue
-        if is_carried(light):
-            return True
-        if reaches(light, beam, corners):
-            maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
-            needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
-            if any(_borders_of(*seen, side, corners) is not None for seen in needed):
-                return True
-    return False
-
-
-def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:
-    """The planes (5, 3) that bound what a map shows, see `border_planes`; None where no corner (n_mesh, 8, 3) of a box
-    lies beyond one, or where that is no number."""
-    planes = border_planes(view, projection, side) if projection.is_perspective else None
-    if planes is None:
-        return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        return planes if ((corners - view.eye) @ planes.T < 0.0).any() else None
-
-
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
     """The memory of a map: that of the one before where it is alike. SceneError where there is no room."""
     if n_number > room:
         raise SceneError(
-            f"the shadow maps of all lights may have {MOST_NUMBERS} texels; this scene needs more: "
+            f"the shadow maps of all lights may have {MAX_TEXELS} texels; this scene needs more: "
             "choose a smaller shadow size, or fewer cells of area lights"
         )
     if before is not None and len(before.block) == n_number and before.block.dtype == dtype:
@@ -460,7 +235,7 @@ def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
     return np.empty(n_number, dtype)
 
 
-def _write_header(block, maps: MapViews, shadow, dtype) -> None:
+def _write_header(block, maps: "MapViews", shadow, dtype) -> None:
     """Write what all maps of a light share, but for what depends on the view of the picture."""
     u = _unit(dtype)
     header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
@@ -520,3 +295,238 @@ def _value_rounding(screen, coding, side) -> float:
     depths = coding.depths
     unit = abs(depths.inv_w_scale if screen.is_perspective else depths.depth_scale)
     return (side + DEPTH_PLANE_ROUNDING) * unit
+
+
+# ---------------------------------------------------------------- what the maps of a light show
+
+
+class MapViews(NamedTuple):
+    """How the maps of one light see the scene."""
+
+    origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
+    views: list[tuple[View, Projection]]
+    is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
+
+
+def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapViews:
+    """Choose the views that a light's maps show of the scene.
+
+    Parameters
+    ----------
+    corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
+    shadow : Shadow of the light
+    """
+    origin = corners.reshape(-1, 3).mean(axis=0) if beam.origin is None else beam.origin
+    corners, radius = corners - origin, shadow.filter >> 1
+    points = corners.reshape(-1, 3)
+    if beam.origin is None:
+        view = _look(origin, beam.axis)
+        box = _extent(points @ view.right), _extent(points @ view.up)
+        return MapViews(origin, [(view, _fit_projection(*box, shadow, False))], [True])
+    spread = beam.spread
+    view = _look(origin, beam.axis if spread <= WIDEST else points.mean(axis=0))
+    depth = points @ view.forward
+    across = upward = (-math.inf, math.inf)
+    if depth.min() > 0.0:
+        across, upward = _extent(points @ view.right / depth), _extent(points @ view.up / depth)
+    if spread <= WIDEST:
+        across, upward = (_overlap(extent, spread) for extent in (across, upward))
+    if max(map(abs, (*across, *upward))) <= WIDEST:
+        return MapViews(origin, [(view, _fit_projection(across, upward, shadow, True))], [True])
+    half = shadow.size / 2
+    whole = Projection(half, half, half + radius, half + radius, True)
+    widest = map_side(shadow) / shadow.size  # tangent of half a map's angle
+    is_needed = [_is_needed(forward, widest, corners, beam) for forward in CUBE]
+    return MapViews(origin, [(_look(origin, forward), whole) for forward in CUBE], is_needed)
+
+
+def _is_needed(forward, widest, corners, beam) -> bool:
+    """Tell whether a cube's face can show something, and its light shines there.
+
+    A box lies beside the pyramid of the face where all its corners lie beyond the plane of one of its sides. The cone
+    of a spot light does where the angle between both axes is larger than theirs together.
+    """
+    axis = int(np.argmax(np.abs(forward)))
+    depth, sides = corners @ forward, np.delete(corners, axis, axis=2)
+    beyond = [(sign * sides - widest * depth[..., None] > 0.0).all(axis=1) for sign in (-1.0, 1.0)]  # (n_mesh, 2) each
+    is_beside = np.concatenate(beyond, axis=1).any(axis=1) | (depth < 0.0).all(axis=1)
+    if beam.axis is not None:
+        between = math.acos(min(max(float(forward @ beam.axis), -1.0), 1.0))
+        if between > math.atan(beam.spread) + math.atan(math.sqrt(2.0) * widest) + 2.0**-20:
+            return False
+    return not is_beside.all()
+
+
+def _look(origin, forward) -> View:
+    """A view in a direction; which way is up doesn't matter."""
+    length = np.linalg.norm(forward)
+    forward = np.array([0.0, 0.0, -1.0]) if length == 0.0 else np.asarray(forward) / length
+    across = np.array(cross(forward.tolist(), np.eye(3)[np.argmin(np.abs(forward))].tolist()))
+    right = across / np.linalg.norm(across)
+    return View(origin, right, np.array(cross(right.tolist(), forward.tolist())), forward)
+
+
+def _extent(values) -> tuple[float, float]:
+    """Least and largest value."""
+    return float(values.min()), float(values.max())
+
+
+def _overlap(extent, spread) -> tuple[float, float]:
+    """The part of an extent within -spread..spread; all of that where they don't meet."""
+    low, high = max(extent[0], -spread), min(extent[1], spread)
+    return (low, high) if low < high else (-spread, spread)
+
+
+def _fit_projection(across, upward, shadow, is_perspective) -> Projection:
+    """The projection that spreads an extent over the map, but for a margin."""
+    widths = [high - low for low, high in (across, upward)]
+    least = max(*widths, 2.0**-1000) * NEAREST  # something that is seen edge-on has no width
+    scale_x, scale_y = ((shadow.size - 2 * MARGIN) / max(width, least) for width in widths)
+    margin = MARGIN + (shadow.filter >> 1)
+    return Projection(scale_x, scale_y, margin - scale_x * across[0], margin + scale_y * upward[1], is_perspective)
+
+
+def corners_of(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners of boxes (n, 2, 3), (n, 8, 3)."""
+    return np.stack([bounds[:, [(k >> axis) & 1 for axis in range(3)], range(3)] for k in range(8)], axis=1)
+
+
+def map_side(shadow: Any) -> int:
+    """Return the texels along a side of a map: those of a Shadow, and on every side what its filter reaches beyond."""
+    return shadow.size + 2 * (shadow.filter >> 1)
+
+
+def widest_texel(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> float:
+    """Return the largest side of a texel of a light's maps, scene units, on a surface that faces the light where the
+    scene is furthest from it; arguments as `choose_views` takes them."""
+    maps, widest = choose_views(beam, corners, shadow), 0.0
+    points = (corners - maps.origin).reshape(-1, 3)
+    for (view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
+        furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
+        if is_needed and furthest > 0.0:
+            widest = max(widest, furthest / min(projection.scale_x, projection.scale_y))
+    return widest
+
+
+# ---------------------------------------------------------------- what a light reaches, and what its maps leave out
+
+
+def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
+    """Tell whether a light can reach any of the boxes (n_mesh, 8, 3): they lie within its range, and not beside its
+    cone."""
+    if beam.origin is None:
+        return True
+    low, high = corners.min(axis=1) - beam.origin, corners.max(axis=1) - beam.origin
+    within = np.ones(len(corners), bool)
+    if getattr(light, "range", None) is not None:
+        nearest = np.maximum(np.maximum(low, -high), 0.0)
+        within &= np.linalg.norm(nearest, axis=1) <= BEYOND_RANGE * light.range
+    if beam.axis is not None:
+        # The sphere round a box, of radius r at the distance d, is seen within asin r/d of its middle.
+        middle, radius = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+        distance = np.linalg.norm(middle, axis=1)
+        is_round = distance <= radius * (1 + 2.0**-20)  # the light lies within the sphere
+        distance = np.where(is_round, 1.0, distance)
+        between = np.arccos(np.clip(middle @ beam.axis / distance, -1.0, 1.0))
+        wide = math.atan(beam.spread) + np.arcsin(np.clip(radius / distance, 0.0, 1.0))
+        within &= is_round | (between <= wide + 2.0**-20)
+    return bool(within.any())
+
+
+def leaves_casters_out(lights: Iterable[Any], corners: NDArray[np.float64], view: View) -> bool:
+    """Tell whether the shadow map of some light may leave out what casts no shadow in it: in a view, or where it is
+    carried, in another one.
+
+    Parameters
+    ----------
+    corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
+    """
+    for light in lights:
+        beam = None if shadow_of(light) is None else entry_of(light).beam(light, view)
+        if beam is None or beam.origin is None:
+            continue
+        if is_carried(light):
+            return True
+        if reaches(light, beam, corners):
+            maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
+            needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
+            if any(_borders_of(*seen, side, corners) is not None for seen in needed):
+                return True
+    return False
+
+
+def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:
+    """The planes (5, 3) that bound what a map shows, see `border_planes`; None where no corner (n_mesh, 8, 3) of a box
+    lies beyond one, or where that is no number."""
+    planes = border_planes(view, projection, side) if projection.is_perspective else None
+    if planes is None:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        return planes if ((corners - view.eye) @ planes.T < 0.0).any() else None
+
+
+def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64] | None:
+    """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/clip.py. None
+    where all casters stand in one direction, so that the map is narrower than a number can say.
+
+    What lies behind the light, or more than a texel beyond a border of the map: no rounding of vertices to 1/256 of one
+    brings it back. A texel's column is center_x + scale_x·across/depth.
+
+    Parameters
+    ----------
+    side : texels a side of the map
+    """
+    if not np.isfinite(projection[:4]).all():
+        return None
+    across, upward = projection.scale_x * view.right, -projection.scale_y * view.up
+    return np.stack(
+        [
+            view.forward,
+            across + (projection.center_x + 1.0) * view.forward,
+            -across + (side + 1.0 - projection.center_x) * view.forward,
+            upward + (projection.center_y + 1.0) * view.forward,
+            -upward + (side + 1.0 - projection.center_y) * view.forward,
+        ]
+    )
+
+
+# ---------------------------------------------------------------- whether float32 holds what shadows are asked for
+
+
+class Precision:
+    """How far float32 moves the points that shadows are asked for.
+
+    Positions are rounded to ROUNDINGS·u of their distances (pipeline/shadow_lookup.py), from the eye to the light and
+    from there to the points. That must be no more than MAX_SHIFT of a texel's width where the scene is furthest from
+    the light: up to there float32 and float64 show the same shadows, but for edges that move by so much. So it holds
+    where the eye and the lights are no further from the scene than some twenty times its extent, with maps of 1024
+    texels, and half as far with twice as many.
+    """
+
+    def __init__(self, plan: Plan, bounds: NDArray[np.float64]):
+        self._corners = corners_of(bounds)
+        self._lights = [light for light in plan.reflected_lights if shadow_of(light) is not None]
+        self._lasting = [None if is_carried(light) else self._measure(light, ANYWHERE) for light in self._lights]
+
+    def shift(self, view: View) -> float:
+        """Return how far float32 moves any point in one view, scene units; infinite where that is too far."""
+        largest = 0.0
+        for light, lasting in zip(self._lights, self._lasting, strict=True):
+            origin, extent, texel = lasting or self._measure(light, view)
+            shift = lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum()))
+            largest = max(largest, shift if shift <= MAX_SHIFT * texel else math.inf)
+        return largest
+
+    def _measure(self, light, view) -> tuple:
+        """Where a light is, how far the scene extends from there (sum of components), and the width of a texel."""
+        beam = entry_of(light).beam(light, view)
+        if beam is None:
+            return np.zeros(3), 0.0, math.inf
+        maps = choose_views(beam, self._corners, shadow_of(light))
+        points = (self._corners - maps.origin).reshape(-1, 3)
+        texel = math.inf
+        for (map_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
+            furthest = float((points @ map_view.forward).max()) if projection.is_perspective else 1.0
+            if is_needed and furthest > 0.0:
+                texel = min(texel, furthest / max(projection.scale_x, projection.scale_y))
+        return maps.origin, float(np.abs(points).sum(axis=1).max()), texel

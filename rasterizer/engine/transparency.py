@@ -31,7 +31,7 @@ from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, forget_extents,
 from ..pipeline.workspace import Workspace, WorkspacePool, WorkspaceShape
 from .passes import Pass
 
-MOST_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
+MAX_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
 
 
 class Memory(NamedTuple):
@@ -39,7 +39,7 @@ class Memory(NamedTuple):
 
     workspace: Workspace
     pool: WorkspacePool  # for another one
-    kind: WorkspaceShape
+    shape: WorkspaceShape
 
 
 class Task(NamedTuple):
@@ -101,8 +101,8 @@ def scan_by_index(task: Task):
 
     They decide which of two surfaces at equal depth has the lower one.
     """
-    band, drawn, render_pass, (workspace, pool, kind) = task
-    second = pool.acquire(kind, render_pass.most_records(len(band.faces)))
+    band, drawn, render_pass, (workspace, pool, shape) = task
+    second = pool.acquire(shape, render_pass.max_records(len(band.faces)))
     records = second.records._replace(clipped_planes=workspace.records.clipped_planes)
     coding, deferred = render_pass.coding, make_deferred(len(band.faces), second.extents)
     coding = coding._replace(paths=np.where(coding.paths == IN_ENTRIES, np.uint8(IN_PLANES), coding.paths))
@@ -110,15 +110,15 @@ def scan_by_index(task: Task):
     yield Surfaces(second.visibility, records, deferred.listed())
     forget_extents(second.extents)
     clear_band(second.visibility, band.n_row)
-    pool.release(kind, second)
+    pool.release(shape, second)
 
 
 def count_fragments(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> bool:
     """Count the fragments of each sample; tell whether any is as deep as an opaque surface whose index isn't known."""
-    band, n_sample, nothing = task.band, len(a_buffer.cursors), np.empty(0, np.int64)
+    n_sample, no_entries, ties = len(a_buffer.cursors), np.empty(0, np.int64), np.zeros(1, np.int64)
     a_buffer.cursors.fill(0)
-    ties = np.zeros(1, np.int64)
-    list_rows(task, surfaces, FragmentLists(0, n_sample, 0, nothing, *a_buffer.lists, True, ties), Rows(0, band.n_row))
+    lists = FragmentLists(0, n_sample, 0, no_entries, *a_buffer.lists, True, ties)
+    list_rows(task, surfaces, lists, Rows(0, task.band.n_row))
     return bool(ties[0])
 
 
@@ -163,13 +163,13 @@ def rows_of(lists: FragmentLists, a_buffer: ABuffer) -> Rows:
 
 
 def split_rows(rows: Rows, a_buffer: ABuffer):
-    """Divide rows of a band into strips, as many at a time as have MOST_SHADED samples."""
+    """Divide rows of a band into strips, as many at a time as have MAX_SHADED samples."""
     strip, first_samples = 1 << STRIP_SHIFT, a_buffer.first_samples
-    if first_samples[rows.y_end] - first_samples[rows.y_start] <= MOST_SHADED:
+    if first_samples[rows.y_end] - first_samples[rows.y_start] <= MAX_SHADED:
         yield Rows(rows.y_start // strip * strip, rows.y_end)
         return
     widest = int(np.diff(first_samples[rows.y_start : rows.y_end + 1]).max())
-    n_row = max(MOST_SHADED // widest // strip, 1) * strip
+    n_row = max(MAX_SHADED // widest // strip, 1) * strip
     for y in range(rows.y_start // strip * strip, rows.y_end, n_row):
         yield Rows(y, min(y + n_row, rows.y_end))
 

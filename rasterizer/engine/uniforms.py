@@ -11,8 +11,9 @@ from ..pipeline.reflection import no_second_term
 from ..pipeline.shadow_lookup import occlude
 from . import lights as light_table
 from . import reflections as reflection_table
-from .plan import Plan, split_fresnel
+from .plan import Plan
 from .reflections import first_fresnel, has_colored_fresnel, has_highlight
+from .scene_tables import split_fresnel
 
 _COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..scene.material import Material
 from ..scene.mesh import Mesh
-from ..scene.scene import Scene
 from .normals import polygon_normals, split_mesh, within_range
 from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
@@ -60,25 +59,25 @@ class Part(NamedTuple):
     tangents: NDArray[np.float64] | None = None  # (n_point, 3)
 
 
-def gather_geometry(scene: Scene, is_flat: bool) -> Geometry:
+def gather_geometry(meshes: Sequence[Mesh], is_flat: bool) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
-    materials, numbers = number_materials(scene.meshes)
+    materials, numbers = number_materials(meshes)
     is_textured = any(material.texture is not None for material in materials)
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
-    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in scene.meshes]
+    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in meshes]
     if is_brushed:
-        parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, scene.meshes, strict=True)]
-    parts = [split_points(part, mesh, is_textured) for part, mesh in zip(parts, scene.meshes, strict=True)]
+        parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
+    parts = [split_points(part, mesh, is_textured) for part, mesh in zip(parts, meshes, strict=True)]
     geometry = _join_parts(parts, is_flat, is_textured)
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     geometry = geometry._replace(
         point_offsets=offsets,
         group_material=group_material,
-        face_material=_face_materials(scene.meshes, numbers) if len(materials) > 1 else np.empty(0, np.uint32),
+        face_material=_face_materials(meshes, numbers) if len(materials) > 1 else np.empty(0, np.uint32),
         tangents=_columns([part.tangents for part in parts], np.float64) if is_brushed else NO_TANGENTS,
     )
     if not is_flat:
-        geometry = about_centers(geometry, scene.meshes, parts)
+        geometry = about_centers(geometry, meshes, parts)
         flag_inverted(geometry.positions, geometry.normals, geometry.vertex, geometry.is_inverted)
     return geometry
 

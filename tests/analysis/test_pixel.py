@@ -30,7 +30,7 @@ def test_the_way_of_a_pixel_is_told():
         found = rz.explain(ball(), *MIDDLE, SIZE, **{"samples": 1} | options)
         assert found.way == way and f"drawn by: {way}" in str(found), f"{options}: {found.way}"
         # The picture's own counts know the way, too.
-        counts = rz.render(ball(), SIZE, **{"samples": 1} | options).stats.plan.ways
+        counts = rz.render(ball(), SIZE, **{"samples": 1} | options).stats.plan.paths
         used = {"packed entry": counts.entries, "plane record": counts.planes, "exact record": counts.exact}
         assert used[way] > 0, options
 

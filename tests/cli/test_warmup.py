@@ -15,6 +15,7 @@ from rasterizer.cli.warmup import has_all, hash_package, list_all_kernels
 from rasterizer.compiler import kernels
 from rasterizer.compiler.store import Store
 from rasterizer.engine.kernels_of_plan import list_kernels
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import Options
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -72,7 +73,8 @@ def warm():
 def assert_warm(warm, what, scene, size, **options):
     """Assert that the kernels of a picture are among them."""
     settings = Options(size=size, threads=1, **options)
-    missing = {kernels.title_of(function) for function, _ in {*list_kernels(scene, settings)} - warm}
+    listed = list_kernels(SceneTables(scene, settings), settings, scene.camera_for(settings.size))
+    missing = {kernels.title_of(function) for function, _ in {*listed} - warm}
     assert not missing, f"{what}: {sorted(missing)} are compiled at the first picture"
 
 

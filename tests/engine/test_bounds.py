@@ -23,6 +23,7 @@ from rasterizer import reference
 from rasterizer.cli.render import describe_bounds
 from rasterizer.engine.bounds import EXACT
 from rasterizer.engine.prepared import PreparedScene
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
 from rasterizer.options import Options
 
@@ -373,7 +374,8 @@ def test_a_renderer_states_the_bound_of_each_view():
 
 def plan_in(scene, **options):
     """(ViewPlan) of a scene, before anything is drawn."""
-    prepared = PreparedScene(scene, Options(**{"size": (64, 48), "samples": 1} | options))
+    chosen = Options(**{"size": (64, 48), "samples": 1} | options)
+    prepared = PreparedScene(SceneTables(scene, chosen), chosen)
     return prepared.plan_for(scene.camera_for((64, 48)))
 
 

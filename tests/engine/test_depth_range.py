@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.depth_range import LEAST_EXTENT, NEAREST, depths_of_boxes, fit_depth_range
+from rasterizer.engine.depth_range import MIN_EXTENT, NEAREST, depths_of_boxes, fit_depth_range
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
 
@@ -141,6 +141,6 @@ def test_the_unit_of_a_scene_changes_nothing():
 
 
 def test_what_is_too_small_for_float64_is_refused():
-    for scale in (0.5 * LEAST_EXTENT, 1e-310, 5e-324):
+    for scale in (0.5 * MIN_EXTENT, 1e-310, 5e-324):
         with pytest.raises(rz.SceneError, match="large; it must be at least .*: scale the scene"):
             draw_scaled(scale)

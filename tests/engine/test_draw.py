@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.draw import BAND_ENTRIES, Drawn, busiest_first, choose_band_rows, cull
-from rasterizer.options import MOST_PIXELS
+from rasterizer.engine.draw import BAND_ENTRIES, Drawn, choose_band_rows, cull, list_bands
+from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline.clip import NO_PLANES
 from rasterizer.pipeline.visibility import MAX_RECORDS
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.integers(1, MOST_PIXELS), st.integers(1, MOST_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
+@given(st.integers(1, MAX_PIXELS), st.integers(1, MAX_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
 def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
     width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
     rows = choose_band_rows(width, height, n_thread, factor)
@@ -29,14 +29,22 @@ def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread,
 def test_bands_of_usual_pictures():
     for given_, rows in (
         ((640, 480, 1, 1), 204), ((640, 480, 2, 1), 120), ((16384, 16384, 1, 1), 8), ((16384, 4, 8, 4), 4),
-        ((MOST_PIXELS, MOST_PIXELS, 64, 4), 8),
+        ((MAX_PIXELS, MAX_PIXELS, 64, 4), 8),
     ):  # fmt: skip
         assert choose_band_rows(*given_) == rows, f"{given_}: {choose_band_rows(*given_)} != {rows}"
 
 
 def test_busy_bands_come_first_and_empty_ones_where_they_are_filled():
-    n_in_band = np.array([0, 3, 9, 3, 0])
-    assert busiest_first(n_in_band, True) == [2, 1, 3, 0, 4] and busiest_first(n_in_band, False) == [2, 1, 3]
+    starts = np.cumsum([0, 0, 3, 9, 3, 0])
+    lists = SimpleNamespace(faces=np.arange(starts[-1], dtype=np.uint32), starts=starts)
+
+    def rows_of(is_filled, rows):
+        return [band.y_start for band in list_bands(lists, 10, SimpleNamespace(is_filled=is_filled, drawn_rows=rows))]
+
+    assert rows_of(True, (0, 50)) == [20, 10, 30, 0, 40] and rows_of(False, (0, 50)) == [20, 10, 30]
+    assert rows_of(True, (15, 31)) == [20, 15, 30]
+    one = list_bands(lists, 10, SimpleNamespace(is_filled=False, drawn_rows=(25, 27)))
+    assert [(band.y_start, band.y_end, band.faces.tolist()) for band in one] == [(25, 27, list(range(3, 12)))]
 
 
 def test_too_many_triangles_for_a_band_make_it_lower():
@@ -49,7 +57,7 @@ def test_too_many_triangles_for_a_band_make_it_lower():
     def bands_of(limit):
         as_pass = SimpleNamespace(
             n_sample=(width, height), factor=factor, sample_time=4, is_culled=False,
-            most_records=lambda n_triangle: n_triangle * (MAX_RECORDS // limit),
+            max_records=lambda n_triangle: n_triangle * (MAX_RECORDS // limit),
         )  # fmt: skip
         lists, n_row = cull(drawn, as_pass, SERIAL)
         return n_row, np.diff(lists.starts)

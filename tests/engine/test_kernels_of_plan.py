@@ -9,6 +9,7 @@ import rasterizer as rz
 from rasterizer.compiler import kernels
 from rasterizer.engine.kernels_of_plan import list_kernels
 from rasterizer.engine.prepared import PreparedScene
+from rasterizer.engine.scene_tables import SceneTables
 
 SEED = 12
 
@@ -45,9 +46,10 @@ def test_a_picture_calls_no_kernel_that_is_not_listed(first):
             continue
         scene, options = renderer.scene, renderer.options
         camera = scene.camera_for(size)
-        plan = PreparedScene(scene, options).plan_for(camera).plan  # in this view float64 may be needed
+        tables = SceneTables(scene, options)
+        plan = PreparedScene(tables, options).plan_for(camera).plan  # in this view float64 may be needed
         after = called()
-        listed = {*list_kernels(scene, options), *list_kernels(scene, options, camera, plan)}
+        listed = {*list_kernels(tables, options, camera), *list_kernels(tables, options, camera, plan)}
         missing = {(kernels.title_of(function), signature) for function, signature in after - before - listed}
         assert not missing, f"{case.words}: {missing}"
         before = after
@@ -57,6 +59,7 @@ def test_what_nobody_sees_costs_no_kernel():
     """A grey scene without textures, shadows or transparent surfaces lists nothing of these, and one type."""
     scene = rz.Scene(rz.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]))
     with rz.Renderer(scene, 8) as renderer:
-        listed = [kernels.title_of(function) for function, _ in list_kernels(renderer.scene, renderer.options)]
+        tables, camera = SceneTables(scene, renderer.options), scene.camera_for(renderer.options.size)
+        listed = [kernels.title_of(function) for function, _ in list_kernels(tables, renderer.options, camera)]
     unused = "texture", "layers.", "a_buffer.", "shadow", "clip.", "shade_once.", "buffers.", "ears."
     assert not [title for title in listed if any(part in title for part in unused)] and len(listed) <= 12

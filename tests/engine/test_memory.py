@@ -3,7 +3,7 @@
 import pytest
 
 import rasterizer as rz
-from rasterizer.engine import prepared as memory
+from rasterizer.engine import memory
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
 

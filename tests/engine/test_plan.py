@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.engine.attributes import make_coding, scale_depths
 from rasterizer.engine.bounds import Distances
-from rasterizer.engine.plan import make_plan
-from rasterizer.engine.view_plans import plan_of_view
+from rasterizer.engine.plan import make_plan, plan_of_view
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.gradients import DOUBLE_PRECISION, EXACT, HAS_COLORS, IN_ENTRIES, IN_PLANES, SINGLE_PRECISION
@@ -46,7 +46,7 @@ def scene_of(materials, lights, **mesh):
 def plan_of(scene, **options):
     """The plan of a scene."""
     options = Options(**options)
-    return make_plan(scene, options, gather_geometry(scene, options.is_flat).albedo)
+    return make_plan(SceneTables(scene, options), options, gather_geometry(scene.meshes, options.is_flat).albedo)
 
 
 def screen_for(camera, depth_range):
@@ -160,7 +160,7 @@ def test_each_material_has_the_channels_that_it_needs():
         found = plan_of(scene)
         assert found.tint == pytest.approx(tint, abs=1e-7) and found.n_channel == 3
         assert found.of_materials.is_colored.tolist() == colored
-        assert [bool(needs & HAS_COLORS) for needs in found.of_materials.needs] == colored
+        assert [bool(needs & HAS_COLORS) for needs in found.of_materials.features] == colored
         for shading, tolerance in (("gouraud", 0), ("phong", DEFAULT_TOLERANCE)):
             budget = max(EXACTLY, tolerance)
             assert_matches_reference(scene, (48, 20), budget, shading=shading, tolerance=tolerance, ignored=0.01)
@@ -174,7 +174,7 @@ def test_float64_of_one_material_leaves_the_others_their_way():
         found = plan_of(scene, shading=shading)
         assert found.of_materials.is_double.tolist() == [False, True, True] and found.dtype == np.float32
         way = IN_PLANES if shading == "phong" else IN_ENTRIES
-        assert found.of_materials.ways.tolist() == [way, EXACT, EXACT]
+        assert found.of_materials.paths.tolist() == [way, EXACT, EXACT]
         assert [dtype.name for dtype in found.dtypes] == ["float32", "float64"]
         (none, of_toon, of_mirror), all_reasons = found.of_materials.reasons, found.reasons
         assert none == () and "toon" in of_toon[0] and "rounding" in of_mirror[0]
@@ -222,7 +222,7 @@ def test_the_cheapest_way_inside_the_tolerance():
     for name, (material, lights, tolerance, dtype, interpolated, lit) in PLANS.items():
         for shading in SHADINGS:
             found, case = plan_of(scene_of([material], lights), shading=shading, tolerance=tolerance), (name, shading)
-            (way,), rows = found.of_materials.ways, found.of_materials
+            (way,), rows = found.of_materials.paths, found.of_materials
             assert found.dtype == dtype, f"{case}: {found.dtype}, {rows.reasons}"
             assert way == (lit if shading == "phong" else interpolated), f"{case}: way {way}"
             assert bool(rows.reasons[0]) == (dtype == np.float64), f"{case}: {rows.reasons}"
@@ -258,9 +258,9 @@ def test_a_light_on_a_surface_needs_float64():
     assert not fits(5.0, 1e25)
     around = Distances(np.array([5.0]), np.array([[np.inf, 0.0]]), 1.0, True)
     lost = plan_of_view(found, DEFAULT_TOLERANCE, around)
-    assert lost.dtype == np.float64 and lost.of_materials.ways.tolist() == [EXACT]
-    assert lost.of_materials.needs.tolist() == [DOUBLE_PRECISION] and lost.reasons == (LOST,)
-    assert found.of_materials.needs.tolist() == [SINGLE_PRECISION], "the plan of the scene is another"
+    assert lost.dtype == np.float64 and lost.of_materials.paths.tolist() == [EXACT]
+    assert lost.of_materials.features.tolist() == [DOUBLE_PRECISION] and lost.reasons == (LOST,)
+    assert found.of_materials.features.tolist() == [SINGLE_PRECISION], "the plan of the scene is another"
 
 
 def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
@@ -274,7 +274,7 @@ def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
         is_double = of_view.is_double.tolist()
         ways[shortest] = is_double
         for k, double in enumerate(is_double):
-            assert of_view.ways[k] == (EXACT if double else IN_PLANES)
+            assert of_view.paths[k] == (EXACT if double else IN_PLANES)
             assert of_view.reasons[k] == ((LOST,) if double else ())
             assert double or of_view.roundings[k] <= DEFAULT_TOLERANCE / 2
     assert ways[1.0] == [False, False] and [False, True] in ways.values(), ways

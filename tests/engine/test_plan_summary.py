@@ -26,20 +26,20 @@ def test_a_plan_tells_the_way_that_triangles_took():
         ({"shading": "gouraud", "tolerance": 0}, "exact records", "exact"),
     ):
         plan = plan_of(**options)
-        assert plan.way == way and plan.shading == options["shading"] and plan.channels == 1, plan
+        assert plan.path == way and plan.shading == options["shading"] and plan.channels == 1, plan
         # What the cheapest way won't do for takes a dearer one.
-        assert getattr(plan.ways, taken) > 20 and not any(getattr(plan.ways, w) for w in ways[: ways.index(taken)]), (
+        assert getattr(plan.paths, taken) > 20 and not any(getattr(plan.paths, w) for w in ways[: ways.index(taken)]), (
             plan
         )
         assert plan.dtype == ("float64" if options.get("tolerance") == 0 else "float32")
-        assert way in repr(plan) and f"{getattr(plan.ways, taken)} by" in repr(plan), plan
+        assert way in repr(plan) and f"{getattr(plan.paths, taken)} by" in repr(plan), plan
 
 
 def test_lights_of_two_colors_take_planes_of_three_channels():
     lights = (LIGHT, rz.PointLight((2, 2, 2), (0.5, 0.2, 0.1)))
     plan = plan_of(lights=lights, shading="gouraud")
-    assert plan.channels == 3 and plan.way == "planes of the intensities"
-    assert plan.ways.entries == 0 and plan.ways.planes > 20, plan
+    assert plan.channels == 3 and plan.path == "planes of the intensities"
+    assert plan.paths.entries == 0 and plan.paths.planes > 20, plan
     assert plan.light_functions == ("directional", "point")
 
 
@@ -51,15 +51,15 @@ def test_a_plan_names_the_functions_and_the_features_that_a_scene_uses():
     plan = plan_of(mesh, lights, shading="phong")
     assert plan.light_functions == ("spot",) and plan.reflection_functions == ("ggx",)
     assert plan.features == ("textures", "shadows", "transparency") and plan.dtype == "float32"
-    assert plan.reasons == () and plan.needs[0].reasons == () and len(plan.needs) == 1
+    assert plan.reasons == () and plan.materials[0].reasons == () and len(plan.materials) == 1
     assert "float32" in repr(plan) and "textures" in repr(plan) and "shadows" in repr(plan)
 
 
 def test_a_renderer_tells_its_plan_before_and_after_a_picture():
     with rz.Renderer(rz.Scene([BALL], [LIGHT], CAMERA), SIZE, samples=1, shading="gouraud") as renderer:
-        assert renderer.plan.ways is None and renderer.plan.dtype == "float32"
+        assert renderer.plan.paths is None and renderer.plan.dtype == "float32"
         frame = renderer.render()
-        assert renderer.plan == frame.stats.plan and renderer.plan.ways is not None
+        assert renderer.plan == frame.stats.plan and renderer.plan.paths is not None
     assert pickle.loads(pickle.dumps(frame.stats.plan)) == frame.stats.plan
 
 
@@ -72,5 +72,5 @@ def test_a_view_that_needs_float64_says_so():
 def test_a_plan_counts_the_lights():
     plan = plan_of(lights=(LIGHT, rz.DirectionalLight((0, 0, -1), 0), rz.AmbientLight(0.1)))
     assert plan.left_out == 1 and "left out: 1 light that" in repr(plan)
-    assert plan.needs[0].lights == 1 and "1 light" in repr(plan.needs[0])
+    assert plan.materials[0].lights == 1 and "1 light" in repr(plan.materials[0])
     assert plan_of().left_out == 0 and "left out" not in repr(plan_of())

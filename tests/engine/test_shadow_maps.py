@@ -12,6 +12,7 @@ from helpers.pinhole import QUAD, octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
@@ -29,7 +30,7 @@ DOUBLE = np.dtype(float)
 def drawn_map(light, meshes, view=VIEW):
     """The maps of a light, in float64; None where none is drawn."""
     bounds = np.stack([mesh.bounds for mesh in meshes])
-    casters = gather_casters(gather_geometry(rz.Scene(meshes), False), bounds, None)
+    casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None)
     return draw_shadow_map(light, view, casters, DOUBLE, WorkspacePool(), Workers(1))
 
 
@@ -224,7 +225,7 @@ def worst_error(corners, light, size, rng):
     The map is fitted to 2 x 2 x RANGE.
     """
     box = np.array([[(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in RANGE]])
-    casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])), False), box)
+    casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box)
     found = draw_shadow_map(light, View(np.zeros(3), *np.eye(3)), casters, DOUBLE, WorkspacePool(), Workers(1))
     row = found.block[lookup.MAPS : lookup.MAPS + lookup.N_MAP_COLUMN]
     texels, is_perspective = found.block[lookup.HEADER :].reshape(size, size), isinstance(light, rz.SpotLight)
@@ -312,8 +313,8 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
     carried = rz.DirectionalLight((0.1, 0, -1), attached="camera", shadow=rz.Shadow(64, 5))
     scene = rz.Scene([mesh], [rz.DirectionalLight((0, 0, -1), shadow=rz.Shadow(64)), carried])
-    plan = make_plan(scene, rz.Options(shading="phong"), np.empty((0, 3)))
-    shadows = Shadows(gather_geometry(scene, False), mesh.bounds[None], plan)
+    plan = make_plan(SceneTables(scene, rz.Options(shading="phong")), rz.Options(shading="phong"), np.empty((0, 3)))
+    shadows = Shadows(gather_geometry(scene.meshes, False), mesh.bounds[None], plan)
     rows = plan.of_materials
     turned = plan._replace(of_materials=rows._replace(normal_limits=8 * rows.normal_limits))
 

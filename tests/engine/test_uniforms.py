@@ -9,6 +9,7 @@ from helpers.pinhole import unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import batch_functions_of, make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline import material_coefficients as m
@@ -37,9 +38,8 @@ TRIANGLE = np.eye(3), [[0, 1, 2]]
 def lighting_of(lights, *materials, shadows=(), **options):
     """(Lighting, plan) of lights and materials as VIEW sees them."""
     meshes = [rz.Mesh(*TRIANGLE, material=material) for material in materials or (rz.Material(),)]
-    plan = make_plan(
-        rz.Scene(meshes, lights, CAMERA), Options(shading="phong", tolerance=0, **options), np.empty((0, 3))
-    )
+    chosen = Options(shading="phong", tolerance=0, **options)
+    plan = make_plan(SceneTables(rz.Scene(meshes, lights, CAMERA), chosen), chosen, np.empty((0, 3)))
     return make_lighting(plan, VIEW, plan.dtype, shadows), plan
 
 
@@ -105,7 +105,7 @@ def test_beside_a_coloured_material_a_grey_one_has_one_channel():
 def test_only_the_materials_of_a_type_have_functions_in_it():
     toon, view = rz.Material(reflection="toon"), VIEW
     scene = rz.Scene([rz.Mesh(*TRIANGLE, material=look) for look in (rz.Material(), toon)], rz.PointLight((1, 2, 3)))
-    plan = make_plan(scene, Options(shading="phong"), np.empty((0, 3)))
+    plan = make_plan(SceneTables(scene, Options(shading="phong")), Options(shading="phong"), np.empty((0, 3)))
     single, double = (make_lighting(plan, view, dtype) for dtype in plan.dtypes)
     assert single.materials.dtype == np.float32 and double.materials.dtype == np.float64
     assert (single.reflection_functions != 0).tolist() == [[True], [False]]

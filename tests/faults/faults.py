@@ -132,9 +132,9 @@ FAULTS = (
     ),
     Fault(
         "exposure: stops are doubled instead of raised to a power of two",
-        "engine/plan.py",
-        "materials, 2.0**options.exposure)",
-        "materials, 2.0 * options.exposure)",
+        "engine/scene_tables.py",
+        "2.0**self._options.exposure",
+        "2.0 * self._options.exposure",
         "pictures engine",
     ),
     # Reflection models
@@ -686,7 +686,7 @@ HELD_OUT = (
     ),
     Fault(
         "spectra: ambient light is reflected by the diffuse coefficient",
-        "engine/plan.py",
+        "engine/scene_tables.py",
         "(ambient * around) @ weights",
         "(diffuse * around) @ weights",
         "engine pictures",
@@ -861,8 +861,8 @@ HELD_OUT = (
     Fault(
         "color_range global: dark pictures are made brighter",
         "engine/prepared.py",
-        "1.0 / max(1.0, brightest)",
-        "1.0 / max(0.5, brightest)",
+        "1.0 / max(1.0, float",
+        "1.0 / max(0.5, float",
         "pictures batch",
     ),
     # Cameras and depth
@@ -919,9 +919,9 @@ HELD_OUT = (
     ),
     Fault(
         "explain: planes and exact records are exchanged in what drew a pixel",
-        "engine/probe.py",
-        "EXACT if entry & int(IS_EXACT) else PLANES",
-        "PLANES if entry & int(IS_EXACT) else EXACT",
+        "engine/passes.py",
+        '"exact record" if entry & int(IS_EXACT) else "plane record"',
+        '"plane record" if entry & int(IS_EXACT) else "exact record"',
         "analysis pictures reference",
     ),
     Fault(

@@ -134,8 +134,8 @@ def test_flat_colours_do_not_depend_on_the_first_corner():
 
 def test_flat_shading_needs_no_centres():
     mesh = rz.Mesh(QUAD, [(0, 1, 2, 3)])
-    assert gather_geometry(rz.Scene(mesh), True).centers is None
-    assert gather_geometry(rz.Scene(rz.Mesh(QUAD, [(0, 1, 2), (0, 2, 3)])), False).centers is None
+    assert gather_geometry(rz.Scene(mesh).meshes, True).centers is None
+    assert gather_geometry(rz.Scene(rz.Mesh(QUAD, [(0, 1, 2), (0, 2, 3)])).meshes, False).centers is None
 
 
 def test_each_piece_belongs_to_the_triangle_with_its_edge():
@@ -143,7 +143,7 @@ def test_each_piece_belongs_to_the_triangle_with_its_edge():
     angle = np.arange(6) * np.pi / 3
     points = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     mesh = rz.Mesh(points, [(0, 1, 2, 3, 4, 5), (0, 1, 2), (0, 1, 3, 4)])
-    geometry = gather_geometry(rz.Scene(mesh), False)
+    geometry = gather_geometry(rz.Scene(mesh).meshes, False)
     assert geometry.n_loaded == mesh.n_face == 7 and geometry.vertex.shape == (3, 11)
     assert (np.diff(np.asarray(mesh.polygons)[geometry.face]) >= 0).all(), "another order of the polygons"
     for piece, face in zip(geometry.vertex.T, geometry.face, strict=True):
@@ -160,7 +160,7 @@ def test_a_mirrored_mesh_keeps_its_centres():
     points = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     for polygon in ([0, 1, 2, 3], [0, 1, 2, 3, 4]):
         mesh = rz.Mesh(points, [polygon]).transformed(np.diag([-1.0, 1, 1, 1]))
-        geometry = gather_geometry(rz.Scene(mesh), False)
+        geometry = gather_geometry(rz.Scene(mesh).meshes, False)
         assert geometry.vertex.shape[1] == len(polygon)
         corners = geometry.positions[:, geometry.vertex].transpose(2, 1, 0)
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -169,10 +169,10 @@ def test_a_mirrored_mesh_keeps_its_centres():
 
 def test_subdivided_and_interrupted_polygons_are_drawn_as_they_are():
     quad = rz.Mesh(QUAD, [(0, 1, 2, 3)])
-    assert gather_geometry(rz.Scene(quad.subdivide()), False).centers is None
+    assert gather_geometry(rz.Scene(quad.subdivide()).meshes, False).centers is None
     points = np.concatenate([QUAD, QUAD + 3])
     torn = rz.Mesh(points, [(0, 1, 2), (4, 5, 6), (0, 2, 3)], polygons=[0, 1, 0])
-    assert gather_geometry(rz.Scene(torn), False).centers is None
+    assert gather_geometry(rz.Scene(torn).meshes, False).centers is None
 
 
 def test_means_stay_within_their_points():

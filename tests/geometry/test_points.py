@@ -178,7 +178,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     shapes = [rz.Mesh(*ball), rz.Mesh(*ring, colors=colors), rz.Mesh(CUBE, rz.Mesh(CUBE, QUADS).faces)]
     meshes = [replace(mesh, material=look) for mesh, look in zip(shapes, looks, strict=True)]
     scene = rz.Scene(meshes)
-    geometry = gather_geometry(scene, is_flat)
+    geometry = gather_geometry(scene.meshes, is_flat)
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
     assert not differences(geometry.positions[:, geometry.vertex].T, corners)
     assert geometry.corner.shape == geometry.vertex.shape == (3, scene.n_face)
@@ -191,7 +191,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
         white = (geometry.albedo[first:last] == 1).all()
         assert white == (mesh != 1)
     assert len(geometry.albedo) == geometry.points.shape[1] == geometry.point_offsets[-1]
-    assert gather_geometry(rz.Scene(meshes[:1]), is_flat).albedo.shape == (0, 3)
+    assert gather_geometry(rz.Scene(meshes[:1]).meshes, is_flat).albedo.shape == (0, 3)
     assert not differences(geometry.is_inverted, 0)
     assert geometry.group_material.tolist() == [0, 1, 2]
     assert not differences(geometry.face_material, np.repeat(np.arange(3), np.diff(scene.face_offsets)))
@@ -201,23 +201,25 @@ def test_meshes_stand_one_behind_the_other(is_flat):
 def test_meshes_of_equal_materials_are_one_group(is_flat):
     faces = rz.Mesh(CUBE, QUADS).faces
     shapes = [rz.Mesh(CUBE, faces, material=rz.Material(shininess=n)) for n in (8, 8, 16, 8)]
-    geometry = gather_geometry(rz.Scene(shapes), is_flat)
+    geometry = gather_geometry(rz.Scene(shapes).meshes, is_flat)
     n = geometry.points.shape[1] // 4
     assert geometry.group_material.tolist() == [0, 1, 0]
     assert geometry.point_offsets.tolist() == [0, 2 * n, 3 * n, 4 * n]
     assert geometry.face_material.tolist() == [0] * 24 + [1] * 12 + [0] * 12
-    assert len(gather_geometry(rz.Scene(shapes[:2]), is_flat).face_material) == 0
+    assert len(gather_geometry(rz.Scene(shapes[:2]).meshes, is_flat).face_material) == 0
 
 
 def test_faces_whose_normals_contradict_their_winding_are_flagged():
     vertices, faces = octasphere(2)
     flipped = np.arange(len(faces)) % 3 == 0
     wound = np.where(flipped[:, None], faces[:, ::-1], faces)
-    geometry = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), False)
+    geometry = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]).meshes, False)
     assert not differences(geometry.is_inverted, flipped)
-    inside = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=-vertices)]), False)
+    inside = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=-vertices)]).meshes, False)
     assert not differences(inside.is_inverted, ~flipped)
-    assert not differences(gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), True).is_inverted, 0)
+    assert not differences(
+        gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]).meshes, True).is_inverted, 0
+    )
     nothing = np.ones(len(faces), np.uint8)
     flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
     assert not nothing.any(), "no normal is no contradiction"

@@ -6,6 +6,7 @@ import numpy as np
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.pipeline.fragments import make_batch
 from rasterizer.pipeline.lighting import SurfacePoints, light_points
@@ -17,7 +18,8 @@ def plan_of_points(material, light, tolerance, clearance=None):
     meshes = [SimpleNamespace(palette=(material,))]
     scene = SimpleNamespace(background=None, lights=(light,), depth_cue=None, meshes=meshes)
     clearances = None if clearance is None else np.full((1, 1), clearance)
-    return make_plan(scene, rz.Options(tolerance=tolerance), np.empty((0, 3)), clearances=clearances)
+    options = rz.Options(tolerance=tolerance)
+    return make_plan(SceneTables(scene, options), options, np.empty((0, 3)), clearances=clearances)
 
 
 def light_points_of(material, light, points, normals, view, tolerance, clearance=None):

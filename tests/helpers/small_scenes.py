@@ -19,6 +19,7 @@ import numpy as np
 import rasterizer as rz
 from rasterizer.compiler import kernels
 from rasterizer.engine.kernels_of_plan import list_kernels
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
@@ -208,7 +209,8 @@ def compile_usual_kernels() -> int:
     """
     listed = []
     for scene, options in usual_pictures():
-        listed += list_kernels(scene, Options(size=4, threads=1, **options))
+        options = Options(size=4, threads=1, **options)
+        listed += list_kernels(SceneTables(scene, options), options, scene.camera_for(options.size))
     missing = kernels.missing_in(kernels.STORE, listed)
     kernels.compile_into(kernels.STORE, missing)
     return len(missing)

@@ -8,6 +8,7 @@ import numpy as np
 import rasterizer as rz
 from rasterizer.engine.attributes import scale_depths
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline.cull import Band
@@ -194,7 +195,8 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
     """(Lighting, plan) of materials under lights, all computed in `dtype`."""
     triangle = np.eye(3), [[0, 1, 2]]
     scene = rz.Scene([rz.Mesh(*triangle, material=material) for material in materials], lights)
-    plan = computed_in(make_plan(scene, Options(shading="phong"), albedo), dtype)
+    options = Options(shading="phong")
+    plan = computed_in(make_plan(SceneTables(scene, options), options, albedo), dtype)
     if len(albedo):
         has_albedo = np.ones(len(plan.materials), np.bool_)
         plan = plan._replace(of_materials=plan.of_materials._replace(has_albedo=has_albedo))
@@ -204,8 +206,8 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
 def computed_in(plan, dtype):
     """A plan with all materials in one type."""
     bit = DOUBLE_PRECISION if np.dtype(dtype) == np.float64 else SINGLE_PRECISION
-    needs = plan.of_materials.needs & np.uint8(255 - DOUBLE_PRECISION - SINGLE_PRECISION) | np.uint8(bit)
-    return plan._replace(of_materials=plan.of_materials._replace(needs=needs))
+    features = plan.of_materials.features & np.uint8(255 - DOUBLE_PRECISION - SINGLE_PRECISION) | np.uint8(bit)
+    return plan._replace(of_materials=plan.of_materials._replace(features=features))
 
 
 def random_triangles(rng, n, size, reach):

@@ -18,6 +18,7 @@ from rasterizer.cli import main
 from rasterizer.engine import plan, uniforms
 from rasterizer.engine import reflections as reflection_table
 from rasterizer.engine.rounding import SINGLE
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
 from rasterizer.reference import reflection
@@ -296,7 +297,8 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     """The plan of a scene with these materials, and its arrays."""
     meshes = [rz.Mesh(*octasphere(0), material=material) for material in materials]
     scene = rz.Scene(meshes, lights, VIEW)
-    made_plan = plan.make_plan(scene, rz.Options(shading=shading, **options), np.zeros((0, 3)))
+    chosen = rz.Options(shading=shading, **options)
+    made_plan = plan.make_plan(SceneTables(scene, chosen), chosen, np.zeros((0, 3)))
     return made_plan, uniforms.make_lighting(made_plan, VIEW.view(), made_plan.dtype)
 
 

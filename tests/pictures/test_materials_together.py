@@ -246,22 +246,22 @@ def test_a_plan_tells_what_each_material_needs(looks, shading):
     with rz.Renderer(balls(looks), SIZE, shading=shading, samples=1) as renderer:
         before, frame = renderer.plan, renderer.render()
     plan = frame.stats.plan
-    assert before._replace(ways=plan.ways) == plan
+    assert before._replace(paths=plan.paths) == plan
     different = list(dict.fromkeys(looks))
-    assert sorted(number for need in plan.needs for number in need.materials) == list(range(len(different)))
-    for need in plan.needs:
+    assert sorted(number for need in plan.materials for number in need.materials) == list(range(len(different)))
+    for need in plan.materials:
         for number in need.materials:
             channels, dtype, reason = NEEDS[different[number]]
             assert (need.channels, need.dtype) == (channels, dtype), f"{different[number]}: {need}"
             is_opaque = LOOKS[different[number]].is_opaque
-            assert need.way == way_of(shading, channels, dtype, is_opaque), f"{different[number]}: {need}"
+            assert need.path == way_of(shading, channels, dtype, is_opaque), f"{different[number]}: {need}"
             assert bool(need.reasons) == bool(reason) and reason in " ".join(need.reasons), f"{need.reasons}"
-    keys = [need[1:] for need in plan.needs]
+    keys = [need[1:] for need in plan.materials]
     assert len(set(keys)) == len(keys), "equal needs are told apart"
     assert plan.channels == max(NEEDS[look][0] for look in looks)
     assert plan.dtype == ("float64" if all(NEEDS[look][1] == "float64" for look in looks) else "float32")
-    assert plan.reasons == tuple(dict.fromkeys(reason for need in plan.needs for reason in need.reasons))
-    for need in plan.needs:
+    assert plan.reasons == tuple(dict.fromkeys(reason for need in plan.materials for reason in need.reasons))
+    for need in plan.materials:
         assert repr(need) in repr(plan)
         assert f"material{'s' * (len(need.materials) > 1)} {', '.join(map(str, need.materials))}: " in repr(plan)
 
@@ -285,7 +285,7 @@ def test_stats_count_the_ways_of_every_material(shading):
     """Those of a fine plain ball beside a toon and a coloured one."""
     meshes = ball("plain", (-1, -1, 0), shape=octasphere(5)), *balls(["toon", "coloured"]).meshes
     frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1, samples=1)
-    ways, n_face = frame.stats.plan.ways, len(BALL[1])
+    ways, n_face = frame.stats.plan.paths, len(BALL[1])
     assert ways.exact >= n_face // 2, f"the toon: {ways}"
     assert ways.planes >= n_face // 2, f"the coloured ball: {ways}"
     if shading == "phong":
@@ -301,5 +301,5 @@ def test_the_report_of_many_materials_is_short():
     mesh = rz.Mesh(vertices, faces, materials=looks, face_material=np.arange(len(faces)) % 30)
     colored = ball("coloured", (1, 1, 0))
     plan = rz.render(rz.Scene([mesh, colored], GREY, CAMERA), SIZE, shading="phong", samples=1).stats.plan
-    assert len(plan.needs) == 2 and plan.needs[0].materials == tuple(range(30))
+    assert len(plan.materials) == 2 and plan.materials[0].materials == tuple(range(30))
     assert "materials 0, 1, 2, 3, 4, 5, 6, 7, … (30 of them): 1 channel, float32" in repr(plan)

@@ -120,14 +120,14 @@ def test_tangents_are_the_directions_in_which_u_grows():
     u = np.where(np.isnan(u), np.nanmean(u, axis=1, keepdims=True), u)
     mesh = rz.Mesh(vertices, faces, uv=np.stack([u, y], axis=-1), material=BRUSHED)
     for is_flat in (False, True):
-        geometry = gather_geometry(rz.Scene([mesh]), is_flat)
+        geometry = gather_geometry(rz.Scene([mesh]).meshes, is_flat)
         points, tangents = geometry.points.T, geometry.tangents.T
         expected = np.stack([points[:, 2], np.zeros(len(points)), -points[:, 0]], axis=1)
         radius = np.linalg.norm(expected, axis=1)
         is_far = radius > 0.3  # from the poles
         cosine = (tangents * expected).sum(axis=1)[is_far] / radius[is_far]
         assert cosine.min() > np.cos(np.radians(6)), f"{is_flat=}: {np.degrees(np.arccos(cosine.min())):.2f}° > 6°"
-    assert gather_geometry(ball(rz.Material()), False).tangents.size == 0
+    assert gather_geometry(ball(rz.Material()).meshes, False).tangents.size == 0
 
 
 def test_forms_and_refusals():

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.options import MOST_PIXELS
+from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline import records, scan, visibility
 from rasterizer.pipeline.gradients import IS_INVISIBLE, IS_TRANSPARENT
 from rasterizer.pipeline.scan import make_deferred
@@ -90,7 +90,7 @@ def test_soups_are_covered_exactly(kind):
     assert assert_covered_exactly(triangles) > 50
 
 
-@pytest.mark.parametrize("size", [(65536, 8), (8, 65536), (MOST_PIXELS, 2), (2, MOST_PIXELS)])
+@pytest.mark.parametrize("size", [(65536, 8), (8, 65536), (MAX_PIXELS, 2), (2, MAX_PIXELS)])
 def test_the_longest_pictures_are_covered_exactly(size):
     """Triangles and slivers along the whole of the longest pictures, and beyond their ends."""
     rng, box = np.random.default_rng(11), 256 * np.array(size)

@@ -11,6 +11,7 @@ from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Precision, Shadows
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import fragments as f
@@ -43,12 +44,13 @@ class Points:
     """Random points of a scene's surfaces, as the eye sees them, and the shadows of its light in both types."""
 
     def __init__(self, rng, scene, distance):
-        geometry = gather_geometry(scene, False)
+        geometry = gather_geometry(scene.meshes, False)
         bounds = np.stack([mesh.bounds for mesh in scene.meshes])
         view = View(distance * unit(rng.normal(size=3)), *np.eye(3))
         self.maps, self.blocks = [], []
         for tolerance in (rz.Options().tolerance, 0.0):
-            plan = make_plan(scene, rz.Options(shading="phong", tolerance=tolerance), geometry.albedo)
+            options = rz.Options(shading="phong", tolerance=tolerance)
+            plan = make_plan(SceneTables(scene, options), options, geometry.albedo)
             shadows = Shadows(geometry, bounds, plan)
             self.maps.append(shadows.draw(plan, view, plan.dtype, WorkspacePool(), Workers(1))[0])
             self.blocks.append(self.maps[-1].block)

@@ -8,7 +8,7 @@ from helpers.arrays import differences
 from helpers.pairs import pairs
 
 from rasterizer.compiler.kernels import index, kernel
-from rasterizer.engine.plan import list_textures
+from rasterizer.engine.scene_tables import list_textures
 from rasterizer.pipeline import texture_lookup as b
 from rasterizer.pipeline import texture_lookup as texel_blend
 from rasterizer.pipeline import textures as packing

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 
-from rasterizer.engine.plan import list_textures
+from rasterizer.engine.scene_tables import list_textures
 from rasterizer.pipeline import textures as packing
 from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from rasterizer.pipeline.textures import first_texel, texcoord_error, texcoord_references

@@ -4,7 +4,7 @@ import pytest
 
 import rasterizer as rz
 from bench.axes import list_axes, measure_axes
-from rasterizer.engine.shadow_maps import MOST_NUMBERS
+from rasterizer.engine.shadow_maps import MAX_TEXELS
 
 
 def texels_of(scene) -> int:
@@ -19,7 +19,7 @@ def test_the_maps_of_every_variant_have_room():
     assert {"shadow map", "shadow filter", "area light", "spectrum"} <= set(axes)
     for axis in axes.values():
         for variant in (*axis.variants, *([axis.finest] if axis.finest else [])):
-            assert texels_of(variant.scene) <= MOST_NUMBERS, (axis.name, variant.value)
+            assert texels_of(variant.scene) <= MAX_TEXELS, (axis.name, variant.value)
     cells = [variant.value for variant in axes["area light"].variants]
     assert cells[0] == "1 x 1 cells" and axes["area light"].against == "6 x 6 cells"
 

@@ -16,12 +16,11 @@ HEAVY = {"numpy", "numba", "llvmlite", "PIL", "trimesh"}
 
 # What a picture of a model of triangles makes no use of: of the package's own modules, and of others.
 UNUSED = (
-    "analysis", "animation", "batch", "ground_shadow", "reference",
+    "analysis", "animation", "batch", "reference",
     "registries", "viewer",
     "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.info",
     "cli.processes", "cli.sheet", "cli.turntable", "cli.view", "cli.warmup",
-    "engine.edge_overlay", "engine.kernels_of_plan", "engine.point_lighting", "engine.probe",
-    "engine.shadow_maps", "engine.shadow_views",
+    "engine.edges", "engine.ground_shadow", "engine.kernels_of_plan", "engine.point_lighting", "engine.shadow_maps",
     "geometry.ears", "geometry.subdivide",
     "io.animation", "io.array_files", "io.gltf", "io.mtl", "io.other_formats",
     "io.ply", "io.scene_file", "io.threemf",

@@ -10,7 +10,7 @@ from helpers.arrays import differences
 
 import rasterizer as rz
 from rasterizer.errors import SceneError
-from rasterizer.options import CULLS, DEFAULT_TOLERANCE, MOST_PIXELS, OUTPUTS, SAMPLES, SHADINGS, Options
+from rasterizer.options import CULLS, DEFAULT_TOLERANCE, MAX_PIXELS, OUTPUTS, SAMPLES, SHADINGS, Options
 
 FRONT = rz.Camera.orthographic((0, 0, 2), (0, 0, 0), height=1.0)
 QUAD = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
@@ -71,7 +71,7 @@ def test_a_size_is_a_pair_or_one_number():
 
 
 ILLEGAL = {
-    "size": (0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MOST_PIXELS + 1),
+    "size": (0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MAX_PIXELS + 1),
     "shading": ("toon", None), "antialias": ("multisample", None), "cull": ("front",), "color_range": ("wrap",),
     "samples": (2, True, np.True_, "4", 3, np.int64(3), 4.5, math.nan, [4], (1,), np.array([4, 4])),
     "outputs": ((), ("color", "uvw"), "uvw"), "tolerance": (-1e-9, math.nan, math.inf, "fine", None),
@@ -91,9 +91,9 @@ def test_illegal_values_are_refused_by_name():
 
 
 def test_samples_count_towards_the_largest_size():
-    assert Options(size=MOST_PIXELS, samples=1).size == (MOST_PIXELS, MOST_PIXELS)
-    with pytest.raises(SceneError, match=f"1 to {MOST_PIXELS // 2} px with 4 samples"):
-        Options(size=MOST_PIXELS, samples=4)
+    assert Options(size=MAX_PIXELS, samples=1).size == (MAX_PIXELS, MAX_PIXELS)
+    with pytest.raises(SceneError, match=f"1 to {MAX_PIXELS // 2} px with 4 samples"):
+        Options(size=MAX_PIXELS, samples=4)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)

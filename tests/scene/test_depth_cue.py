@@ -11,6 +11,7 @@ from helpers.refusals import assert_refused
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
 
@@ -88,7 +89,7 @@ def test_depths_of_entries_fade_within_the_bound(camera):
         shown = scene(camera, cue)
         fast, exact = (rz.render(shown, SIZE, shading="phong", tolerance=t, samples=1) for t in (Options.tolerance, 0))
         plan = fast.stats.plan
-        assert plan.dtype == "float32" and plan.ways.exact < sum(plan.ways)
+        assert plan.dtype == "float32" and plan.paths.exact < sum(plan.paths)
         error, bound = np.abs(fast.color - exact.color).max(), fast.stats.error_bound + exact.stats.error_bound
         assert error <= bound, f"{error:.3g} > {bound:.3g}"
     steep = scene("perspective", rz.DepthCue(1e-3, 3.0))
@@ -98,7 +99,7 @@ def test_depths_of_entries_fade_within_the_bound(camera):
 def test_grey_pictures_keep_one_channel_and_others_pay_nothing():
     def planned(cue, **material):
         shown = scene(depth_cue=cue, **material)
-        return make_plan(replace(shown, meshes=shown.meshes[:1]), Options(), np.empty((0, 3)))
+        return make_plan(SceneTables(replace(shown, meshes=shown.meshes[:1]), Options()), Options(), np.empty((0, 3)))
 
     assert planned(0.5).n_channel == planned(rz.DepthCue(1, color="gray")).n_channel == 1
     assert planned(CUE).n_channel == 3

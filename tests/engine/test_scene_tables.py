@@ -8,7 +8,7 @@ from helpers.arrays import differences
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
-from rasterizer.engine.plan import multiply_spectra
+from rasterizer.engine.scene_tables import multiply_spectra
 from rasterizer.options import Options
 from rasterizer.scene.spectrum import D65, MATCHING, WAVELENGTHS, Spectrum
 

@@ -1,0 +1,337 @@
+"""A scene as tables: read once, and handed on in its place.
+
+    Scene ─ tables (here) ─ geometry (geometry/points.py) ─ plan (plan.py) ─ passes (passes.py)
+
+Its different materials and its lights are listed and numbered, area lights are taken apart, the exposure is multiplied
+in, and where colours are spectra the products of materials and lights. Below that stands what surfaces are beside
+their illumination, as arrays that the pipeline reads, and the tint that one channel is enough for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.points import number_materials
+from ..options import Options
+from ..pipeline import textures as texturing
+from ..pipeline.a_buffer import Opacity
+from ..pipeline.shade import Cue
+from ..pipeline.textures import Textures
+from ..scene.mesh import Mesh
+from ..scene.scene import DepthCue, Scene
+from . import lights as light_table
+from .reflections import has_colored_fresnel, has_highlight
+
+
+class SceneTables:
+    """What a scene is made of, under the options of a picture; each table is made when it is asked for first.
+
+    Parameters
+    ----------
+    scene : Scene, of which nothing else is read later
+    options : of which exposure and spectral count. Light and what materials emit are multiplied by the exposure: the
+        illumination equation is linear in them
+    """
+
+    def __init__(self, scene: Scene, options: Options) -> None:
+        self.meshes: tuple[Mesh, ...] = scene.meshes
+        self.background: tuple[float, float, float] | None = scene.background  # linear
+        self.depth_cue: DepthCue | None = scene.depth_cue
+        self._every_light, self._options = scene.lights, options
+
+    @cached_property
+    def _numbered(self) -> tuple[tuple, list[NDArray[np.int64]]]:
+        """The materials as they are given, and the palettes."""
+        return number_materials(self.meshes)
+
+    @property
+    def palettes(self) -> list[NDArray[np.int64]]:
+        """For each mesh the numbers of its materials."""
+        return self._numbered[1]
+
+    @cached_property
+    def materials(self) -> tuple:
+        """The different ones of all meshes."""
+        return self._exposed(self._numbered[0], "emissive")
+
+    @cached_property
+    def lights(self) -> tuple:
+        """All but ambient and black ones; those of an area light one by one."""
+        return self._exposed(self._lights_as_given, "color")
+
+    @cached_property
+    def _lights_as_given(self) -> tuple:
+        return tuple(light for light in self._expanded_lights if not light_table.is_black(light))
+
+    @cached_property
+    def _expanded_lights(self) -> tuple:
+        return tuple(part for light in self._every_light for part in light_table.entry_of(light).expand(light))
+
+    @property
+    def n_black(self) -> int:
+        """How many lights are black, and no part of `lights`."""
+        return len(self._expanded_lights) - len(self._lights_as_given)
+
+    @property
+    def _ambient_lights(self) -> tuple:
+        return tuple(light for light in self._every_light if light_table.entry_of(light).is_ambient)
+
+    @cached_property
+    def ambient(self) -> NDArray[np.float64]:
+        """(3,), the sum of the ambient lights."""
+        return sum((np.array(light.color) for light in self._exposed(self._ambient_lights, "color")), np.zeros(3))
+
+    @cached_property
+    def products(self) -> "Products | None":
+        """Those of spectra, in which the exposure is included; None where colours are multiplied channel by channel."""
+        return multiply_spectra(self._numbered[0], self._lights_as_given, self._ambient_lights, self._options)
+
+    def _exposed(self, sources: tuple, field: str) -> tuple:
+        """Lights or materials with one of their colours multiplied by the exposure."""
+        if self.products is not None or self._options.exposure == 0.0:
+            return sources
+        scale = 2.0**self._options.exposure
+        colors = [tuple(scale * component for component in getattr(source, field)) for source in sources]
+        return tuple(replace(source, **{field: color}) for source, color in zip(sources, colors, strict=True))
+
+    @cached_property
+    def is_lit(self) -> NDArray[np.bool_]:
+        """(n_material, n_light): the material reflects something of the light."""
+        products = self.products
+        if products is None:
+            is_reflecting = np.array([[any(material.diffuse) or any(material.specular)] for material in self.materials])
+        else:
+            is_reflecting = products.diffuse.any(axis=2) | products.specular.any(axis=2) | products.grazing.any(axis=2)
+        return np.ones((len(self.materials), len(self.lights)), np.bool_) & is_reflecting
+
+    def lights_of(self, k: int) -> tuple:
+        """The lights that material k reflects something of."""
+        return tuple(light for light, is_lit in zip(self.lights, self.is_lit[k].tolist(), strict=True) if is_lit)
+
+    def tint_of(self, k: int) -> NDArray[np.float64] | None:
+        """The RGB triple that all intensities of material k are multiples of, where points have no colours of their
+        own; None where there is none."""
+        if self.products is not None or self.materials[k].texture is not None:
+            return None
+        tint = common_color([self.materials[k]], self.lights_of(k), self.ambient)
+        return tint if self.depth_cue is None or tint is None else common_tint(tint, self.depth_cue.color)
+
+    @cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """(n_mesh, 2, 3) boxes round the meshes, world space."""
+        return np.stack([mesh.bounds for mesh in self.meshes])
+
+    @cached_property
+    def face_offsets(self) -> NDArray[np.int64]:
+        """(n_mesh + 1,): face f of mesh m has the index face_offsets[m] + f in the scene."""
+        return np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
+
+    @property
+    def has_vertex_colors(self) -> NDArray[np.bool_]:
+        """(n_material,): which materials have points with colours that are given with the model."""
+        has_colors = np.zeros(len(self.materials), np.bool_)
+        for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
+            if mesh.colors is not None or mesh.face_colors is not None:
+                has_colors[numbers] = True
+        return has_colors
+
+    @property
+    def is_textured(self) -> bool:
+        """Some material has a texture."""
+        return any(material.texture is not None for material in self.materials)
+
+    @property
+    def is_opaque(self) -> bool:
+        """Nothing shows through anything."""
+        return all(material.is_opaque for material in self.materials)
+
+    @property
+    def has_shadows(self) -> bool:
+        """Some light casts shadows, and is reflected."""
+        casts = [light_table.shadow_of(light) is not None for light in self.lights]
+        return bool((self.is_lit.any(axis=0) & np.array(casts, np.bool_)).any())
+
+
+# ---------------------------------------------------------------- surfaces, as arrays that the pipeline reads
+
+
+def list_opacities(materials, least) -> Opacity:
+    """How transparent the materials are; see pipeline/a_buffer.py for `least`."""
+    return Opacity(
+        np.array([material.opacity for material in materials]),
+        np.array([material.is_opaque for material in materials], np.bool_),
+        np.array([material.texture is not None for material in materials], np.bool_),
+        least,
+    )
+
+
+def list_textures(materials) -> Textures:
+    """Lay the textures of materials, at least one, behind each other; those that are shared, once."""
+    different = {id(material.texture): material.texture for material in materials if material.texture is not None}
+    number = {key: k for k, key in enumerate(different)}
+    levels = [level for texture in different.values() for level in texture.pyramid]
+    first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
+    filters = {
+        "nearest": texturing.FILTER_NEAREST,
+        "bilinear": texturing.FILTER_BILINEAR,
+        "trilinear": texturing.FILTER_TRILINEAR,
+    }
+    wraps = {"repeat": texturing.WRAP_REPEAT, "clamp": texturing.WRAP_CLAMP, "mirror": texturing.WRAP_MIRROR}
+    return Textures(
+        np.concatenate([level.ravel() for level in levels]),
+        np.array(
+            [(start, level.shape[1], level.shape[0]) for start, level in zip(first, levels, strict=False)], np.int64
+        ),
+        np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
+        np.array([filters[texture.filter] for texture in different.values()], np.int64),
+        np.array([[wraps[word] for word in texture.wrap] for texture in different.values()], np.int64),
+        np.array([number.get(id(material.texture), -1) for material in materials], np.int64),
+    )
+
+
+def brightest_texel(materials) -> float:
+    """The largest component of any texture, at least 1."""
+    images = [material.texture.image for material in materials if material.texture is not None]
+    return max((float(image[..., :3].max()) for image in images), default=1.0)
+
+
+def make_cue(cue, n_channel) -> Cue:
+    """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest
+    component is 1."""
+    return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
+
+
+# ---------------------------------------------------------------- the tint that one channel is enough for
+
+
+def choose_tint(tints) -> np.ndarray | None:
+    """Choose the tint that most materials have, so that one channel is enough for these; None where none has one."""
+    groups: dict[tuple, int] = {}
+    for tint in tints:
+        if tint is not None:
+            groups[tuple(tint)] = groups.get(tuple(tint), 0) + 1
+    return np.array(max(groups, key=lambda tint: groups[tint])) if groups else None
+
+
+def common_color(
+    materials: Sequence[Any], lights: Sequence[Any], ambient: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """Return the RGB triple, its largest component 1, of which every intensity of the picture is a multiple; None if
+    there is none.
+
+    Intensities are products of a material's and a light's colour, so it is enough that all lights are grey and all the
+    materials' colours multiples of one triple, or the other way round.
+
+    Parameters
+    ----------
+    ambient : (3,) float64, the sum of the ambient lights
+    """
+    if any(has_colored_fresnel(material) for material in materials):
+        return None
+    of_lights = [np.array(light.color) for light in lights] + [ambient]
+    of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
+    of_materials += [np.array(m.specular) for m in materials if has_highlight(m)]
+    emission = [np.array(m.emissive) for m in materials]
+    if _direction(of_lights) is not None and np.ptp(_direction(of_lights)) == 0.0:
+        return _direction(of_materials + emission)
+    if _direction(of_materials) is not None and np.ptp(_direction(of_materials)) == 0.0:
+        return _direction(of_lights + emission)
+    return None
+
+
+def common_tint(tint: NDArray[np.float64], color: Sequence[float]) -> NDArray[np.float64] | None:
+    """Return the tint (3,) if a colour is a multiple of it, else None."""
+    return _direction([tint, np.array(color)])
+
+
+def _direction(colors):
+    """The triple, its largest component 1, of which all colours are multiples (to float64 rounding); None if there is
+    none."""
+    colors = np.array([color for color in colors if color.max() > 0.0]).reshape(-1, 3)
+    if len(colors) == 0:
+        return np.ones(3)
+    scaled = colors / colors.max(axis=1, keepdims=True)
+    # Quotients of equal colours differ by a rounding error each.
+    return scaled[0] if np.ptp(scaled, axis=0).max() <= 4 * np.finfo(float).eps else None
+
+
+# ---------------------------------------------------------------- spectral colour
+#
+# Light and colours are multiplied wavelength by wavelength, and seen by the standard observer at the end. The
+# illumination equation is a sum of products of colours, each times a factor that geometry alone decides (cosines,
+# powers, attenuation, shadows). The observer's response is linear. So it may be applied to the products before anything
+# is drawn:
+#
+#     RGB(Σ_i g_i · kd·Ip_i) = Σ_i g_i · RGB(kd·Ip_i)
+#
+# which gives what an evaluation of every sample of the spectrum at every pixel would give, for the price of three
+# channels. A specular reflection function with a spectrum F0 is no such product, but affine in F0:
+# W = F0·(1 - s) + s, s = (1 - cos θ)^5. So two products serve, ks·Ip·F0 and ks·Ip·(1 - F0): the highlight is that of
+# W = 1 with the first, and times s with the second.
+
+
+class Products(NamedTuple):
+    """Products of the spectra of materials and lights, as linear RGB; components may be negative."""
+
+    emissive: NDArray[np.float64]  # (n_material, 3)
+    ambient: NDArray[np.float64]  # (n_material, 3): ka·Ia
+    diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip
+    specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
+    grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
+
+
+def multiply_spectra(
+    materials: Sequence[Any], lights: Sequence[Any], ambient_lights: Sequence[Any], options: Options
+) -> Products | None:
+    """Multiply what materials reflect by what lights give; None where no colour is a spectrum and no samples are asked
+    for."""
+    fields = ("emissive", "ambient", "diffuse", "specular")
+    colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel")]
+    colors += [light.color for light in (*lights, *ambient_lights)]
+    if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
+        return None
+    from ..scene.spectrum import N_TABLE, rgb_weights
+
+    n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
+    weights = rgb_weights(n) * 2.0**options.exposure
+    emissive, ambient, diffuse, specular = (
+        np.array([_samples_of(getattr(material, field), n) for material in materials]) for field in fields
+    )
+    around = sum((_samples_of(light.color, n) for light in ambient_lights), np.zeros(n))
+    given = np.array([_samples_of(light.color, n) for light in lights]).reshape(-1, n)
+    first, rest = split_fresnel(materials, n)
+    return Products(
+        emissive @ weights,
+        (ambient * around) @ weights,
+        (diffuse[:, None] * given) @ weights,
+        ((specular * first)[:, None] * given) @ weights,
+        ((specular * rest)[:, None] * given) @ weights,
+    )
+
+
+def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return F0 and 1 - F0 of materials whose F0 is a colour, 1 and 0 of the others.
+
+    Parameters
+    ----------
+    n : samples of the spectrum; None = linear RGB
+
+    Returns
+    -------
+    two (n_material, n or 3) float64
+    """
+    first = np.ones((len(materials), n or 3))
+    for row, material in zip(first, materials, strict=True):
+        if has_colored_fresnel(material):
+            row[:] = material.fresnel if n is None else _samples_of(material.fresnel, n)
+    return first, 1.0 - first
+
+
+def _samples_of(color, n: int) -> NDArray[np.float64]:
+    from ..scene.spectrum import samples_of
+
+    return samples_of(color, n)
