@@ -10,7 +10,7 @@ from typing import Literal, get_args, get_origin
 
 from .. import choices
 from ..io import formats
-from ..options import LEAST_WAVES, MOST_WAVES, Options
+from ..options import MAX_WAVES, MIN_WAVES, Options
 from . import values
 from .messages import NORMAL, QUIET, VERBOSE
 
@@ -220,7 +220,7 @@ def add_look(parser, is_compared=False):
     _add_option(group, "color_range",
                 "what becomes of colours too bright: cut off, the picture darkened, or the pixel darkened")
     _add_option(group, "exposure", "multiply the light by 2^STOPS, the background not (default 0)", metavar="STOPS")
-    _add_option(group, "spectral", f"compute with N samples of the spectrum, {LEAST_WAVES} to {MOST_WAVES} "
+    _add_option(group, "spectral", f"compute with N samples of the spectrum, {MIN_WAVES} to {MAX_WAVES} "
                 "(default: 81 where a light or material has one, else three colours)", metavar="N")
     if not is_compared:
         _add_option(group, "edges", "edges of polygons drawn over the picture where nothing hides them, with commas "

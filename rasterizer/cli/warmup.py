@@ -11,9 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-from ..choices import BUFFERS
-from ..choices import PROCESSOR_LEVELS
-from ..choices import REFLECTIONS
+from ..choices import BUFFERS, PROCESSOR_LEVELS, REFLECTIONS
 from ..errors import OutputError
 from ..options import DEFAULT_TOLERANCE, Options
 from .flags import add_messages
