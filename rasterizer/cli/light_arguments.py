@@ -12,7 +12,7 @@ import re
 from typing import Any
 
 from ..errors import SceneError
-from ..scene.lights import LIGHT_KINDS, Field, Shadow, describe_fields
+from ..scene.lights import LIGHT_TYPES, Field, Shadow, describe_fields
 from . import values
 from .suggestions import did_you_mean
 
@@ -35,11 +35,11 @@ def make_light(text: str, casts: bool, shadow: Shadow) -> Any:
     SceneError : an unknown kind or name, or a value that is not legal; the message lists what is
     """
     kind, _, rest = text.partition(":")
-    if kind not in LIGHT_KINDS:
-        legal = ", ".join(f"{word}:..." for word in LIGHT_KINDS)
-        meant = did_you_mean(kind, LIGHT_KINDS)
+    if kind not in LIGHT_TYPES:
+        legal = ", ".join(f"{word}:..." for word in LIGHT_TYPES)
+        meant = did_you_mean(kind, LIGHT_TYPES)
         raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}{meant}")
-    described = describe_fields(LIGHT_KINDS[kind])
+    described = describe_fields(LIGHT_TYPES[kind])
     try:
         settings = _read_settings(kind, rest, described)
     except argparse.ArgumentTypeError as fault:
@@ -51,7 +51,7 @@ def make_light(text: str, casts: bool, shadow: Shadow) -> Any:
             )
     if "shadow" in described:
         settings["shadow"] = _chosen_shadow(settings.get("shadow", casts), shadow)
-    return LIGHT_KINDS[kind](**settings)
+    return LIGHT_TYPES[kind](**settings)
 
 
 def _read_settings(kind: str, rest: str, described: dict[str, Field]) -> dict[str, Any]:

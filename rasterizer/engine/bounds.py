@@ -96,7 +96,9 @@ class Brightness(NamedTuple):
         entries = [reflection_table.entry_of(material) for material in self.materials]
         rough = [entry.diffuse_slope(material) for entry, material in zip(entries, self.materials, strict=True)]
         slopes = [entry.turn_slope(material) for entry, material in zip(entries, self.materials, strict=True)]
-        changes = times(self.diffuse, 1.0 + np.array(rough)[:, None]) + times(self.specular, np.array(slopes)[:, None])
+        of_lights = np.array([light_table.entry_of(light).normal_slope(light) for light in self.lights], float)
+        changes = times(self.diffuse, 1.0 + np.array(rough)[:, None] + of_lights)
+        changes = changes + times(self.specular, np.array(slopes)[:, None] + of_lights)
         return changes.sum(axis=1)
 
     def at(self, clearances: NDArray[np.float64]) -> "Brightness":
@@ -164,7 +166,7 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     lights, materials = brightness.lights, brightness.materials
     # Float64 is right where float32 has lost all digits: a direction turns by 2 u·2^30 radians, more than there are.
     distances = distances.kept(2.0**-20 if u == SINGLE else 1.0)
-    models, kinds = (
+    models, types = (
         [reflection_table.entry_of(material) for material in materials],
         list(map(light_table.entry_of, lights)),
     )
@@ -176,11 +178,12 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     position = ((SAMPLES if per_sample else POINTS) * u + DEPTHS * DOUBLE + ratio) * distances.furthest
     normal = (NORMALS * u + ratio) / distances.shortest if per_sample else 0.0
     turns = np.where(np.isfinite(distances.clearances), position[:, None] / distances.clearances + u, 0.0)
-    steep = np.array([kind.steepness(light) for kind, light in zip(kinds, lights, strict=True)], float)
-    slopes = np.array([kind.slope(light) for kind, light in zip(kinds, lights, strict=True)], float)
-    of_light = times(2.0 + slopes, turns) + CONE * u * steep
+    steep = np.array([entry.steepness(light) for entry, light in zip(types, lights, strict=True)], float)
+    slopes = np.array([entry.slope(light) for entry, light in zip(types, lights, strict=True)], float)
+    bends = np.array([entry.normal_slope(light) for entry, light in zip(types, lights, strict=True)], float)
+    of_light = times(2.0 + slopes, turns) + CONE * u * steep + times(bends, normal + 2.0 * u)
     # What rounding may carry across the edge of a sharp cone must stay within what counts as lying on it.
-    edges = [[step.near for step in kind.steps(light, of_type)] for kind, light in zip(kinds, lights, strict=True)]
+    edges = [[step.near for step in entry.steps(light, of_type)] for entry, light in zip(types, lights, strict=True)]
     near = np.array([min(of_one, default=np.inf) for of_one in edges], float)
     of_light = np.where(turns + CONE * u > near / 2.0, np.inf, of_light)
     n_term = len(lights) * (2 if any(map(reflection_table.has_colored_fresnel, materials)) else 1)

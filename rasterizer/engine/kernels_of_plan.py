@@ -412,7 +412,7 @@ def add_buffer(found: KernelList, name: str, surfaces: buffers.VisibleSurfaces) 
         found.add(buffer.write, surfaces, band, out, np.empty(0, np.int32))
     elif buffer.write is buffers.write_mean:
         table = buffers.CornerTable(np.empty((0, 2)), np.empty((3, 0), np.uint32))
-        found.add(buffer.write, surfaces, band, out, table)
+        found.add(buffers.write_means, surfaces, band, out.reshape(0, 0, buffer.n_component), table)
     elif buffer.table is None:
         found.add(buffer.write, surfaces, band, out)
 

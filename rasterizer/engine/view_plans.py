@@ -14,6 +14,7 @@ from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.shade import DEPTH_ERROR
 from ..scene.camera import View
 from . import bounds as b
+from . import reflections as reflection_table
 from .lights import entry_of, is_carried, shadow_of
 from .plan import TOO_MUCH, Plan, are_single, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
@@ -229,7 +230,12 @@ def list_unstated(plan: Plan, options: Options, stated: NDArray[np.float64]) -> 
         found.append(
             "no bound is stated: a pixel that is shaded once may differ from the mean of its samples by anything"
         )
-    if np.isnan(stated).any():
+    silent = [type(light).__name__ for light in plan.reflected_lights if not entry_of(light).has_bound(light)]
+    silent += [m.reflection for m, is_lit in zip(plan.materials, plan.is_lit, strict=True)
+               if is_lit.any() and not reflection_table.entry_of(m).has_bound]  # fmt: skip
+    for name in dict.fromkeys(silent):
+        found.append(f"no bound is stated: {name}, which is registered, says none")
+    if np.isnan(stated).any() and not silent:
         found.append(
             "no bound is stated: a light, a highlight or the depths of the scene magnify the rounding of float64 "
             f"beyond {b.EXACT:.0e}"

@@ -97,7 +97,7 @@ FAULTS = (
     ),
     Fault(
         "attenuation: the quadratic coefficient is multiplied by the distance alone",
-        "pipeline/light_kinds.py",
+        "pipeline/lights.py",
         "quadratic * square))",
         "quadratic * distance))",
         "pictures pipeline engine",
@@ -118,7 +118,7 @@ FAULTS = (
     ),
     Fault(
         "spot light: the fall between the cones isn't smooth",
-        "pipeline/light_kinds.py",
+        "pipeline/lights.py",
         "(t * t * (three - two * t)) if",
         "(t * (three - two * t)) if",
         "pictures pipeline engine",
@@ -661,7 +661,7 @@ HELD_OUT = (
     ),
     Fault(
         "spot light: the falloff is a root",
-        "pipeline/light_kinds.py",
+        "pipeline/lights.py",
         "one), falloff)",
         "one), one / falloff)",
         "pictures pipeline engine",

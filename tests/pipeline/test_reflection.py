@@ -11,7 +11,7 @@ from helpers.pairs import pairs
 from rasterizer.compiler.kernels import kernel
 from rasterizer.errors import SceneError
 from rasterizer.pipeline.power import exponential_single, power
-from rasterizer.pipeline.reflection import MOST_SQUARED, REFLECTION_FUNCTIONS, reflection_function_of
+from rasterizer.pipeline.reflection import MAX_SQUARED, REFLECTION_FUNCTIONS, reflection_function_of
 
 ULP = 2.0**-24
 HIGHLIGHTS = list(product(("phong", "blinn"), DTYPES))
@@ -235,7 +235,7 @@ def test_highlights_of_any_exponent_are_between_0_and_1(dtype):
 def test_whole_exponents_by_squaring():
     """Of Phong's highlight along a normal: N = L, so R = L. A product of n factors has that many roundings, less one;
     what is below 2^-28 is 0."""
-    for dtype, exponent in pairs(dtype=DTYPES, exponent=(1, 2, 3, 5, 8, 17, 100, 255, 256, 999, MOST_SQUARED)):
+    for dtype, exponent in pairs(dtype=DTYPES, exponent=(1, 2, 3, 5, 8, 17, 100, 255, 256, 999, MAX_SQUARED)):
         case, x = f"{dtype.__name__}, exponent {exponent}", np.linspace(0, 1.6, 4000).astype(dtype)
         base = dtype(1) - dtype(0.5) * (x * x)  # 1 - |R - V|²/2, of V = (x, 0, 1), as the function finds it
         sides = directions_of(dtype, UP, UP, np.stack([x, 0 * x, 0 * x + 1], axis=1))

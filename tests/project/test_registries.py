@@ -38,13 +38,14 @@ from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.reference.lamp import LAMP_KINDS
 from rasterizer.reference.reflection import REFLECTION_KINDS, ReflectionKind
-from rasterizer.scene.lights import LIGHT_KINDS, Attenuation, Color, Vector, describe_fields, kind_of
+from rasterizer.scene.lights import Attenuation, Color, Vector, describe_fields
+from rasterizer.scene.lights import LIGHT_TYPES, light_type_of
 from rasterizer.scene.material import REFLECTION_MODELS
 
 SIZE = (64, 48)
 CAMERA = rz.Camera.perspective((2.5, 1.5, 3), fov=45)
-BUILT_IN = [list(table) for table in (LIGHT_KINDS, REFLECTION_MODELS)]
-TABLES = (LIGHT_KINDS, light_table.LIGHT_TABLE, LAMP_KINDS)
+BUILT_IN = [list(table) for table in (LIGHT_TYPES, REFLECTION_MODELS)]
+TABLES = (LIGHT_TYPES, light_table.LIGHT_TABLE, LAMP_KINDS)
 MODEL_TABLES = (REFLECTION_MODELS, reflection_table.REFLECTION_TABLE, REFLECTION_KINDS)
 
 
@@ -209,7 +210,7 @@ def listed(kinds, text) -> bool:
     return all(kind in text for kind in kinds)
 
 
-CLASSES = [cls.__name__ for cls in LIGHT_KINDS.values()]
+CLASSES = [cls.__name__ for cls in LIGHT_TYPES.values()]
 
 
 def test_a_stranger_is_no_light_of_a_scene():
@@ -217,7 +218,7 @@ def test_a_stranger_is_no_light_of_a_scene():
         for make in (
             lambda light: scene_of(rz.Material(), rz.AmbientLight(), light),
             lambda light: rz.illuminate((0, 0, 0), (0, 0, 1), rz.Material(), light, viewer=(0, 0, 1)),
-            kind_of,
+            light_type_of,
             light_table.entry_of,
             reference.lamp.lamp_kind_of,
         ):
@@ -302,7 +303,7 @@ def test_a_registration_is_undone_by_its_block_by_an_error_or_by_hand():
         assert [table for table in TABLES if "slab" not in table] == []
         assert [table for table in MODEL_TABLES if "minnaert" not in table] == []
     kept = add_slab()
-    assert kind_of(slab_light()) == "slab" and kept.word == "slab"
+    assert light_type_of(slab_light()) == "slab" and kept.word == "slab"
     kept.remove()
     kept.remove()
     with pytest.raises(ZeroDivisionError), add_slab():
@@ -327,7 +328,7 @@ def test_a_kind_can_be_registered_once(toys):
         registries.add_light("slab", Stranger, **entries | {"drawn": light_table.PointEntry()})
     with pytest.raises(rz.SceneError, match="SlabLight is the class of another kind"):
         registries.add_light("slab2", SlabLight, **entries)
-    assert kind_of(slab_light()) == "slab"
+    assert light_type_of(slab_light()) == "slab"
 
 
 def test_a_format_is_read_while_it_is_registered(tmp_path):
@@ -388,7 +389,7 @@ def test_what_can_not_be_a_light_is_refused():
 
 
 def test_the_fields_of_every_light_can_be_read():
-    for cls in LIGHT_KINDS.values():
+    for cls in LIGHT_TYPES.values():
         described = describe_fields(cls)
         assert described["color"].holds == "color" and not described["color"].is_needed
         assert {field.holds for field in described.values()} <= {

@@ -9,7 +9,7 @@ from helpers.pairs import pairs
 
 from rasterizer.errors import SceneError
 from rasterizer.pipeline import fragments as f
-from rasterizer.pipeline.light_kinds import (
+from rasterizer.pipeline.lights import (
     ATTENUATION,
     AXIS,
     CONE_EXPONENT,
@@ -18,7 +18,7 @@ from rasterizer.pipeline.light_kinds import (
     COS_OUTER,
     INVERSE_RANGE,
     LIGHT_FUNCTIONS,
-    MOST,
+    MAX_STRENGTH,
     N_LIGHT_COEFFICIENT,
     VECTOR,
     light_function_of,
@@ -45,7 +45,7 @@ def light(dtype, vector, attenuation=(1, 0, 0), most=1.0):
     """A light's coefficients."""
     coefficients = np.zeros(N_LIGHT_COEFFICIENT, dtype)
     coefficients[VECTOR : VECTOR + 3], coefficients[ATTENUATION : ATTENUATION + 3] = vector, attenuation
-    coefficients[MOST] = most
+    coefficients[MAX_STRENGTH] = most
     return coefficients
 
 
