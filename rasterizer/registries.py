@@ -42,7 +42,6 @@ from .reference.buffers import CUSTOM_BUFFERS
 from .reference.lamp import LAMP_TYPES, CustomLamp
 from .reference.reflection import REFERENCE_MODELS, ReferenceModel
 from .scene.camera import View
-
 from .scene.lights import LIGHT_TYPES, describe_fields
 from .scene.material import REFLECTION_MODELS, ReflectionModel
 from .scene.mesh import Mesh

@@ -178,7 +178,10 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     written = b.WRITTEN * (plan.brightest_background + plan.brightness.at(plan.clearances).of_materials)
     single = b.rounding_errors(plan.brightness, distances, SINGLE, fades_to) + written
     lit = plan.brightness.at(distances.kept().clearances)
-    double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(lit.of_materials, 1.0)  # of full scale
+    with np.errstate(invalid="ignore"):  # NaN, no bound, of light that has none
+        double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(
+            lit.of_materials, 1.0
+        )  # of full scale
     double[lit.undirected + lit.diffuse.sum(axis=1) > b.MOST_LIGHT] = np.inf
     if plan.opacity is not None:
         single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/a_buffer.py

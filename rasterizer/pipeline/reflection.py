@@ -305,8 +305,10 @@ def lambert(batch, n, material):
 
 
 def phong(batch, n, material):
-    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975); times W(θ), and normalised, if the
-    material asks for it."""
+    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975).
+
+    The highlight is times W(θ), normalised, or both, where the material asks for it.
+    """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_r_dot_v(batch, n)
     finish_highlights(batch, n, material)
@@ -314,7 +316,7 @@ def phong(batch, n, material):
 
 
 def blinn(batch, n, material):
-    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); times W(θ), and normalised, likewise."""
+    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); weighted as Phong's."""
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_n_dot_h(batch, n)
     finish_highlights(batch, n, material)

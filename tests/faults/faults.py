@@ -119,8 +119,8 @@ FAULTS = (
     Fault(
         "spot light: the fall between the cones isn't smooth",
         "pipeline/lights.py",
-        "(t * t * (three - two * t)) if",
-        "(t * (three - two * t)) if",
+        "fall = t * t * (three - two * t)",
+        "fall = t * (three - two * t)",
         "pictures pipeline engine",
     ),
     Fault(

@@ -17,8 +17,7 @@ from rasterizer.geometry.vectors import dot, subtract
 from rasterizer.pipeline.fragments import read_vector
 from rasterizer.reference import vectors
 from rasterizer.scene.color import linear_rgb
-from rasterizer.scene.lights import Color, Vector
-from rasterizer.scene.lights import Shadow, checked_shadow
+from rasterizer.scene.lights import Color, Shadow, Vector, checked_shadow
 from rasterizer.scene.validate import choice, number, position3, unit3
 
 
