@@ -30,8 +30,7 @@ from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.reference.lamp import LAMP_TYPES
 from rasterizer.reference.reflection import REFERENCE_MODELS
-from rasterizer.scene.lights import Attenuation, Color, Vector, describe_fields
-from rasterizer.scene.lights import LIGHT_TYPES, light_type_of
+from rasterizer.scene.lights import LIGHT_TYPES, Attenuation, Color, Vector, describe_fields, light_type_of
 from rasterizer.scene.material import REFLECTION_MODELS
 
 SIZE = (64, 48)
