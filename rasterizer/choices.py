@@ -2,7 +2,7 @@
 
 A `Literal` is what editors and type checkers read; the tuple beside it is what messages list and checks compare with.
 Only the standard library is imported, so that `raster --help` stays quick. Lights and reflection models can be added at
-run time: what stands here are the built-in ones, which the help lists; `scene.lights.LIGHT_KINDS` and
+run time: what stands here are the built-in ones, which the help lists; `scene.lights.LIGHT_TYPES` and
 `scene.material.REFLECTION_MODELS` know all.
 """
 
@@ -63,7 +63,7 @@ Attachment = Literal["world", "camera"]
 PoseFrame = Literal["opengl", "opencv"]
 Preset = Literal["studio", "headlight", "tabletop"]
 Reflection = Literal["phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon"]
-LightKind = Literal["ambient", "directional", "point", "spot", "area"]
+LightType = Literal["ambient", "directional", "point", "spot", "area"]
 
 AXES: dict[str, tuple[float, float, float]] = {
     "x": (1.0, 0.0, 0.0),
@@ -91,4 +91,4 @@ ATTACHMENTS: tuple[str, ...] = get_args(Attachment)
 POSE_FRAMES: tuple[str, ...] = get_args(PoseFrame)
 PRESETS: tuple[str, ...] = get_args(Preset)
 REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
-LIGHT_KINDS: tuple[str, ...] = get_args(LightKind)  # built-in
+LIGHT_TYPES: tuple[str, ...] = get_args(LightType)  # built-in

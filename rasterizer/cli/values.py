@@ -248,14 +248,14 @@ def make_light(text, casts, shadow):
     ------
     SceneError : an unknown kind or name, or a value that is not legal; the message lists what is
     """
-    from ..scene.lights import LIGHT_KINDS, Shadow, describe_fields
+    from ..scene.lights import LIGHT_TYPES, Shadow, describe_fields
 
     kind, _, rest = text.partition(":")
-    if kind not in LIGHT_KINDS:
-        legal = ", ".join(f"{word}:..." for word in LIGHT_KINDS)
-        meant = did_you_mean(kind, LIGHT_KINDS)
+    if kind not in LIGHT_TYPES:
+        legal = ", ".join(f"{word}:..." for word in LIGHT_TYPES)
+        meant = did_you_mean(kind, LIGHT_TYPES)
         raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}{meant}")
-    described = describe_fields(LIGHT_KINDS[kind])
+    described = describe_fields(LIGHT_TYPES[kind])
     try:
         settings = _read_light(kind, rest, described)
     except argparse.ArgumentTypeError as fault:
@@ -267,7 +267,7 @@ def make_light(text, casts, shadow):
     if "shadow" in described:
         own = settings.get("shadow", casts)  # yes, no, or (size, filter)
         settings["shadow"] = Shadow(*own) if isinstance(own, tuple) else shadow if own else None
-    return LIGHT_KINDS[kind](**settings)
+    return LIGHT_TYPES[kind](**settings)
 
 
 def _read_light(kind, rest, described) -> dict:

@@ -96,7 +96,9 @@ class Brightness(NamedTuple):
         entries = [reflection_table.entry_of(material) for material in self.materials]
         rough = [entry.diffuse_slope(material) for entry, material in zip(entries, self.materials, strict=True)]
         slopes = [entry.turn_slope(material) for entry, material in zip(entries, self.materials, strict=True)]
-        changes = times(self.diffuse, 1.0 + np.array(rough)[:, None]) + times(self.specular, np.array(slopes)[:, None])
+        of_lights = np.array([light_table.entry_of(light).normal_slope(light) for light in self.lights], float)
+        changes = times(self.diffuse, 1.0 + np.array(rough)[:, None] + of_lights)
+        changes = changes + times(self.specular, np.array(slopes)[:, None] + of_lights)
         return changes.sum(axis=1)
 
     def at(self, clearances: NDArray[np.float64]) -> "Brightness":
@@ -176,7 +178,8 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     turns = np.where(np.isfinite(distances.clearances), position[:, None] / distances.clearances + u, 0.0)
     steep = np.array([entry.steepness(light) for entry, light in zip(entries, lights, strict=True)], float)
     slopes = np.array([entry.slope(light) for entry, light in zip(entries, lights, strict=True)], float)
-    of_light = times(2.0 + slopes, turns) + CONE * u * steep
+    bends = np.array([entry.normal_slope(light) for entry, light in zip(entries, lights, strict=True)], float)
+    of_light = times(2.0 + slopes, turns) + CONE * u * steep + times(bends, normal + 2.0 * u)
     # What rounding may carry across the edge of a sharp cone must stay within what counts as lying on it.
     edges = [[step.near for step in entry.steps(light, of_type)] for entry, light in zip(entries, lights, strict=True)]
     near = np.array([min(of_one, default=np.inf) for of_one in edges], float)

@@ -1,4 +1,4 @@
-"""The exact buffers that a frame may have beside the picture: one kernel and one entry in BUFFER_TABLE a kind."""
+"""The exact buffers that a frame may have beside the picture: one kernel and one entry in BUFFER_TABLE for each."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -28,10 +28,10 @@ from .scene_tables import SceneTables
 # Out: tables for pipeline/buffers.py. Each is made when a buffer first asks for it, and kept.
 #
 # Polygons that are drawn about their centres have triangles of an edge and the centre. Texture coordinates of the
-# centre
-# are the mean of the corners', as in the picture. Its barycentric coordinates are those of the point in the loaded
-# triangle that has the edge: they may be below 0, because the centre may lie beside that triangle. A point of a plane
-# polygon is the sum of the loaded triangle's corners with these weights all the same.
+# centre, and values of a buffer of one's own, are the mean of the corners', as in the picture. Its barycentric
+# coordinates are those of the point in the loaded triangle that has the edge: they may be below 0, because the centre
+# may lie beside that triangle. A point of a plane polygon is the sum of the loaded triangle's corners with these
+# weights all the same.
 
 
 class BufferTables:
@@ -45,6 +45,7 @@ class BufferTables:
 
     def __init__(self, scene: SceneTables, geometry: Geometry) -> None:
         self._scene, self._geometry = scene, geometry
+        self._custom: dict[Any, Any] = {}  # by the buffer
 
     @cached_property
     def objects(self) -> NDArray[np.int32]:
@@ -74,14 +75,25 @@ class BufferTables:
     @cached_property
     def uv(self) -> CornerTable:
         """Texture coordinates; NaN of meshes that have none."""
-        values = np.concatenate([_corner_uv(mesh) for mesh in self._scene.meshes])
+        return self.table_of([_corner_uv(mesh) for mesh in self._scene.meshes])
+
+    def values_of(self, custom: Any) -> CornerTable | NDArray[np.int32]:
+        """What a buffer of one's own has at corners, or of whole numbers at faces; computed once, and kept."""
+        if custom not in self._custom:
+            parts = [custom.values_of(mesh) for mesh in self._scene.meshes]
+            self._custom[custom] = np.concatenate(parts) if custom.is_label else self.table_of(parts)
+        return self._custom[custom]
+
+    def table_of(self, of_meshes: list[NDArray[np.float64]]) -> CornerTable:
+        """Return the table of values (3 n_face, n_component) of the corners of each mesh as loaded."""
+        values = np.concatenate(of_meshes)
         rows = 3 * self._loaded[None, :] + self._loaded_corner
         pieces = self._pieces
         if len(pieces):  # rows of their first two corners stand; the centres come behind all others
             ring, n_loaded_corner = self._ring, len(values)
             count = np.bincount(ring)
             firsts = values[rows[0, pieces]]
-            sums = [np.bincount(ring, firsts[:, k]) for k in range(2)]
+            sums = [np.bincount(ring, column) for column in firsts.T]
             starts = np.append(0, np.cumsum(count)[:-1])
             low, high = (pick.reduceat(firsts, starts, axis=0) for pick in (np.minimum, np.maximum))
             centers = np.clip(np.stack(sums, axis=1) / count[:, None], low, high)
@@ -173,7 +185,7 @@ def _weights_in(corners: NDArray, points: NDArray) -> NDArray[np.float64]:
 
 
 class OutputBuffer(NamedTuple):
-    """A kind of buffer: one sample a pixel, at its centre, never averaged.
+    """How a buffer is written: one sample a pixel, at its centre, never averaged.
 
     The entries of a band may be those of a picture: what holds for every record is told by `face_of` (records.py).
 
@@ -198,6 +210,15 @@ class OutputBuffer(NamedTuple):
         """Return room for `size` = (width, height) pixels: (height, width), with several components (height, width,
         n_component), of `dtype`; not filled, because the bands are filled one by one, while they are in the cache."""
         return np.empty(size[::-1] if self.n_component == 1 else (*size[::-1], self.n_component), self.dtype)
+
+
+def draw_custom(custom: Any) -> OutputBuffer:
+    """Return how a buffer of one's own is written, a `registries.CustomBuffer`."""
+    layout = custom.dtype, custom.n_component, custom.empty
+    if custom.write is not None:
+        return OutputBuffer(custom.write, *layout)
+    write = write_label if custom.is_label else write_mean
+    return OutputBuffer(write, *layout, table=lambda tables, _view: tables.values_of(custom))
 
 
 BUFFER_TABLE = {

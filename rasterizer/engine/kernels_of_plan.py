@@ -375,7 +375,8 @@ class PictureKernels(KernelList):
         elif buffer.write is buffers.write_label:
             self.add(buffer.write, visible, band, out, np.empty(0, np.int32))
         elif buffer.write is buffers.write_mean:
-            self.add(buffer.write, visible, band, out, buffers.CornerTable(np.empty((0, 2)), CORNERS))
+            values = out.reshape(0, 0, buffer.n_component)
+            self.add(buffers.write_means, visible, band, values, buffers.CornerTable(np.empty((0, 2)), CORNERS))
         elif buffer.table is None:
             self.add(buffer.write, visible, band, out)
 

@@ -1,4 +1,4 @@
-"""What the engine knows of the kinds of light: one class a kind, one line a kind in LIGHT_TABLE.
+"""What the engine knows of the types of light: one class a type, one line a type in LIGHT_TABLE.
 
 Who asks, and for what:
 
@@ -9,8 +9,7 @@ Who asks, and for what:
     view_plans          how near the lit points come to it
     analysis/mach       the beam, too: which side of a face is lit
 
-A kind of light of one's own derives from LightEntry and says only what is different; `rasterizer.registries` enters it
-here and in the tables of the other layers.
+Light of one's own is a class that derives from `registries.CustomLight`; CustomEntry says here what it says.
 """
 
 import math
@@ -21,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
-from ..pipeline import light_kinds as pipeline
+from ..pipeline import lights as pipeline
 from ..scene.camera import View
-from ..scene.lights import kind_of
+from ..scene.lights import light_type_of
 from .rounding import SINGLE, Step, step_cosine, times
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
@@ -41,17 +40,22 @@ class Beam(NamedTuple):
 
 
 class LightEntry:
-    """Hold what the engine knows of a kind of light.
+    """Hold what the engine knows of a type of light.
 
-    Every method takes a light of this kind, the first argument. What is said here holds for light without a position
+    Every method takes a light of this type, the first argument. What is said here holds for light without a position
     that is never stronger than its colour and casts no shadows.
     """
 
     is_ambient = False  # it comes from all sides alike, and only its colour counts
     is_distant = False  # the direction to it is the same everywhere
+    is_share = False  # it comes from all sides, and how much of it a point gets depends on the normal or the position
+
+    def has_bound(self, light: Any) -> bool:
+        """Tell whether the methods below say how strong it is, and how errors grow."""
+        return True
 
     def expand(self, light: Any) -> tuple[Any, ...]:
-        """Return the lights, of kinds that have a `function`, that stand for this one."""
+        """Return the lights, of types that have a `function`, that stand for this one."""
         return (light,)
 
     def function(self, light: Any) -> pipeline.LightFunction:
@@ -63,7 +67,7 @@ class LightEntry:
 
         Parameters
         ----------
-        coefficients : (light_kinds.N_LIGHT_COEFFICIENT,) float64, zeros; positions go there relative to the eye,
+        coefficients : (lights.N_LIGHT_COEFFICIENT,) float64, zeros; positions go there relative to the eye,
             directions along the axes of the world
         view : what a light that is attached to the camera moves with
         dtype : float32 or float64, what they will be converted to
@@ -93,6 +97,10 @@ class LightEntry:
     def slope(self, light: Any) -> float:
         """Return how far they magnify a turn of the direction, radians."""
         return self.steepness(light)
+
+    def normal_slope(self, light: Any) -> float:
+        """Return what share of the largest strength it changes by, at most, for each radian that the normal turns."""
+        return 0.0
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """Return where the strength jumps; u is the unit roundoff."""
@@ -145,7 +153,7 @@ class PointEntry(LightEntry):
         relative = position if light.attached == "camera" else position - view.eye
         coefficients[pipeline.VECTOR : pipeline.VECTOR + 3] = relative
         coefficients[pipeline.ATTENUATION : pipeline.ATTENUATION + 3] = light.attenuation
-        coefficients[pipeline.MOST] = np.inf if light.amplify else 1.0
+        coefficients[pipeline.MAX_STRENGTH] = np.inf if light.amplify else 1.0
         coefficients[pipeline.INVERSE_RANGE] = 1.0 / light.range if light.range is not None else 0.0
 
     def beam(self, light: Any, view: View) -> Beam | None:
@@ -172,8 +180,8 @@ class PointEntry(LightEntry):
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients of the attenuation, and the range."""
-        reach = () if light.range is None else (light.range,)
-        return tuple(coefficient for coefficient in light.attenuation if coefficient > 0.0) + reach
+        ends = () if light.range is None else (light.range,)
+        return tuple(coefficient for coefficient in light.attenuation if coefficient > 0.0) + ends
 
 
 class SpotEntry(PointEntry):
@@ -233,7 +241,80 @@ class AreaEntry(LightEntry):
         return light.cells()
 
 
-# By the words of scene.lights.LIGHT_KINDS.
+class Frame(NamedTuple):
+    """The frame in which the vectors of a light are given, as the pipeline has it: positions relative to the eye."""
+
+    light: Any
+    view: View
+
+    def point(self, position: Sequence[float]) -> NDArray[np.float64]:
+        """Return a position (3,) relative to the eye, along the axes of the world."""
+        placed = to_world(position, self.light, self.view)
+        return placed if is_carried(self.light) else placed - self.view.eye
+
+    def vector(self, direction: Sequence[float]) -> NDArray[np.float64]:
+        """Return a direction (3,) along the axes of the world."""
+        return to_world(direction, self.light, self.view)
+
+
+class CustomEntry(LightEntry):
+    """Light of one's own: what its class says, a `registries.CustomLight`.
+
+    Where it says no bound it may have any strength: then it is drawn in float64, and no bound is stated.
+    """
+
+    def __init__(self, cls: Any) -> None:
+        self.is_share = cls.share is not None
+        make = pipeline.function_of_share if self.is_share else pipeline.function_of_arrival
+        self._function = pipeline.LightFunction(make(cls.share or cls.arrival), cls.needs_position)
+        self.has_beam = cls.beam is not None
+
+    def expand(self, light: Any) -> tuple[Any, ...]:
+        """Return the lights of one colour that stand for it."""
+        return tuple(light.parts())
+
+    def function(self, light: Any) -> pipeline.LightFunction:
+        """Return the function of the formula."""
+        return self._function
+
+    def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write the numbers that the formula reads."""
+        numbers = np.asarray(light.numbers(Frame(light, view)), np.float64).ravel()
+        if len(numbers) > len(coefficients):
+            whose = f"{type(light).__name__}.numbers"
+            raise SceneError(f"{whose} must be {len(coefficients)} numbers at most; given {len(numbers)}")
+        coefficients[: len(numbers)] = numbers
+
+    def beam(self, light: Any, view: View) -> Beam | None:
+        """Return where it shines, if it says so."""
+        return light.beam(view) if self.has_beam else None
+
+    def clearance(self, light: Any, view: View, distance: Distance) -> float:
+        """Return the length over which the position turns it, or changes its strength, by as much as it has."""
+        bound = light.bound()
+        return math.inf if bound is None or bound.position == 0.0 else 1.0 / bound.position
+
+    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
+        """Return the largest strength that it states; infinite where it states none."""
+        bound = light.bound()
+        return math.inf if bound is None else bound.strength
+
+    def normal_slope(self, light: Any) -> float:
+        """Return what it states; where it states none its strength has no limit, and slopes don't count."""
+        bound = light.bound()
+        return 0.0 if bound is None else bound.normal / bound.strength
+
+    def has_bound(self, light: Any) -> bool:
+        """Tell whether it states one."""
+        return light.bound() is not None
+
+    def lengths(self, light: Any) -> tuple[float, ...]:
+        """Return the lengths that the bound names."""
+        bound = light.bound()
+        return () if bound is None or bound.position == 0.0 else (bound.position, 1.0 / bound.position)
+
+
+# By the words of scene.lights.LIGHT_TYPES.
 LIGHT_TABLE: dict[str, LightEntry] = {
     "ambient": AmbientEntry(),
     "directional": DirectionalEntry(),
@@ -244,20 +325,20 @@ LIGHT_TABLE: dict[str, LightEntry] = {
 
 
 def entry_of(light: Any) -> LightEntry:
-    """Return what the engine knows of a light's kind.
+    """Return what the engine knows of a light's type.
 
     Raises
     ------
-    SceneError : the kind is unknown, to scenes or to the engine; the message lists those that are known
+    SceneError : the type is unknown, to scenes or to the engine; the message lists those that are known
     """
-    kind = kind_of(light)
-    if kind not in LIGHT_TABLE:
-        raise SceneError(f"the engine draws lights of the kinds {', '.join(LIGHT_TABLE)}; given one of kind {kind!r}")
-    return LIGHT_TABLE[kind]
+    name = light_type_of(light)
+    if name not in LIGHT_TABLE:
+        raise SceneError(f"the engine draws lights of the types {', '.join(LIGHT_TABLE)}; given one of type {name!r}")
+    return LIGHT_TABLE[name]
 
 
 def shadow_of(light: Any) -> Any:
-    """Return the light's Shadow; None for a light that casts none, also of a kind that can't."""
+    """Return the light's Shadow; None for a light that casts none, also of a type that can't."""
     return getattr(light, "shadow", None)
 
 

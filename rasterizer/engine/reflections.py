@@ -7,8 +7,8 @@ Who asks, and for what:
     uniforms            the pipeline's functions, and the coefficients that these read
     spectral_products   whether a highlight is two sums, because its F0 has a colour
 
-A model of one's own derives from ReflectionEntry and says only what is different; `rasterizer.registries` enters it
-here and in the tables of the other layers. The bounds of a highlight are those of one whose largest value is 1: see the
+A model of one's own is a class that derives from `registries.CustomReflection`; CustomEntry says here what it says.
+The bounds of a highlight are those of one whose largest value is 1: see the
 table at the head of bounds.py.
 """
 
@@ -31,6 +31,7 @@ class ReflectionEntry:
     what rounding adds, and how far it moves when the normal or the light's direction turns (engine/bounds.py).
     """
 
+    has_bound = True  # the methods below tell how errors grow
     is_lambert_when_dull = False  # with a black `specular` it reflects as Lambert's model does
     default_fresnel = 1.0  # F0 of a material that gives none
 
@@ -120,14 +121,9 @@ class PowerEntry(ReflectionEntry):
         """Return the error of R - V or N - H."""
         raise NotImplementedError
 
-    def name(self, material: Any) -> str:
-        """Return the pipeline's word for the function: another one where W(θ) or N·L weighs the highlight."""
-        is_weighted = material.normalized or isinstance(material.fresnel, float)
-        return f"weighted {material.reflection}" if is_weighted else material.reflection
-
     def function(self, material: Any) -> pipeline.ReflectionFunction:
-        """Return the function of the power, with its weights where it has some."""
-        return pipeline.reflection_function_of(self.name(material))
+        """Return the function of the power."""
+        return pipeline.reflection_function_of(material.reflection)
 
     def reason_for_float64(self, material: Any) -> str:
         """Return that h^n with n < 1 is steep without limit at h = 0."""
@@ -297,6 +293,43 @@ class ToonEntry(ReflectionEntry):
     def steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Every level ends with a step, the highlight too."""
         return (Step("a toon's levels", step_cosine(u), "cosine of an angle"),)
+
+
+UNKNOWN_SLOPE = 1e30  # of a model that states no bound: no error is small enough for float32
+
+
+class CustomEntry(ReflectionEntry):
+    """A model of one's own: what its class says, a `registries.CustomReflection`.
+
+    Where it says no bound it is drawn in float64, and no bound is stated.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+        self._function = pipeline.ReflectionFunction(
+            pipeline.function_of_reflection(type(model).reflect), model.needs_view, model.has_highlight
+        )
+        self.has_bound = model.bound is not None
+
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
+        """Return the function of the formula."""
+        return self._function
+
+    def brightest_highlight(self, material: Any) -> float:
+        """Return the largest S that the model states, else 1."""
+        return self._model.bound.highlight if self.has_bound else 1.0
+
+    def diffuse_slope(self, material: Any) -> float:
+        """Return what the model states beyond Lambert's slope of 1."""
+        return max(self._model.bound.turn - 1.0, 0.0) if self.has_bound else UNKNOWN_SLOPE
+
+    def turn_slope(self, material: Any) -> float:
+        """Return what the model states, for a highlight of height 1."""
+        return self._model.bound.turn / max(self._model.bound.highlight, 1e-30) if self.has_bound else UNKNOWN_SLOPE
+
+    def highlight_rounding(self, material: Any, u: float) -> float:
+        """N, L and V err by 8 u at most, which turns the model by three times that; and its own operations."""
+        return (24.0 * self._model.bound.turn + 16.0) * u if self.has_bound else 1.0
 
 
 # By the words of scene.material.REFLECTION_MODELS.

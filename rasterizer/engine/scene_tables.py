@@ -88,7 +88,7 @@ class SceneTables:
     @cached_property
     def products(self) -> "Products | None":
         """Those of spectra, in which the exposure is included; None where colours are multiplied channel by channel."""
-        return multiply_spectra(self._numbered[0], self._lights_as_given, self._ambient_lights, self._options)
+        return multiply_colors(self._numbered[0], self._lights_as_given, self._ambient_lights, self._options)
 
     def _exposed(self, sources: tuple, field: str) -> tuple:
         """Lights or materials with one of their colours multiplied by the exposure."""
@@ -115,7 +115,7 @@ class SceneTables:
     def tint_of(self, k: int) -> NDArray[np.float64] | None:
         """The RGB triple that all intensities of material k are multiples of, where points have no colours of their
         own; None where there is none."""
-        if self.products is not None or self.materials[k].texture is not None:
+        if (self.products is not None and self.products.is_spectral) or self.materials[k].texture is not None:
             return None
         tint = common_color([self.materials[k]], self.lights_of(k), self.ambient)
         return tint if self.depth_cue is None or tint is None else common_tint(tint, self.depth_cue.color)
@@ -275,41 +275,52 @@ def _direction(colors):
 
 
 class Products(NamedTuple):
-    """Products of the spectra of materials and lights, as linear RGB; components may be negative."""
+    """Products of the colours of materials and lights, as linear RGB; of spectra components may be negative."""
 
+    is_spectral: bool
     emissive: NDArray[np.float64]  # (n_material, 3)
     ambient: NDArray[np.float64]  # (n_material, 3): ka·Ia
-    diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip
+    diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip; of an ambient share ka·Ip
     specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
     grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
 
 
-def multiply_spectra(
+def multiply_colors(
     materials: Sequence[Any], lights: Sequence[Any], ambient_lights: Sequence[Any], options: Options
 ) -> Products | None:
-    """Multiply what materials reflect by what lights give; None where no colour is a spectrum and no samples are asked
-    for."""
+    """Multiply what materials reflect by what lights give.
+
+    None where channels do it later: no colour is a spectrum, no samples are asked for, and no light is an ambient
+    share, which is weighted with another coefficient than the other lights.
+    """
     fields = ("emissive", "ambient", "diffuse", "specular")
     colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel")]
     colors += [light.color for light in (*lights, *ambient_lights)]
-    if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
+    is_spectral = options.spectral is not None or any(hasattr(color, "wavelengths") for color in colors)
+    is_share = np.array([light_table.entry_of(light).is_share for light in lights], np.bool_)
+    if not is_spectral and not is_share.any():
         return None
-    from ..scene.spectrum import N_TABLE, rgb_weights
+    n, weights = None, np.eye(3)
+    if is_spectral:
+        from ..scene.spectrum import N_TABLE, rgb_weights
 
-    n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
-    weights = rgb_weights(n) * 2.0**options.exposure
+        n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
+        weights = rgb_weights(n)
+    weights = weights * 2.0**options.exposure
     emissive, ambient, diffuse, specular = (
-        np.array([_samples_of(getattr(material, field), n) for material in materials]) for field in fields
+        np.array([_channels_of(getattr(material, field), n) for material in materials]) for field in fields
     )
-    around = sum((_samples_of(light.color, n) for light in ambient_lights), np.zeros(n))
-    given = np.array([_samples_of(light.color, n) for light in lights]).reshape(-1, n)
+    around = sum((_channels_of(light.color, n) for light in ambient_lights), np.zeros(n or 3))
+    given = np.array([_channels_of(light.color, n) for light in lights]).reshape(-1, n or 3)
     first, rest = split_fresnel(materials, n)
+    directed = np.where(is_share[:, None], 0.0, given)
     return Products(
+        is_spectral,
         emissive @ weights,
         (ambient * around) @ weights,
-        (diffuse[:, None] * given) @ weights,
-        ((specular * first)[:, None] * given) @ weights,
-        ((specular * rest)[:, None] * given) @ weights,
+        np.where(is_share[:, None], ambient[:, None] * given, diffuse[:, None] * given) @ weights,
+        ((specular * first)[:, None] * directed) @ weights,
+        ((specular * rest)[:, None] * directed) @ weights,
     )
 
 
@@ -327,11 +338,14 @@ def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArr
     first = np.ones((len(materials), n or 3))
     for row, material in zip(first, materials, strict=True):
         if has_colored_fresnel(material):
-            row[:] = material.fresnel if n is None else _samples_of(material.fresnel, n)
+            row[:] = _channels_of(material.fresnel, n)
     return first, 1.0 - first
 
 
-def _samples_of(color, n: int) -> NDArray[np.float64]:
+def _channels_of(color, n: int | None) -> NDArray[np.float64]:
+    """Return a colour as n samples of its spectrum; as linear RGB where n is None."""
+    if n is None:
+        return np.array(color, np.float64)
     from ..scene.spectrum import samples_of
 
     return samples_of(color, n)

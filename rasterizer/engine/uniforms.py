@@ -5,9 +5,9 @@ import numpy as np
 
 from ..compiler.kernels import batch_function
 from ..pipeline import material_coefficients as m
-from ..pipeline.light_kinds import N_LIGHT_COEFFICIENT, same_light_again
 from ..pipeline.lighting import Lighting, ShadowMaps
-from ..pipeline.reflection import no_second_term
+from ..pipeline.lights import N_LIGHT_COEFFICIENT, same_light_again
+from ..pipeline.reflection import ambient_share, no_second_term
 from ..pipeline.shadow_lookup import occlude
 from . import lights as light_table
 from . import reflections as reflection_table
@@ -139,15 +139,21 @@ def _color_lights(plan) -> np.ndarray:
     """
     n_light, is_colored = len(plan.lights), plan.of_materials.is_colored
     if is_parted(plan):
-        return _color_parts(plan)
+        return _in_channels(_color_parts(plan), is_colored)
     if plan.products is not None:
-        return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2)
+        return _in_channels(np.concatenate([plan.products.diffuse, plan.products.specular], axis=2), is_colored)
     colors = np.array([light.color for light in plan.lights]).reshape(n_light, 3) * plan.is_lit.any(axis=0)[:, None]
     greys = np.repeat(colors.max(axis=1, keepdims=True, initial=0.0), 3, axis=1)
     if (colors == greys).all():
         return np.concatenate([greys, greys], axis=1)[None]
     rows = np.where(is_colored[:, None, None], colors, greys)
     return np.concatenate([rows, rows], axis=2)
+
+
+def _in_channels(colors, is_colored) -> np.ndarray:
+    """Put the largest component into all three channels, for materials that have one: (n_material, n_light, 6)."""
+    pairs = colors.reshape(*colors.shape[:2], 2, 3)
+    return np.where(is_colored[:, None, None, None], pairs, pairs.max(axis=3, keepdims=True)).reshape(colors.shape)
 
 
 def is_parted(plan: Plan) -> bool:
@@ -183,14 +189,14 @@ def batch_functions_of(plan: Plan) -> tuple[list, list]:
     of_materials = []
     for material in plan.materials:
         function = reflection_table.entry_of(material).function(material)
-        of_materials.append([function.evaluate] * len(lights))
+        of_materials.append([ambient_share if entry.is_share else function.evaluate for entry in lights])
     if not is_parted(plan):
         return of_lights, of_materials
-    seconds = [_second_term(material) for material in plan.materials]
     of_materials = [
-        [part for function in functions for part in (function, second)]
-        for functions, second in zip(of_materials, seconds, strict=True)
-    ]
+        [part for f, entry in zip(functions, lights, strict=True)
+         for part in (f, no_second_term if entry.is_share else _second_term(material))]
+        for functions, material in zip(of_materials, plan.materials, strict=True)
+    ]  # fmt: skip
     return [part for function in of_lights for part in (function, same_light_again)], of_materials
 
 

@@ -106,7 +106,7 @@ class Format(NamedTuple):
     Parameters
     ----------
     name : text in lower case, what `format=` and messages call it
-    reader : text "module:function", imported when a file of the format is first read
+    reader : text "module:function", imported when a file of the format is first read; or the function
     suffixes : of files, in lower case without a dot; None = the name alone
     is_scene : whether a file is a whole scene, instead of a model
     is_binary : whether it can't be given as a file object of text
@@ -119,7 +119,7 @@ class Format(NamedTuple):
     """
 
     name: str
-    reader: str
+    reader: str | Callable
     suffixes: tuple[str, ...] | None = None
     is_scene: bool = False
     is_binary: bool = False
@@ -136,6 +136,8 @@ class Format(NamedTuple):
 
     def read(self) -> Callable:
         """Return the reader."""
+        if callable(self.reader):
+            return self.reader
         module, _, function = self.reader.partition(":")
         return getattr(import_module(module), function)
 

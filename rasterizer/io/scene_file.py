@@ -35,7 +35,7 @@ from numpy.lib import format as npy
 from ..errors import ModelError, SceneError, one_file, shown
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
-from ..scene.lights import LIGHT_KINDS, PRESETS, Shadow, describe_fields
+from ..scene.lights import LIGHT_TYPES, PRESETS, Shadow, describe_fields
 from ..scene.material import NAMED_MATERIALS, Material
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene, checked_cue
@@ -554,10 +554,10 @@ def _read_light(entry):
     """Read one light; `kind` chooses the class out of the scene's table, the other keys are its fields."""
     kind = entry.names().get("kind")
     if kind is None:
-        raise entry.fault(f"kind is missing; legal are {', '.join(LIGHT_KINDS)}")
-    if kind.text() not in LIGHT_KINDS:
-        raise kind.fault(f"must be one of {', '.join(LIGHT_KINDS)}; given {shown(kind.value)}")
-    described = describe_fields(LIGHT_KINDS[kind.value])
+        raise entry.fault(f"kind is missing; legal are {', '.join(LIGHT_TYPES)}")
+    if kind.text() not in LIGHT_TYPES:
+        raise kind.fault(f"must be one of {', '.join(LIGHT_TYPES)}; given {shown(kind.value)}")
+    described = describe_fields(LIGHT_TYPES[kind.value])
     needed = [name for name, field in described.items() if field.is_needed]
     table = entry.table(["kind", *described], ["kind", *needed])
     readers = {"shadow": _read_shadow, "flag": Entry.flag, "color": color_value}
@@ -565,7 +565,7 @@ def _read_light(entry):
         name: readers.get(described[name].holds, _value_of)(field) for name, field in table.items() if name != "kind"
     }
     vectors = [name for name, field in described.items() if field.holds == "vector"]
-    return keeping_units(entry.call(LIGHT_KINDS[kind.value], **settings), settings, vectors)
+    return keeping_units(entry.call(LIGHT_TYPES[kind.value], **settings), settings, vectors)
 
 
 def _value_of(entry):

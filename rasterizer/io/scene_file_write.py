@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import OutputError, SceneError, shown
 from ..scene.color import LINEAR_OF_BYTE
-from ..scene.lights import describe_fields, kind_of
+from ..scene.lights import describe_fields, light_type_of
 from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
@@ -158,7 +158,7 @@ def _camera(camera) -> dict:
 
 def _light(light) -> dict:
     """A light's kind and fields, out of the scene's table of kinds."""
-    table = {"kind": kind_of(light)}
+    table = {"kind": light_type_of(light)}
     for name, field in describe_fields(type(light)).items():
         value = getattr(light, name)
         if field.holds == "shadow" and value is not None:

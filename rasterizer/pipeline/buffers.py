@@ -377,10 +377,15 @@ class CornerTable(NamedTuple):
     rows: np.ndarray  # (3, n_triangle) uint32, of the triangles before any is clipped, corners in the order of the file
 
 
-@kernel
 def write_mean(surfaces, band, out, table):
     """Write the means of what the corners of the visible triangles have: out is (height, width, n_component) float32,
-    `table` a CornerTable."""
+    or (height, width) where that is one; `table` is a CornerTable."""
+    write_means(surfaces, band, out if out.ndim == 3 else out.reshape(*out.shape, 1), table)
+
+
+@kernel
+def write_means(surfaces, band, out, table):
+    """See `write_mean`; out has three axes."""
     visibility = surfaces.visibility
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)

@@ -5,7 +5,7 @@
 In:  surface points: positions, normals, and what materials and shadows need beside (fragments.py).
 Out: linear intensities.
 
-What depends on a light alone is found by its light function (light_kinds.py), what depends on the material by its
+What depends on a light alone is found by its light function (lights.py), what depends on the material by its
 reflection function (reflection.py). Source: Phong 1975; Foley, van Dam, Feiner & Hughes 1990, section 16.1.
 """
 
@@ -31,7 +31,7 @@ class Lighting(NamedTuple):
     """What lights the scene, as arrays; reals are float32 or float64, as the batch is."""
 
     light_functions: np.ndarray  # (n_light,) int64, addresses of light functions
-    lights: np.ndarray  # (n_light, N_LIGHT_COEFFICIENT), see light_kinds.py
+    lights: np.ndarray  # (n_light, N_LIGHT_COEFFICIENT), see lights.py
     n_lights: np.ndarray  # (n_material,) int64: how many lights light the material
     light_idx: np.ndarray  # (n_material, n_light) int64: these lights, ascending, then anything
     reflection_functions: np.ndarray  # (n_material, n_light) int64, addresses of reflection functions

@@ -7,13 +7,14 @@ Out: DIFFUSE and SPECULAR, which lighting.py multiplies by colours and sums over
     N  unit normal      L  unit vector to the light      V  unit vector to the viewer
     R  L mirrored at N, 2 (N·L) N - L                    H  half vector, (L + V) / |L + V|
 
-A new model is a function, here or in a file of its own as reflection.py is, and an entry in REFLECTION_FUNCTIONS, by
-the name that the engine has for it. Which models conserve energy, and which are reciprocal: see the table in
-scene/material.py. At a silhouette N·V may come out below 0, by a rounding error or an interpolated normal: no model
-here divides by it.
+A new model is a function here and an entry in REFLECTION_FUNCTIONS, by the name that the engine has for it. One's own
+(registries.py) is one formula for one point: `function_of_reflection` makes a reflection function of it. Which models
+conserve energy, and which are reciprocal: see the table in scene/material.py. At a silhouette N·V may come out below 0,
+by a rounding error or an interpolated normal: no model here divides by it.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -278,7 +279,7 @@ def masking(cosine, along, across, alpha_x, alpha_y):
     return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
 
 
-MOST_SQUARED = 4096  # integer exponents up to this are raised by squaring
+MAX_SQUARED = 4096  # integer exponents up to this are raised by squaring
 SMALLEST_SQUARED = 28.0  # results of that below 2^-28 become 0: invisible, and no denormal number on the way there
 LEAST_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
 
@@ -304,29 +305,18 @@ def lambert(batch, n, material):
 
 
 def phong(batch, n, material):
-    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975)."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    fill_r_dot_v(batch, n)
-    finish_highlights(batch, n, material)
+    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975).
 
-
-def blinn(batch, n, material):
-    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977)."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    fill_n_dot_h(batch, n)
-    finish_highlights(batch, n, material)
-
-
-def weighted_phong(batch, n, material):
-    """Phong's highlight times W(θ), or normalised, or both."""
+    The highlight is times W(θ), normalised, or both, where the material asks for it.
+    """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_r_dot_v(batch, n)
     finish_highlights(batch, n, material)
     weight_highlights(batch, n, material)
 
 
-def weighted_blinn(batch, n, material):
-    """Blinn's highlight times W(θ), or normalised, or both."""
+def blinn(batch, n, material):
+    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); weighted as Phong's."""
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_n_dot_h(batch, n)
     finish_highlights(batch, n, material)
@@ -382,12 +372,20 @@ def toon(batch, n, material):
         batch[f.SPECULAR + k] = strength if (n_dot_l > slack) & (r_dot_v >= least - slack) else zero
 
 
+def ambient_share(batch, n, material):
+    """Reflect an ambient share, whatever the model: as much to all sides, and no highlight; see
+    lights.py:function_of_share."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        batch[f.DIFFUSE + k] = batch[f.STRENGTH + k]
+        batch[f.SPECULAR + k] = zero
+
+
 REFLECTION_FUNCTIONS = {
     "lambert": ReflectionFunction(lambert, needs_view=False, has_highlight=False),
     "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, second_term=grazing_term),
     "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "weighted phong": ReflectionFunction(weighted_phong, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "weighted blinn": ReflectionFunction(weighted_blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
     "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
     "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
     "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
@@ -414,6 +412,42 @@ def reflection_function_of(model: str) -> ReflectionFunction:
         legal = ", ".join(sorted(REFLECTION_FUNCTIONS))
         raise SceneError(f"no reflection function is called {model!r}; there are {legal}")
     return REFLECTION_FUNCTIONS[model]
+
+
+class Coefficients(NamedTuple):
+    """What the formula of a reflection model of one's own reads of its material, of the type of the batch."""
+
+    shininess: float
+    roughness: float
+    levels: float
+
+
+@cache  # what is compiled of a formula is kept for good, as all batch functions are
+def function_of_reflection(reflect: Callable) -> Callable:
+    """Return the reflection function of a formula.
+
+    Parameters
+    ----------
+    reflect : (normal, light_dir, view_dir, coefficients) -> D, S; for one point, see `registries.CustomReflection`
+    """
+    formula = helper(reflect)
+
+    def evaluate(batch, n, material):
+        batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+        zero = batch.dtype.type(0)
+        coefficients = Coefficients(material[m.SHININESS], material[m.ROUGHNESS], material[m.TOON_LEVELS])
+        for k in range(index(n)):
+            normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
+            diffuse, specular = formula(normal, light_dir, get_vector(batch, f.VIEW_DIR, k), coefficients)
+            strength, is_lit = batch[f.STRENGTH + k], batch[f.N_DOT_L + k] > zero
+            batch[f.DIFFUSE + k] = strength * diffuse if is_lit else zero
+            batch[f.SPECULAR + k] = strength * specular if is_lit else zero
+
+    evaluate.__module__, evaluate.__name__ = (
+        reflect.__module__,
+        reflect.__name__,
+    )  # the store keeps what is of this package
+    return evaluate
 
 
 # ---------------------------------------------------------------- Phong's and Blinn's highlights
@@ -461,7 +495,7 @@ def finish_highlights(batch, n, material):
     """
     zero, one = batch.dtype.type(0), batch.dtype.type(1)
     shininess, least = material[m.SHININESS], zero if material[m.HIGHLIGHT_SCALE] > zero else grazing(zero)
-    if shininess == np.floor(shininess) and one <= shininess <= MOST_SQUARED:
+    if shininess == np.floor(shininess) and one <= shininess <= MAX_SQUARED:
         square_and_multiply(batch, n, np.int64(shininess))
     else:
         for k in range(index(n)):
@@ -474,11 +508,12 @@ def finish_highlights(batch, n, material):
 
 @helper
 def weight_highlights(batch, n, material):
-    """Multiply SPECULAR by W(θ), cos θ = N·L, and by HIGHLIGHT_SCALE·N·L if that isn't 0."""
-    zero = batch.dtype.type(0)
+    """Multiply SPECULAR by W(θ), cos θ = N·L, if that isn't 1, and by HIGHLIGHT_SCALE·N·L if that isn't 0."""
+    zero, one = batch.dtype.type(0), batch.dtype.type(1)
     fresnel, highlight_scale = material[m.FRESNEL], material[m.HIGHLIGHT_SCALE]
-    for k in range(index(n)):
-        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * schlick(fresnel, max(batch[f.N_DOT_L + k], zero))
+    if fresnel != one:
+        for k in range(index(n)):
+            batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * schlick(fresnel, max(batch[f.N_DOT_L + k], zero))
     if highlight_scale > zero:
         for k in range(index(n)):
             batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * (highlight_scale * max(batch[f.N_DOT_L + k], zero))

@@ -4,7 +4,7 @@ A shadow map is a picture of the scene from the light, drawn by this rasterizer:
 surface, or minus its depth where the rays are parallel; so larger is nearer, and both are planes over the map where the
 surface is one.
 
-`occlude` is called as a light function is (light_kinds.py), after the light's own: it reads POSITION, NORMAL,
+`occlude` is called as a light function is (lights.py), after the light's own: it reads POSITION, NORMAL,
 FACE_NORMAL, FACE_OFFSET and FACE_SIDE of the batch, and multiplies STRENGTH by the lit part. In place of
 coefficients it gets a header followed by the maps' texels, in the type of the batch.
 

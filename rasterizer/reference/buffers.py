@@ -1,13 +1,13 @@
-"""What is known of the surface that each pixel's centre sees, beside its light: masks, labels, coordinates.
+"""What is known of the surface that each pixel's centre sees, beside its light: masks, labels, coordinates, values.
 
-In: the fragments of the nearest surfaces. Out: `SurfaceBuffers`, one array a kind.
+In: the fragments of the nearest surfaces. Out: `SurfaceBuffers`, one array for each.
 
 Of a polygon that is drawn about its centre, a face has an edge of the polygon and the centre for corners. The edge's
-ends are corners of the triangle as loaded; the centre has the mean of all corners' texture coordinates, and the
-barycentric coordinates of where it lies in the plane of the triangle as loaded.
+ends are corners of the triangle as loaded; the centre has the mean of all corners' values, and the barycentric
+coordinates of where it lies in the plane of the triangle as loaded.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,11 @@ class SurfaceBuffers(NamedTuple):
     position: NDArray[np.float64]  # (h, w, 3) world
     position_camera: NDArray[np.float64]  # (h, w, 3) x right, y up, z backwards
     normal_camera: NDArray[np.float64]  # (h, w, 3) the same axes
+    custom: dict[str, NDArray]  # (h, w) or (h, w, n_component) by name: values and labels of `registries.CustomBuffer`s
+
+
+# Buffers of one's own, by the words of choices.BUFFERS; see `registries.CustomBuffer`.
+CUSTOM_BUFFERS: dict[str, Any] = {}
 
 
 def describe_surface(
@@ -47,6 +52,7 @@ def describe_surface(
     materials: list = []
     seen, of_seen = np.unique(fragments.face, return_inverse=True)
     corner_uv, corner_weights = np.zeros((len(seen), 3, 2)), np.zeros((len(seen), 3, 3))
+    uv_of_meshes = [_uv_of(mesh) for mesh in scene.meshes]
     face_labels = np.zeros((len(seen), 2), np.int32)
     for mesh in scene.meshes:
         materials += [material for material in dict.fromkeys(mesh.palette) if material not in materials]
@@ -54,7 +60,8 @@ def describe_surface(
         number, mesh, loaded = _owner(scene, int(surface.loaded_faces(face)))
         material = mesh.palette[0 if mesh.face_material is None else mesh.face_material[loaded]]
         face_labels[k] = number, materials.index(material)
-        corner_uv[k], corner_weights[k] = _corners(scene, surface, int(face))
+        corner_uv[k] = _corner_values(scene, surface, int(face), uv_of_meshes)
+        corner_weights[k] = _corner_weights(scene, surface, int(face))
     mask[at] = True
     for k in range(2):
         labels[k][at] = face_labels[of_seen, k]
@@ -63,7 +70,27 @@ def describe_surface(
     position[at] = blend(fragments.weights, surface.corners[fragments.face])
     seen_from_camera = to_eye(position, view) * CAMERA_AXES
     axes = np.stack([view.right, view.up, -np.asarray(view.forward)])
-    return SurfaceBuffers(mask, *labels, uv, barycentric, position, seen_from_camera, normal @ axes.T)
+    custom = {
+        name: _draw_custom(buffer, scene, surface, fragments, shape)
+        for name, buffer in CUSTOM_BUFFERS.items()
+        if buffer.write is None
+    }
+    return SurfaceBuffers(mask, *labels, uv, barycentric, position, seen_from_camera, normal @ axes.T, custom)
+
+
+def _draw_custom(buffer: Any, scene: Scene, surface: Surface, fragments: Fragments, shape: tuple) -> NDArray:
+    """Return a buffer of one's own, by what its class says for the reference."""
+    of_meshes = [buffer.reference_values_of(mesh) for mesh in scene.meshes]
+    seen, of_seen = np.unique(fragments.face, return_inverse=True)
+    at = fragments.rows, fragments.columns
+    if buffer.is_label:
+        found = np.full(shape, buffer.empty, buffer.dtype)
+        found[at] = np.concatenate(of_meshes)[surface.loaded_faces(fragments.face)]
+        return found
+    corners = np.array([_corner_values(scene, surface, int(face), of_meshes) for face in seen])
+    found = np.full((*shape, buffer.n_component), buffer.empty, np.float64)
+    found[at] = blend(fragments.weights, corners.reshape(len(seen), 3, buffer.n_component)[of_seen])
+    return found[..., 0] if buffer.n_component == 1 else found
 
 
 def _owner(scene: Scene, face: int) -> tuple[int, Mesh, int]:
@@ -75,27 +102,33 @@ def _owner(scene: Scene, face: int) -> tuple[int, Mesh, int]:
     raise IndexError(face)
 
 
-def _corners(scene: Scene, surface: Surface, face: int) -> tuple[NDArray, NDArray]:
-    """Return the texture coordinates (3, 2) of a face's corners, and their weights (3, 3) in the face as loaded."""
-    loaded = int(surface.loaded_faces(np.int64(face)))
-    uv = _uv_of(scene, loaded)
+def _corner_values(scene: Scene, surface: Surface, face: int, of_meshes: list[NDArray]) -> NDArray[np.float64]:
+    """Return the values (3, k) of a face's corners; `of_meshes` are those of the loaded faces, (n_face, 3, k) each."""
+    own = _loaded_values(scene, surface, face, of_meshes)
     ring = -1 if surface.rings is None else int(surface.rings.of_face[face])
     if ring < 0:
-        return uv, np.eye(3)
-    first, count = surface.rings.first[ring], surface.rings.count[ring]
-    _, mesh, row = _owner(scene, loaded)
-    corners = mesh.vertices[mesh.faces[row]]
-    start, end, center = surface.corners[face]
-    edge = [_corner_at(corners, start), _corner_at(corners, end)]
+        return own
     firsts = []
+    first, count = surface.rings.first[ring], surface.rings.count[ring]
     for piece in range(first, first + count):
-        owner = int(surface.loaded_faces(np.int64(piece)))
-        _, mesh, row = _owner(scene, owner)
-        firsts.append(_uv_of(scene, owner)[_corner_at(mesh.vertices[mesh.faces[row]], surface.corners[piece, 0])])
-    sides = (corners[1:] - corners[0]).T
-    (s, t), *_ = np.linalg.lstsq(sides, center - corners[0], rcond=None)
-    weights = np.stack([*np.eye(3)[edge], (1 - s - t, s, t)])
-    return np.stack([*uv[edge], np.mean(firsts, axis=0)]), weights
+        corner = _corner_at(_loaded_corners(scene, surface, piece), surface.corners[piece, 0])
+        firsts.append(_loaded_values(scene, surface, piece, of_meshes)[corner])
+    return np.stack([*own[_edge_of(scene, surface, face)], np.mean(firsts, axis=0)])
+
+
+def _corner_weights(scene: Scene, surface: Surface, face: int) -> NDArray[np.float64]:
+    """Return the weights (3, 3) of a face's corners in the face as loaded."""
+    if surface.rings is None or surface.rings.of_face[face] < 0:
+        return np.eye(3)
+    corners, center = _loaded_corners(scene, surface, face), surface.corners[face, 2]
+    (s, t), *_ = np.linalg.lstsq((corners[1:] - corners[0]).T, center - corners[0], rcond=None)
+    return np.stack([*np.eye(3)[_edge_of(scene, surface, face)], (1 - s - t, s, t)])
+
+
+def _edge_of(scene: Scene, surface: Surface, face: int) -> list[int]:
+    """Return which corners of the face as loaded are the ends of the edge of a face about a centre."""
+    corners, (start, end, _) = _loaded_corners(scene, surface, face), surface.corners[face]
+    return [_corner_at(corners, start), _corner_at(corners, end)]
 
 
 def _corner_at(corners: NDArray, point: NDArray) -> int:
@@ -103,9 +136,20 @@ def _corner_at(corners: NDArray, point: NDArray) -> int:
     return int(np.flatnonzero((corners == point).all(axis=1))[0])
 
 
-def _uv_of(scene: Scene, face: int) -> NDArray[np.float64]:
-    """Return the texture coordinates (3, 2) of the corners of a face as loaded, NaN where the mesh has none."""
-    _, mesh, row = _owner(scene, face)
+def _loaded_corners(scene: Scene, surface: Surface, face: int) -> NDArray[np.float64]:
+    """Return where the corners (3, 3) of a face as loaded lie."""
+    _, mesh, row = _owner(scene, int(surface.loaded_faces(np.int64(face))))
+    return mesh.vertices[mesh.faces[row]]
+
+
+def _loaded_values(scene: Scene, surface: Surface, face: int, of_meshes: list[NDArray]) -> NDArray[np.float64]:
+    """Return the values (3, k) of the corners of a face as loaded."""
+    number, _, row = _owner(scene, int(surface.loaded_faces(np.int64(face))))
+    return of_meshes[number][row]
+
+
+def _uv_of(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the texture coordinates (n_face, 3, 2) of a mesh's corners, NaN where it has none."""
     if mesh.uv is None:
-        return np.full((3, 2), np.nan)
-    return mesh.uv[row] if mesh.uv.ndim == 3 else mesh.uv[mesh.faces[row]]
+        return np.full((mesh.n_face, 3, 2), np.nan)
+    return mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]

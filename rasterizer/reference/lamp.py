@@ -1,7 +1,8 @@
 """What arrives of a light at a point, in plain numpy float64, as RGB or in samples of the spectrum.
 
 In: the lights of a scene. Out: `Lamp`s, each of which shines from one point or direction, and what they send to points.
-Every kind of light is one class and one line in LAMP_KINDS; a kind of one's own derives from LampKind.
+Every type of light is one class and one line in LAMP_TYPES. Light of one's own is a class that derives from
+`registries.CustomLight`; CustomLamp asks it.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..scene.camera import View
-from ..scene.lights import kind_of
+from ..scene.lights import light_type_of
 from .reflection import GRAZING
 from .vectors import dot, length, unit
+
+ChannelsOf = Callable[[object], NDArray]  # from a colour to its (n_channel,) values
 
 
 class Lamp(NamedTuple):
@@ -25,6 +28,15 @@ class Lamp(NamedTuple):
     axis: NDArray[np.float64]  # (3,) unit: the way the light travels; 0 where it has none
     position: NDArray[np.float64] | None  # (3,); None where the light is infinitely far away
     index: int = 0  # of the light in its scene
+    frame: "Frame | None" = None  # that of the light's vectors; None where nobody asks
+
+
+class Arrival(NamedTuple):
+    """What arrives at points: of light with a direction, or an ambient share."""
+
+    color: NDArray[np.float64]  # (n_channel,)
+    light_dirs: NDArray[np.float64] | None  # (n, 3) unit, to the light; None = from all sides: an ambient share
+    strength: NDArray[np.float64] | None  # (n, 1) what arrives of the colour; None = all
 
 
 class Frame(NamedTuple):
@@ -42,8 +54,8 @@ class Frame(NamedTuple):
         return np.array(direction) @ self.axes
 
 
-class LampKind:
-    """Say how a kind of light is evaluated. What is said here holds for parallel rays that nothing weakens."""
+class LampType:
+    """Say how a type of light is evaluated. What is said here holds for parallel rays that nothing weakens."""
 
     is_ambient = False  # the light comes from nowhere: only its colour counts
 
@@ -56,8 +68,12 @@ class LampKind:
         light there, (n, 1) float64; None instead of the latter where nothing weakens it."""
         return np.broadcast_to(-lamp.axis, points.shape), None
 
+    def arrivals(self, lamp: Lamp, points: NDArray, normals: NDArray, channels_of: ChannelsOf) -> list["Arrival"]:
+        """Return what arrives of a lamp at points (n, 3) with unit normals (n, 3), world space."""
+        return [Arrival(lamp.color, *self.attenuate(lamp, points))]
 
-class AmbientKind(LampKind):
+
+class AmbientLamp(LampType):
     """Light from all sides: no lamp."""
 
     is_ambient = True
@@ -67,7 +83,7 @@ class AmbientKind(LampKind):
         return []
 
 
-class PointKind(LampKind):
+class PointLamp(LampType):
     """Light from one point to all sides."""
 
     def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
@@ -88,7 +104,7 @@ class PointKind(LampKind):
         return unit(to_light), attenuation
 
 
-class SpotKind(PointKind):
+class SpotLamp(PointLamp):
     """Light from one point into a cone."""
 
     def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
@@ -101,7 +117,7 @@ class SpotKind(PointKind):
         return light_dirs, attenuation * _cone(lamp.light, lamp.axis, light_dirs)
 
 
-class AreaKind(PointKind):
+class AreaLamp(PointLamp):
     """Light from a parallelogram: that of a point in the centre of each of its cells."""
 
     def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
@@ -114,30 +130,47 @@ class AreaKind(PointKind):
         return [Lamp(light, share, np.zeros(3), center, index) for center in centers]
 
 
-# By the words of scene.lights.LIGHT_KINDS. It shares nothing with the table of the engine, which it judges.
-LAMP_KINDS: dict[str, LampKind] = {
-    "ambient": AmbientKind(),
-    "directional": LampKind(),
-    "point": PointKind(),
-    "spot": SpotKind(),
-    "area": AreaKind(),
+class CustomLamp(LampType):
+    """Light of one's own: what its class says, a `registries.CustomLight`."""
+
+    def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+        """Return one lamp, whatever parts the engine draws."""
+        place = light.reference_position(frame)
+        return [Lamp(light, color, np.zeros(3), None if place is None else np.asarray(place, float), index, frame)]
+
+    def arrivals(self, lamp: Lamp, points: NDArray, normals: NDArray, channels_of: ChannelsOf) -> list[Arrival]:
+        """Return what the class says of these points."""
+        found = []
+        for color, light_dirs, strength in lamp.light.reference(points, normals, lamp.frame):
+            column = np.broadcast_to(np.asarray(strength, np.float64), len(points))[:, None]
+            found.append(Arrival(channels_of(color), light_dirs, column))
+        return found
+
+
+# By the words of scene.lights.LIGHT_TYPES. It shares nothing with the table of the engine, which it judges.
+LAMP_TYPES: dict[str, LampType] = {
+    "ambient": AmbientLamp(),
+    "directional": LampType(),
+    "point": PointLamp(),
+    "spot": SpotLamp(),
+    "area": AreaLamp(),
 }
 
 
-def lamp_kind_of(light: Any) -> LampKind:
+def lamp_type_of(light: Any) -> LampType:
     """Return how a light is evaluated.
 
     Raises
     ------
-    SceneError : the kind is unknown, to scenes or to the reference; the message lists those that are known
+    SceneError : the type is unknown, to scenes or to the reference; the message lists those that are known
     """
-    kind = kind_of(light)
-    if kind not in LAMP_KINDS:
-        raise SceneError(f"the reference knows lights of the kinds {', '.join(LAMP_KINDS)}; given one of kind {kind!r}")
-    return LAMP_KINDS[kind]
+    name = light_type_of(light)
+    if name not in LAMP_TYPES:
+        raise SceneError(f"the reference knows lights of the types {', '.join(LAMP_TYPES)}; given one of type {name!r}")
+    return LAMP_TYPES[name]
 
 
-def make_lamps(lights: Iterable[Any], view: View, channels_of: Callable[[object], NDArray]) -> list[Lamp]:
+def make_lamps(lights: Iterable[Any], view: View, channels_of: ChannelsOf) -> list[Lamp]:
     """Place the lights of a scene in the world; an area light becomes a point light in the centre of each of its cells.
 
     Parameters
@@ -152,30 +185,15 @@ def make_lamps(lights: Iterable[Any], view: View, channels_of: Callable[[object]
 
     Raises
     ------
-    SceneError : a light of another kind
+    SceneError : a light of another type
     """
     camera = Frame(view.eye, np.array([view.right, view.up, -view.forward]))
     world = Frame(np.zeros(3), np.eye(3))
     lamps = []
     for index, light in enumerate(lights):
         frame = camera if getattr(light, "attached", "world") == "camera" else world
-        lamps += lamp_kind_of(light).lamps_of(light, frame, channels_of(light.color), index)
+        lamps += lamp_type_of(light).lamps_of(light, frame, channels_of(light.color), index)
     return lamps
-
-
-def arriving_light(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or
-    (n_channel,)."""
-    light_dirs, attenuation = attenuate(lamp, points)
-    return light_dirs, lamp.color if attenuation is None else lamp.color * attenuation
-
-
-def attenuate(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray | None]:
-    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and what distance and cone leave of it, (n, 1).
-
-    None instead of the latter where nothing weakens it.
-    """
-    return lamp_kind_of(lamp.light).attenuate(lamp, points)
 
 
 def _cone(light: Any, axis: NDArray, light_dirs: NDArray) -> NDArray[np.float64]:

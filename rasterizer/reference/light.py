@@ -25,7 +25,7 @@ from ..scene.lights import Light
 from ..scene.scene import DepthCue, Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
-from .lamp import Lamp, attenuate, lamp_kind_of, make_lamps
+from .lamp import Arrival, Lamp, lamp_type_of, make_lamps
 from .reflection import channels_of, count_waves, palette_of, read_materials, reflect
 from .shadow import Casters, gather_casters, reaches
 from .surface import Surface
@@ -55,12 +55,12 @@ class RayOrigins(NamedTuple):
 
 
 class Contribution(NamedTuple):
-    """What one lamp adds to points."""
+    """What one lamp adds to points; of an ambient share the direction is 0, and N.L counts as 1."""
 
     lamp: Lamp
     light_dirs: NDArray[np.float64]  # (n, 3) unit, to the light
     n_dot_l: NDArray[np.float64]  # (n,)
-    attenuation: NDArray[np.float64]  # (n,) what distance and cone leave of the light; 1 where nothing weakens it
+    attenuation: NDArray[np.float64]  # (n,) what arrives of the light: what distance and cone leave; 1 = all of it
     is_lit: NDArray[np.bool_]  # (n,) the point faces the light, and nothing lies between
     diffuse: NDArray[np.float64]  # (n, n_channel) to be multiplied by the surface's colour
     specular: NDArray[np.float64]  # (n, n_channel)
@@ -129,7 +129,7 @@ def ambient_light(material: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     coefficients = lighting.materials["ambient"][material]
     total = np.zeros_like(coefficients)
     for light in lighting.lights:
-        if lamp_kind_of(light).is_ambient:
+        if lamp_type_of(light).is_ambient:
             total += coefficients * channels_of(light.color, lighting.n_wave)
     return total
 
@@ -142,19 +142,35 @@ def contributions(
     table = lighting.materials[material]
     view_dirs = to_viewer(points, lighting)
     brush = table["axis"] if tangents is None else np.where(table["is_by_u"][:, None], tangents, table["axis"])
-    for lamp in make_lamps(lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)):
-        light_dirs, attenuation = attenuate(lamp, points)
-        color = lamp.color if attenuation is None else lamp.color * attenuation
-        n_dot_l = dot(normals, light_dirs)
-        is_lit = n_dot_l > 0
-        if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None) is not None:
-            is_lit[is_lit] = _is_reached(lamp, origins, is_lit, lighting.casters)
-        diffuse, specular = reflect(table, normals, light_dirs, view_dirs, brush)
-        with np.errstate(invalid="ignore"):  # an amplifying light in the very point
-            reflected = color * table["diffuse"] * diffuse, color * table["specular"] * specular
-        diffuse, specular = (np.where(is_lit[:, None], part, 0) for part in reflected)
-        left = np.ones(len(points)) if attenuation is None else attenuation[:, 0]
-        yield Contribution(lamp, light_dirs, n_dot_l, left, is_lit, diffuse, specular)
+
+    def channels(color: object) -> NDArray:
+        return channels_of(color, lighting.n_wave)
+
+    for lamp in make_lamps(lighting.lights, lighting.view, channels):
+        for arrival in lamp_type_of(lamp.light).arrivals(lamp, points, normals, channels):
+            color = arrival.color if arrival.strength is None else arrival.color * arrival.strength
+            left = np.ones(len(points)) if arrival.strength is None else arrival.strength[:, 0]
+            if arrival.light_dirs is None:
+                yield _ambient_share(lamp, color, left, table)
+                continue
+            n_dot_l = dot(normals, arrival.light_dirs)
+            is_lit = n_dot_l > 0
+            if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None) is not None:
+                is_lit[is_lit] = _is_reached(lamp, arrival, origins, is_lit, lighting.casters)
+            diffuse, specular = reflect(table, normals, arrival.light_dirs, view_dirs, brush)
+            with np.errstate(invalid="ignore"):  # an amplifying light in the very point
+                reflected = color * table["diffuse"] * diffuse, color * table["specular"] * specular
+            diffuse, specular = (np.where(is_lit[:, None], part, 0) for part in reflected)
+            yield Contribution(lamp, arrival.light_dirs, n_dot_l, left, is_lit, diffuse, specular)
+
+
+def _ambient_share(lamp: Lamp, color: NDArray, left: NDArray, table: NDArray) -> Contribution:
+    """Return what light from all sides adds to points: it has no direction, and its N.L counts as 1."""
+    diffuse = color * table["ambient"]
+    n = len(left)
+    return Contribution(
+        lamp, np.zeros((n, 3)), np.ones(n), left, np.ones(n, bool), diffuse, np.zeros_like(diffuse)
+    )  # fmt: skip
 
 
 def as_rgb(light: NDArray, lighting: Lighting) -> NDArray[np.float64]:
@@ -169,9 +185,9 @@ def to_viewer(points: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     return np.broadcast_to(-lighting.view.forward, points.shape)
 
 
-def _is_reached(lamp: Lamp, origins: RayOrigins, at: NDArray, casters: Casters) -> NDArray[np.bool_]:
+def _is_reached(lamp: Lamp, arrival: Arrival, origins: RayOrigins, at: NDArray, casters: Casters) -> NDArray[np.bool_]:
     """Tell of the origins `at` (n,) bool which ones a lamp reaches."""
     points = origins.points[at]
     is_finite = lamp.position is not None
-    to_light = lamp.position - points if is_finite else np.broadcast_to(-lamp.axis, points.shape)
+    to_light = lamp.position - points if is_finite else arrival.light_dirs[at]
     return reaches(casters, points, origins.owner[at], to_light, is_finite)

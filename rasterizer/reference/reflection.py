@@ -40,7 +40,7 @@ def reflect(
     for model in np.unique(table["reflection"]):
         at = table["reflection"] == model
         sides = normals[at], light_dirs[at], view_dirs[at], tangents[at]
-        d, s, cosine = REFLECTION_KINDS[str(model)].function(table[at], *sides)
+        d, s, cosine = REFERENCE_MODELS[str(model)].function(table[at], *sides)
         diffuse[at] = np.reshape(d, (-1, 1))
         specular[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
     return diffuse, specular
@@ -149,7 +149,7 @@ def _angle(a, b):
     return np.arctan2(length(np.cross(a, b))[:, 0], dot(a, b))
 
 
-class ReflectionKind(NamedTuple):
+class ReferenceModel(NamedTuple):
     """How a reflection model is evaluated.
 
     Parameters
@@ -164,27 +164,27 @@ class ReflectionKind(NamedTuple):
 
 
 # By the words of scene.material.REFLECTION_MODELS. It shares nothing with the table of the engine, which it judges.
-REFLECTION_KINDS: dict[str, ReflectionKind] = {
-    "lambert": ReflectionKind(_reflect_lambert),
-    "phong": ReflectionKind(_reflect_phong),
-    "blinn": ReflectionKind(_reflect_blinn),
-    "oren-nayar": ReflectionKind(_reflect_oren_nayar),
-    "cook-torrance": ReflectionKind(_reflect_cook_torrance, default_fresnel=0.04),
-    "toon": ReflectionKind(_reflect_toon),
+REFERENCE_MODELS: dict[str, ReferenceModel] = {
+    "lambert": ReferenceModel(_reflect_lambert),
+    "phong": ReferenceModel(_reflect_phong),
+    "blinn": ReferenceModel(_reflect_blinn),
+    "oren-nayar": ReferenceModel(_reflect_oren_nayar),
+    "cook-torrance": ReferenceModel(_reflect_cook_torrance, default_fresnel=0.04),
+    "toon": ReferenceModel(_reflect_toon),
 }
 
 
-def reflection_kind_of(material: Any) -> ReflectionKind:
+def reference_model_of(material: Any) -> ReferenceModel:
     """Return how a material's reflection model is evaluated.
 
     Raises
     ------
     SceneError : the reference doesn't know the model; the message lists those that it knows
     """
-    if material.reflection not in REFLECTION_KINDS:
-        legal = ", ".join(REFLECTION_KINDS)
+    if material.reflection not in REFERENCE_MODELS:
+        legal = ", ".join(REFERENCE_MODELS)
         raise SceneError(f"the reference knows the reflection models {legal}; given {material.reflection!r}")
-    return REFLECTION_KINDS[material.reflection]
+    return REFERENCE_MODELS[material.reflection]
 
 
 # ----------------------------------------------------------------
@@ -220,7 +220,7 @@ def read_materials(scene: Scene, n_wave: int | None = None) -> NDArray:
     ]
     colors += [("fresnel", *colors[0][1:])]
     numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity")]
-    longest = max(map(len, (*REFLECTION_KINDS, *DISTRIBUTIONS)))
+    longest = max(map(len, (*REFERENCE_MODELS, *DISTRIBUTIONS)))
     words = [("reflection", f"U{longest}"), ("distribution", f"U{longest}"), ("normalized", bool)]
     brush = [("roughness", np.float64), ("across", np.float64), ("axis", np.float64, 3), ("is_by_u", bool)]
     table = np.zeros(len(palette), [*colors, *numbers, *words, *brush])
@@ -229,7 +229,7 @@ def read_materials(scene: Scene, n_wave: int | None = None) -> NDArray:
             row[name] = channels_of(getattr(material, name), n_wave)
         for name, _ in numbers + words:
             row[name] = getattr(material, name)
-        absent = reflection_kind_of(material).default_fresnel
+        absent = reference_model_of(material).default_fresnel
         fresnel = absent if material.fresnel is None else material.fresnel
         row["fresnel"] = channels_of(fresnel, n_wave) if isinstance(fresnel, tuple) else fresnel
         row["roughness"], row["across"] = np.broadcast_to(material.roughness, 2)

@@ -308,10 +308,10 @@ class AreaLight:
 
 Light: TypeAlias = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight  # the built-in ones
 
-# Every kind of light that a scene may have, by the word for it in scene files and on the command line. What the engine,
-# the reference and the Mach bands know of it stands in tables by the same words; `rasterizer.registries` enters a kind
+# Every type of light that a scene may have, by the word for it in scene files and on the command line. What the engine,
+# the reference and the Mach bands know of it stands in tables by the same words; `rasterizer.registries` enters a type
 # in all of them.
-LIGHT_KINDS: dict[str, type] = {
+LIGHT_TYPES: dict[str, type] = {
     "ambient": AmbientLight,
     "directional": DirectionalLight,
     "point": PointLight,
@@ -320,14 +320,14 @@ LIGHT_KINDS: dict[str, type] = {
 }
 
 
-def kind_of(light: Any) -> str:
-    """Return the word for a light's kind: that of its very class, because a subclass may give another light.
+def light_type_of(light: Any) -> str:
+    """Return the word for a light's type: that of its very class, because a subclass may give another light.
 
     Raises
     ------
-    SceneError : a class that is in no row of LIGHT_KINDS; the message lists those that are
+    SceneError : a class that is in no row of LIGHT_TYPES; the message lists those that are
     """
-    for word, cls in LIGHT_KINDS.items():
+    for word, cls in LIGHT_TYPES.items():
         if type(light) is cls:
             return word
     raise SceneError(f"a light must be one of {_legal_lights()}; given {shown(light)}")
@@ -338,17 +338,17 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
 
     Raises
     ------
-    SceneError : no light, or one whose kind is unknown; the message lists those that are known. Or more lights than
+    SceneError : no light, or one whose type is unknown; the message lists those that are known. Or more lights than
         MAX_LIGHTS, or more that cast shadows than _MAX_SHADOWED
     """
-    if type(lights) in LIGHT_KINDS.values() or isinstance(lights, str):
+    if type(lights) in LIGHT_TYPES.values() or isinstance(lights, str):
         lights = (lights,)
     try:
         lights = tuple(lights)
     except TypeError:
         lights = (lights,)
     for i, light in enumerate(lights):
-        if type(light) not in LIGHT_KINDS.values():
+        if type(light) not in LIGHT_TYPES.values():
             ready = "; ready-made ones are made by studio(), headlight() and tabletop()" * isinstance(light, str)
             raise SceneError(f"lights must be of {_legal_lights()}; given {shown(light)} at {i}{ready}")
     _check_count(lights)
@@ -357,7 +357,7 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
 
 def _legal_lights() -> str:
     """List the classes of lights that are known."""
-    return ", ".join(cls.__name__ for cls in LIGHT_KINDS.values())
+    return ", ".join(cls.__name__ for cls in LIGHT_TYPES.values())
 
 
 def _check_count(lights: Iterable) -> None:

@@ -48,9 +48,9 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
     assert tuple(choices.AXES) == get_args(choices.Axis)
     assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS) and choices.WEIGHTINGS == mesh.WEIGHTINGS
     assert choices.DISTRIBUTIONS == material.DISTRIBUTIONS
-    assert choices.LIGHT_KINDS == tuple(lights.LIGHT_KINDS) and choices.PRESETS == tuple(light_presets.PRESETS)
+    assert choices.LIGHT_TYPES == tuple(lights.LIGHT_TYPES) and choices.PRESETS == tuple(light_presets.PRESETS)
     text = make_command_parser("render").format_help("light")
-    for kind, cls in lights.LIGHT_KINDS.items():
+    for kind, cls in lights.LIGHT_TYPES.items():
         (line,) = re.findall(rf"^ +{kind}:.*(?:\n {{10}}.*)*", text, re.MULTILINE)
         if "as for point" in line:
             line += re.search(r"^ +point:.*(?:\n {10}.*)*", text, re.MULTILINE)[0]
@@ -139,7 +139,7 @@ class Slab:
 
 def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsys):
     assert_refused(capsys, [([CUBE, "--light", "slab:1,2,3,extent=2/3"], "area:...; given 'slab:")], "render")
-    monkeypatch.setitem(lights.LIGHT_KINDS, "slab", Slab)
+    monkeypatch.setitem(lights.LIGHT_TYPES, "slab", Slab)
     text = "slab:1,2,3,extent=2/3,color=rgb(255, 0, 0),is_soft=yes,shadow=64"
     assert lights_of("--light", text) == (Slab((1, 2, 3), (2, 3), 1.0, "rgb(255, 0, 0)", True, rz.Shadow(64)),)
     faults = {

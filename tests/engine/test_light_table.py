@@ -8,8 +8,8 @@ import pytest
 import rasterizer as rz
 from rasterizer.engine.lights import LIGHT_TABLE, entry_of, is_black, world_direction, world_position
 from rasterizer.engine.rounding import DOUBLE, SINGLE
-from rasterizer.pipeline import light_kinds
-from rasterizer.scene.lights import LIGHT_KINDS
+from rasterizer.pipeline import lights as pipeline
+from rasterizer.scene.lights import LIGHT_TYPES
 
 VIEW = rz.Camera.perspective((3, 1, 2), (0, 0, 0), up=(0, 0, 1)).view()
 AXES = np.stack([VIEW.right, VIEW.up, -VIEW.forward])
@@ -28,7 +28,7 @@ def distance_to(position):
 
 def test_every_kind_of_light_has_an_entry_and_stands_for_lights_with_a_function():
     made = {**LIGHTS, "ambient": rz.AmbientLight(), "area": rz.AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0))}
-    assert set(made) == set(LIGHT_KINDS) == set(LIGHT_TABLE)
+    assert set(made) == set(LIGHT_TYPES) == set(LIGHT_TABLE)
     for kind, light in made.items():
         entry = entry_of(light)
         assert entry is LIGHT_TABLE[kind]
@@ -129,6 +129,6 @@ def test_the_strength_is_no_steeper_than_the_table_says():
 def test_a_huge_exponent_is_written_as_a_number_of_the_type():
     light = replace(LIGHTS["spot"], exponent=1e300)
     for dtype, written in ((np.float32, float(np.finfo(np.float32).max)), (np.float64, 1e300)):
-        row = np.zeros(light_kinds.N_LIGHT_COEFFICIENT)
+        row = np.zeros(pipeline.N_LIGHT_COEFFICIENT)
         entry_of(light).write(row, light, VIEW, np.dtype(dtype))
-        assert row[light_kinds.CONE_EXPONENT] == written
+        assert row[pipeline.CONE_EXPONENT] == written

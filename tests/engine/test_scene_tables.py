@@ -8,7 +8,8 @@ from helpers.arrays import differences
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
-from rasterizer.engine.scene_tables import multiply_spectra
+from rasterizer.engine.plan import multiply_colors
+from rasterizer.engine.scene_tables import multiply_colors
 from rasterizer.options import Options
 from rasterizer.scene.spectrum import D65, MATCHING, WAVELENGTHS, Spectrum
 
@@ -59,7 +60,7 @@ def test_a_flat_reflectance_under_white_is_neutral():
         materials = [rz.Material(diffuse=Spectrum.flat(0.5), specular=0.2)]
         lights, ambient = [rz.DirectionalLight((0, 0, -1))], [rz.AmbientLight(0.3)]
         if n is not None:
-            found = multiply_spectra(materials, lights, ambient, Options(spectral=n))
+            found = multiply_colors(materials, lights, ambient, Options(spectral=n))
             for values, expected in zip(found, (0.0, 0.15, 0.5, 0.2, 0.0), strict=True):
                 assert np.abs(values - expected).max() < 1e-12, f"{n} samples: {values} != {expected}"
 
@@ -172,8 +173,8 @@ def test_exposure_of_pictures_within_the_tolerance():
 
 def test_scenes_without_spectra_multiply_none():
     materials, lights, ambient = [rz.Material()], [rz.DirectionalLight((0, 0, -1))], [rz.AmbientLight()]
-    assert multiply_spectra(materials, lights, ambient, Options()) is None
-    assert multiply_spectra(materials, lights, ambient, Options(spectral=81)) is not None
-    assert multiply_spectra(materials, [rz.DirectionalLight((0, 0, -1), LAMP)], ambient, Options()) is not None
-    products = multiply_spectra(materials, [], [], Options(spectral=20))
+    assert multiply_colors(materials, lights, ambient, Options()) is None
+    assert multiply_colors(materials, lights, ambient, Options(spectral=81)) is not None
+    assert multiply_colors(materials, [rz.DirectionalLight((0, 0, -1), LAMP)], ambient, Options()) is not None
+    products = multiply_colors(materials, [], [], Options(spectral=20))
     assert products.diffuse.shape == (1, 0, 3) and not differences(products.ambient, 0)

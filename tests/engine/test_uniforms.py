@@ -13,14 +13,14 @@ from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import batch_functions_of, make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline import material_coefficients as m
-from rasterizer.pipeline.light_kinds import (
+from rasterizer.pipeline.lights import (
     ATTENUATION,
     AXIS,
     CONE_EXPONENT,
     CONE_SCALE,
     COS_OUTER,
     INVERSE_RANGE,
-    MOST,
+    MAX_STRENGTH,
     VECTOR,
     directional,
     point,
@@ -67,7 +67,7 @@ def test_numbers_of_positional_lights():
     )
     rows = lighting_of(lights)[0].lights
     assert rows[:, ATTENUATION : ATTENUATION + 3].tolist() == [[0.5, 0.25, 0.125], [1, 0, 0], [0, 0, 1], [1, 0, 0]]
-    assert rows[:, MOST].tolist() == [1, np.inf, 1, 1] and rows[:, INVERSE_RANGE].tolist() == [0, 0.125, 0, 0]
+    assert rows[:, MAX_STRENGTH].tolist() == [1, np.inf, 1, 1] and rows[:, INVERSE_RANGE].tolist() == [0, 0.125, 0, 0]
     c_inner, c_outer = np.cos(np.radians((20, 60)))
     assert rows[2, COS_OUTER] == pytest.approx(c_outer, rel=1e-15) and rows[2, CONE_EXPONENT] == 3
     assert rows[2, CONE_SCALE] == pytest.approx(1 / (c_inner - c_outer), rel=1e-14) and rows[3, CONE_SCALE] == np.inf

@@ -97,7 +97,7 @@ FAULTS = (
     ),
     Fault(
         "attenuation: the quadratic coefficient is multiplied by the distance alone",
-        "pipeline/light_kinds.py",
+        "pipeline/lights.py",
         "quadratic * square))",
         "quadratic * distance))",
         "pictures pipeline engine",
@@ -118,9 +118,9 @@ FAULTS = (
     ),
     Fault(
         "spot light: the fall between the cones isn't smooth",
-        "pipeline/light_kinds.py",
-        "(t * t * (three - two * t)) if",
-        "(t * (three - two * t)) if",
+        "pipeline/lights.py",
+        "fall = t * t * (three - two * t)",
+        "fall = t * (three - two * t)",
         "pictures pipeline engine",
     ),
     Fault(
@@ -665,7 +665,7 @@ HELD_OUT = (
     ),
     Fault(
         "spot light: the falloff is a root",
-        "pipeline/light_kinds.py",
+        "pipeline/lights.py",
         "one), falloff)",
         "one), one / falloff)",
         "pictures pipeline engine",

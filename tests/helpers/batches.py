@@ -17,6 +17,7 @@ COEFFICIENTS = {
     m.HIGHLIGHT_SCALE: 0.0,
     m.TOON_LEVELS: 3.0,
 }
+CLASSIC = COEFFICIENTS | {m.FRESNEL: 1.0}  # Phong's and Blinn's highlights, which nothing weighs
 
 
 def call(function, batch, n, coefficients):
@@ -55,14 +56,15 @@ def reflect(model, normal, light_dir, view_dir, strength=1.0, shininess=8.0, has
 
     Directions (n, 3) have been rounded by `directions_of`. N·L and N·V are rounded once, so that what is
     measured is the model's own error, or come about as the lights and the kernels find them. `given` takes the place of
-    COEFFICIENTS.
+    COEFFICIENTS, or of CLASSIC.
     """
     dtype, (n, results) = normal.dtype, (len(normal), [])
     kind = dtype if has_kernels_cosines else float
     cosines = [dot(normal.astype(kind), side.astype(kind)) for side in (light_dir, view_dir)]
     material = np.zeros(m.N_REFLECTION_COEFFICIENT, dtype)
     material[m.SHININESS] = shininess
-    given = COEFFICIENTS if given is None else given
+    if given is None:
+        given = CLASSIC if model in ("phong", "blinn") else COEFFICIENTS
     material[list(given)] = list(given.values())
     quantities = [*axes_of(f.NORMAL), *axes_of(f.LIGHT_DIR), *axes_of(f.VIEW_DIR), f.N_DOT_L, f.N_DOT_V, f.STRENGTH]
     rows = [*normal.T, *light_dir.T, *view_dir.T, *cosines, np.full(n, strength)]

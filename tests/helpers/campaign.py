@@ -388,7 +388,7 @@ class Marker:
             self._is_short = None
         table, view_dirs = lighting.materials[material], to_viewer(points, lighting)
         for lamp in lamps.make_lamps(lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)):
-            to_light, _ = lamps.arriving_light(lamp, points)
+            to_light, _ = lamps.lamp_type_of(lamp.light).attenuate(lamp, points)
             if NEAR_LIGHT in self.near and lamp.position is not None:
                 is_near |= length(lamp.position - points)[:, 0] < self.near[NEAR_LIGHT]
             if CONE in self.near and hasattr(lamp.light, "outer"):

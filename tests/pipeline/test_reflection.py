@@ -5,13 +5,24 @@ from itertools import product
 import numpy as np
 import pytest
 from helpers.arrays import differences
-from helpers.batches import DTYPES, UP, directions_of, dot, polar, random_directions, reflect, unit
+from helpers.batches import (
+    CLASSIC,
+    COEFFICIENTS,
+    DTYPES,
+    UP,
+    directions_of,
+    dot,
+    polar,
+    random_directions,
+    reflect,
+    unit,
+)
 from helpers.pairs import pairs
 
 from rasterizer.compiler.kernels import kernel
 from rasterizer.errors import SceneError
 from rasterizer.pipeline.power import exponential_single, power
-from rasterizer.pipeline.reflection import MOST_SQUARED, REFLECTION_FUNCTIONS, reflection_function_of
+from rasterizer.pipeline.reflection import MAX_SQUARED, REFLECTION_FUNCTIONS, reflection_function_of
 
 ULP = 2.0**-24
 HIGHLIGHTS = list(product(("phong", "blinn"), DTYPES))
@@ -224,10 +235,10 @@ def test_highlights_of_any_exponent_are_between_0_and_1(dtype):
     light_dir = unit(normal + rng.uniform(0, 2, (2000, 1)) * across)
     mirrored = 2 * (normal * light_dir).sum(axis=1, keepdims=True) * normal - light_dir
     sides = directions_of(dtype, normal, light_dir, mirrored)
-    for model in ("phong", "blinn", "weighted phong", "weighted blinn"):
+    for model, given in product(("phong", "blinn"), (CLASSIC, COEFFICIENTS)):
         for shininess in (1e-50, 1e-3, 0.5, 1, 7.7, 4096, 1e5, 3e8, 1e11, 1e30, 1e300):
             exponent = min(max(shininess, float(limits.tiny)), float(limits.max))
-            found = reflect(model, *sides, 1.0, exponent, has_kernels_cosines=True)[1]
+            found = reflect(model, *sides, 1.0, exponent, True, given)[1]
             is_share = ((found >= 0) & (found <= 1)).all()
             assert is_share, f"{model}, exponent {shininess}: {found.min()}..{found.max()} not in 0..1"
 
@@ -235,7 +246,7 @@ def test_highlights_of_any_exponent_are_between_0_and_1(dtype):
 def test_whole_exponents_by_squaring():
     """Of Phong's highlight along a normal: N = L, so R = L. A product of n factors has that many roundings, less one;
     what is below 2^-28 is 0."""
-    for dtype, exponent in pairs(dtype=DTYPES, exponent=(1, 2, 3, 5, 8, 17, 100, 255, 256, 999, MOST_SQUARED)):
+    for dtype, exponent in pairs(dtype=DTYPES, exponent=(1, 2, 3, 5, 8, 17, 100, 255, 256, 999, MAX_SQUARED)):
         case, x = f"{dtype.__name__}, exponent {exponent}", np.linspace(0, 1.6, 4000).astype(dtype)
         base = dtype(1) - dtype(0.5) * (x * x)  # 1 - |R - V|²/2, of V = (x, 0, 1), as the function finds it
         sides = directions_of(dtype, UP, UP, np.stack([x, 0 * x, 0 * x + 1], axis=1))
@@ -249,7 +260,7 @@ def test_whole_exponents_by_squaring():
 
 
 def test_an_unknown_model_is_an_error_that_lists_the_known_ones():
-    with pytest.raises(SceneError, match=r"'velvet'; there are anisotropic ggx, .*, weighted phong"):
+    with pytest.raises(SceneError, match=r"'velvet'; there are anisotropic ggx, .*, phong, toon"):
         reflection_function_of("velvet")
 
 

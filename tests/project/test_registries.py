@@ -4,6 +4,8 @@ What is not registered is an error everywhere, whose message lists what is.
 """
 
 import json
+import subprocess
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,17 +15,8 @@ from helpers.arrays import differences
 from helpers.command import CUBE, one_error, run
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.raster import ROOT
-from helpers.toy_kinds import (
-    MinnaertEntry,
-    SlabEntry,
-    SlabKind,
-    SlabLight,
-    add_minnaert,
-    add_slab,
-    reflect_minnaert,
-    slab,
-    slab_strength,
-)
+from helpers.toy_extensions import Minnaert, SlabLight, add_minnaert, add_slab, slab_strength
+from project.extending import curvature_buffer, hemisphere_light
 
 import rasterizer as rz
 from rasterizer import reference, registries
@@ -31,21 +24,20 @@ from rasterizer.cli import main
 from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import lights as light_table
 from rasterizer.engine import reflections as reflection_table
-from rasterizer.engine.buffers import OutputBuffer
-from rasterizer.io.formats import Format
+from rasterizer.io.obj import read_obj
 from rasterizer.io.scene_file import read_scene
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.visibility import CLEAR
-from rasterizer.reference.lamp import LAMP_KINDS
-from rasterizer.reference.reflection import REFLECTION_KINDS, ReflectionKind
-from rasterizer.scene.lights import LIGHT_KINDS, Attenuation, Color, Vector, describe_fields, kind_of
+from rasterizer.reference.lamp import LAMP_TYPES
+from rasterizer.reference.reflection import REFERENCE_MODELS
+from rasterizer.scene.lights import LIGHT_TYPES, Attenuation, Color, Vector, describe_fields, light_type_of
 from rasterizer.scene.material import REFLECTION_MODELS
 
 SIZE = (64, 48)
 CAMERA = rz.Camera.perspective((2.5, 1.5, 3), fov=45)
-BUILT_IN = [list(table) for table in (LIGHT_KINDS, REFLECTION_MODELS)]
-TABLES = (LIGHT_KINDS, light_table.LIGHT_TABLE, LAMP_KINDS)
-MODEL_TABLES = (REFLECTION_MODELS, reflection_table.REFLECTION_TABLE, REFLECTION_KINDS)
+BUILT_IN = [list(table) for table in (LIGHT_TYPES, REFLECTION_MODELS)]
+TABLES = (LIGHT_TYPES, light_table.LIGHT_TABLE, LAMP_TYPES)
+MODEL_TABLES = (REFLECTION_MODELS, reflection_table.REFLECTION_TABLE, REFERENCE_MODELS)
 
 
 @pytest.fixture
@@ -122,7 +114,7 @@ def test_colours_spectra_and_exposure_reach_it(toys):
 def test_the_plan_knows_it(toys):
     with rz.Renderer(scene_of(moon(), slab_light()), SIZE, shading="phong", samples=1) as renderer:
         plan = renderer.plan
-        assert plan.light_functions == ("slab",) and plan.reflection_functions == ("minnaert",)
+        assert plan.light_functions == ("arrival",) and plan.reflection_functions == ("reflect",)
         assert (plan.dtype, plan.channels) == ("float32", 1)
         assert 0.3 < renderer.render().color.max() <= plan.bound == pytest.approx(0.9 * (0.7 + 0.3))
     narrow = scene_of(moon(), slab_light(width=2.0**-50))
@@ -209,7 +201,7 @@ def listed(kinds, text) -> bool:
     return all(kind in text for kind in kinds)
 
 
-CLASSES = [cls.__name__ for cls in LIGHT_KINDS.values()]
+CLASSES = [cls.__name__ for cls in LIGHT_TYPES.values()]
 
 
 def test_a_stranger_is_no_light_of_a_scene():
@@ -217,9 +209,9 @@ def test_a_stranger_is_no_light_of_a_scene():
         for make in (
             lambda light: scene_of(rz.Material(), rz.AmbientLight(), light),
             lambda light: rz.illuminate((0, 0, 0), (0, 0, 1), rz.Material(), light, viewer=(0, 0, 1)),
-            kind_of,
+            light_type_of,
             light_table.entry_of,
-            reference.lamp.lamp_kind_of,
+            reference.lamp.lamp_type_of,
         ):
             with pytest.raises(rz.SceneError) as fault:
                 make(light)
@@ -282,11 +274,11 @@ def test_scene_files_refuse_strangers(tmp_path):
 
 
 def test_shadows_of_a_light_without_a_beam_are_refused():
-    class Beamless(SlabEntry):
-        beam = light_table.LightEntry.beam
+    class Beamless(SlabLight):
+        beam = None
 
     with pytest.raises(rz.SceneError, match="needs a beam"):
-        registries.add_light("slab", SlabLight, drawn=Beamless(), reference=SlabKind())
+        registries.add_light("slab", Beamless)
 
 
 # ---------------------------------------------------------------- registering
@@ -302,7 +294,7 @@ def test_a_registration_is_undone_by_its_block_by_an_error_or_by_hand():
         assert [table for table in TABLES if "slab" not in table] == []
         assert [table for table in MODEL_TABLES if "minnaert" not in table] == []
     kept = add_slab()
-    assert kind_of(slab_light()) == "slab" and kept.word == "slab"
+    assert light_type_of(slab_light()) == "slab" and kept.word == "slab"
     kept.remove()
     kept.remove()
     with pytest.raises(ZeroDivisionError), add_slab():
@@ -311,39 +303,46 @@ def test_a_registration_is_undone_by_its_block_by_an_error_or_by_hand():
 
 
 def test_words_that_are_taken_or_no_words_are_refused_and_nothing_is_entered():
-    drawn = MinnaertEntry()
     for word in ("point", "ambient", "Slab", "2d", "a b", "", None, 3):
         with pytest.raises(rz.SceneError, match="already; taken are ambient|small letters, digits and hyphens"):
-            registries.add_light(word, SlabLight, drawn=SlabEntry(), reference=SlabKind())
+            registries.add_light(word, SlabLight)
         word = "toon" if word in ("point", "ambient") else word
         with pytest.raises(rz.SceneError, match="already; taken are phong|small letters, digits and hyphens"):
-            registries.add_reflection(word, drawn=drawn, reference=ReflectionKind(reflect_minnaert))
+            registries.add_reflection(word, Minnaert)
     test_all_tables_have_the_same_words()
 
 
-def test_a_kind_can_be_registered_once(toys):
-    entries = {"drawn": SlabEntry(), "reference": SlabKind()}
+def test_a_type_can_be_registered_once(toys):
     with pytest.raises(rz.SceneError, match="there is a light 'slab' already; taken are ambient, directional"):
-        registries.add_light("slab", Stranger, **entries | {"drawn": light_table.PointEntry()})
-    with pytest.raises(rz.SceneError, match="SlabLight is the class of another kind"):
-        registries.add_light("slab2", SlabLight, **entries)
-    assert kind_of(slab_light()) == "slab"
+        registries.add_light("slab", hemisphere_light.HemisphereLight)
+    with pytest.raises(rz.SceneError, match="SlabLight is the class of another type"):
+        registries.add_light("slab2", SlabLight)
+    assert light_type_of(slab_light()) == "slab"
+
+
+class Box(registries.CustomFormat):
+    """OBJ files by another name."""
+
+    read = staticmethod(read_obj)
 
 
 def test_a_format_is_read_while_it_is_registered(tmp_path):
     file = tmp_path / "cube.box"
     file.write_bytes((ROOT / "models" / "cube.obj").read_bytes())
-    entry = Format(name="box", reader="rasterizer.io.obj:read_obj")
-    with registries.add_format(entry):
+
+    class WithSuffix(Box):
+        suffixes = ("stl",)
+
+    with registries.add_format("box", Box):
         assert rz.load(file).n_face == rz.load(CUBE).n_face
-        for taken in (entry, entry._replace(name="obj"), entry._replace(name="other", suffixes=("stl",))):
+        for name, cls in (("box", Box), ("obj", Box), ("other", WithSuffix)):
             with pytest.raises(rz.SceneError, match="is taken by"):
-                registries.add_format(taken)
+                registries.add_format(name, cls)
     with pytest.raises(rz.ModelError, match="unknown format 'box'; readable are obj, stl"):
         rz.load(file)
 
 
-def write_mask(surfaces, band, out):
+def write_seven(surfaces, band, out):
     """A buffer of a test's own, without the compiler: 7 where something is visible."""
     visibility = surfaces.visibility
     for row in range(band.n_row):
@@ -351,44 +350,293 @@ def write_mask(surfaces, band, out):
         out[band.y_start + row][entries < CLEAR] = 7
 
 
+class Seven(registries.CustomBuffer):
+    """A buffer with a kernel of its own."""
+
+    holds, dtype, empty, write = "7 where something is visible", np.uint8, 1, staticmethod(write_seven)
+
+    def reference_pixels(self, picture):
+        return np.where(picture.face >= 0, 7, 1)
+
+
 def test_a_buffer_is_drawn_while_it_is_registered(tmp_path):
-    scene, entry = rz.load(CUBE), OutputBuffer(write_mask, np.uint8, 1, 1)
-    with registries.add_buffer("seven", "7 where something is visible", drawn=entry):
+    scene = rz.load(CUBE)
+    with registries.add_buffer("seven", Seven):
         frame = rz.render(scene, (40, 30), outputs=("seven", "face", "color"), threads=2, shading="gouraud", samples=1)
-        assert not differences(frame.array("seven"), np.where(frame.face >= 0, 7, 1)) and frame.has("seven")
-        assert (frame.array("seven") == 7).sum() > 100 and "seven" in repr(frame)
+        assert not differences(frame.array("seven"), np.where(frame.face >= 0, 7, 1).astype(np.uint8))
+        assert frame.has("seven") and (frame.array("seven") == 7).sum() > 100 and "seven" in repr(frame)
         argv = ["-s", "40x30", "--preset", "studio", "--array", "seven", "-o", str(tmp_path / "a.npy"), "-q"]
         assert main(["render", str(CUBE), *argv]) == 0
         assert not differences(np.load(tmp_path / "a.npy"), frame.array("seven"))
         for taken in ("seven", "depth", "mask", "rgb"):
             with pytest.raises(rz.SceneError, match="taken are|already"):
-                registries.add_buffer(taken, "", drawn=entry)
+                registries.add_buffer(taken, Seven)
     with pytest.raises(rz.SceneError, match="outputs must be one of color, rgb, depth, .*; given 'seven'"):
         rz.render(scene, 8, outputs="seven", shading="gouraud", samples=1)
     with pytest.raises(rz.SceneError, match="array must be one of"):
         frame.array("seven")
 
 
+class Loaded(registries.CustomBuffer):
+    """Labels of faces."""
+
+    dtype, empty = np.int32, -1
+
+    def values(self, mesh):
+        return np.arange(mesh.n_face) % 5
+
+    def reference_values(self, mesh):
+        return [k - 5 * (k // 5) for k in range(mesh.n_face)]
+
+
+class Places(registries.CustomBuffer):
+    """Two numbers a corner: all that a corner has of x and y."""
+
+    n_component, empty = 2, 0.0
+
+    def values(self, mesh):
+        return mesh.vertices[mesh.faces][..., :2]
+
+    def reference_values(self, mesh):
+        return mesh.vertices[:, :2]
+
+
+def test_numbers_of_vertices_are_interpolated_and_labels_of_faces_looked_up():
+    """Also of polygons that are drawn about their centres, and of faces that the near plane cuts."""
+    disc = rz.Mesh([(0, 0, 0), (2, 0, 0), (2.5, 1, 0.3), (1, 2, 0), (-0.5, 1, 0)], [[0, 1, 2, 3, 4]])
+    ball = rz.Mesh(*octasphere(2))
+    for mesh, camera in (
+        (ball, CAMERA),
+        (disc, rz.Camera.perspective((1, 1, 2))),
+        (ball, rz.Camera.perspective((1, 0, 0.3))),
+    ):
+        scene = rz.Scene([mesh, mesh.translated((0.3, 0, 0))], rz.studio(), camera)
+        with (
+            registries.add_buffer("curvature", curvature_buffer.Curvature),
+            registries.add_buffer("loaded", Loaded),
+            registries.add_buffer("places", Places),
+        ):
+            names = ("curvature", "loaded", "places")
+            frame = rz.render(scene, SIZE, outputs=(*names, "face"), samples=1, shading="gouraud")
+            custom = reference.render(scene, SIZE).surface.custom
+            found = {name: frame.array(name) for name in names}
+        assert (frame.face >= 0).sum() > 200
+        for name, expected in custom.items():
+            assert found[name].shape == expected.shape
+            assert found[name].dtype == (np.int32 if name == "loaded" else np.float32)
+            wrong = ~np.isclose(found[name], expected, rtol=0, atol=1e-6 * np.nanmax(np.abs(expected)), equal_nan=True)
+            assert not wrong.any(), f"{name}: {wrong.sum()} numbers differ"
+
+
+# ---------------------------------------------------------------- what disagrees is refused
+
+
+class Darker(hemisphere_light.HemisphereLight):
+    """The formula says something else than the reference."""
+
+    @staticmethod
+    def share(normal, position, up):
+        return 0.49 + 0.49 * (normal[0] * up[0] + normal[1] * up[1] + normal[2] * up[2])
+
+
+class Colder(hemisphere_light.HemisphereLight):
+    """Both halves have one colour."""
+
+    def parts(self):
+        return (self,)
+
+
+class Liar(hemisphere_light.HemisphereLight):
+    """The bound is too small."""
+
+    def bound(self):
+        return registries.LightBound(strength=1.0, normal=0.1)
+
+
+class Hasty(SlabLight):
+    """It reads a position, and says that it needs none."""
+
+    needs_position = False
+
+
+class Uncompiled(hemisphere_light.HemisphereLight):
+    """The formula is none that can be compiled."""
+
+    @staticmethod
+    def share(normal, position, up):
+        return normal.nothing
+
+
+def test_lights_that_disagree_are_refused_with_the_place():
+    for cls, match in (
+        (
+            Darker,
+            r"disagree at the point \(.*\) with the normal \(.*\) of Darker\(.*ambient share is .* by the engine in",
+        ),
+        (Colder, "ambient share is"),
+        (Liar, r"the bound says normal=0.1; at the point .* it is 0.4"),
+        (Hasty, "light that arrives is .*nan.* by the engine"),
+        (Uncompiled, "share can't be compiled for float64"),
+    ):
+        with pytest.raises(rz.SceneError, match=match):
+            registries.add_light("odd", cls)
+    test_all_tables_have_the_same_words()
+
+
+def test_models_and_buffers_that_disagree_are_refused_with_the_place():
+    class Brighter(Minnaert):
+        def reference(self, *arguments):
+            diffuse, specular = super().reference(*arguments)
+            return diffuse, 1.01 * specular
+
+    class Flat(Minnaert):
+        bound = registries.ReflectionBound(turn=0.5)
+
+    class Twice(curvature_buffer.Curvature):
+        def reference_values(self, mesh):
+            return 2 * super().reference_values(mesh)
+
+    class Eight(Seven):
+        def reference_pixels(self, picture):
+            return np.where(picture.face >= 0, 8, 1)
+
+    for add, cls, match in (
+        (registries.add_reflection, Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),
+        (registries.add_reflection, Flat, r"the bound says turn=0.5; at N = "),
+        (registries.add_buffer, Twice, r"on a tetrahedron, face 0, corner 0, at \(1, 1, 1\): values gives"),
+        (registries.add_buffer, Eight, r"disagree at pixel \(\d+, \d+\) of a ball: 7 by the engine, 8 by"),
+    ):
+        with pytest.raises(rz.SceneError, match=match):
+            add("odd", cls)
+    test_all_tables_have_the_same_words()
+
+
+# ---------------------------------------------------------------- light that depends on the normal
+
+
+def test_a_hemisphere_light_is_the_references_in_every_way_of_shading():
+    """Each shading with colours, grey, spectra; textured, transparent, several samples; also beside other lights."""
+    ball = octasphere(2)
+    globe = rz.load(ROOT / "models" / "globe.obj").meshes[0]
+    gold = rz.Material(fresnel=(1.0, 0.8, 0.3), ambient=(0.9, 0.5, 0.2), specular=0.8)
+    glass = rz.Material(opacity=0.5, ambient=0.4)
+    with registries.add_light("hemisphere", hemisphere_light.HemisphereLight), add_minnaert():
+        colored = hemisphere_light.HemisphereLight("#9cf", "#630", up=(0.2, 1, 0.1))
+        grey = hemisphere_light.HemisphereLight(0.9, 0.2)
+        spectral = hemisphere_light.HemisphereLight(rz.Spectrum.flat(0.7), 0.1)
+        point = rz.PointLight((2, 3, 2), 0.5)
+        cases = [
+            (rz.Mesh(*ball), [grey], {}, 1),
+            (rz.Mesh(*ball, material=gold), [colored, point], {}, 3),
+            (globe, [grey, point], {"antialias": "shade-once", "samples": 4}, 3),
+            (rz.Mesh(*ball, material=glass), [colored], {"exposure": 1.0}, 3),
+            (rz.Mesh(*ball, material=moon(ambient=0.3)), [spectral, point], {}, 3),
+            (rz.Mesh(*ball, material=rz.Material(reflection="toon")), [grey], {"tolerance": 0.0}, 1),
+        ]
+        for k, (mesh, lights, settings, n_channel) in enumerate(cases):
+            for shading in SHADINGS if k == 0 else [SHADINGS[k % 3]]:
+                scene = rz.Scene([mesh], lights, CAMERA)
+                with rz.Renderer(scene, SIZE, shading=shading, **{"samples": 1} | settings) as renderer:
+                    frame, plan = renderer.render(), renderer.plan
+                slow = {name: value for name, value in settings.items() if name != "tolerance"}
+                expected = reference.render(scene, SIZE, shading=shading, **slow)
+                error = np.abs(frame.color - expected.color).max()
+                bound = frame.stats.error_bound
+                case = f"case {k}, {shading}: {error:.3g}, bound {bound}"
+                assert error <= (bound if bound is not None else 2e-3) and np.ptp(frame.color) > 0.1, case
+                assert plan.channels == n_channel, case
+                assert bound is not None or any("shaded once" in step.cause for step in frame.stats.steps), case
+
+
+def test_a_hemisphere_light_is_explained_and_illuminates():
+    material = rz.Material(ambient=(0.5, 0.4, 0.3), diffuse=0.9)
+    with registries.add_light("hemisphere", hemisphere_light.HemisphereLight):
+        light = hemisphere_light.HemisphereLight((0.2, 0.4, 0.8), 0.1)
+        normals = np.array([(0, 1, 0), (0, -1, 0), (1, 0, 0), (0, 0, -1)], float)
+        found = rz.illuminate(np.zeros(3), normals, material, light, viewer=(0, 0, 5))
+        sky = np.array([1, 0, 0.5, 0.5])[:, None]
+        expected = (sky * light.color + (1 - sky) * light.ground) * material.ambient
+        assert np.abs(found - expected).max() < 1e-15
+        turned = rz.illuminate(np.zeros(3), normals, material, light, viewer=(0, 0, 5), two_sided=True)
+        assert np.abs(turned - expected).max() < 1e-15  # (0, 0, -1) becomes (0, 0, 1), which faces as much of the sky
+        scene = rz.Scene([rz.Mesh(*octasphere(2), material=material)], [light], CAMERA)
+        said = rz.explain(scene, 32, 24, size=SIZE, shading="phong", samples=1)
+        frame = rz.render(scene, SIZE, shading="phong", samples=1)
+    (share,) = said.layers[0].lights
+    assert share.kind == "HemisphereLight" and share.direction == (0, 0, 0) and share.n_dot_l == 1
+    assert np.abs(np.array(share.diffuse) - frame.color[24, 32]).max() < 1e-6 and not any(share.specular)
+
+
+class Silent(hemisphere_light.HemisphereLight):
+    """It says no bound."""
+
+    def bound(self):
+        return None
+
+
+def test_what_says_no_bound_is_drawn_in_float64_and_states_none():
+    class Dumb(Minnaert):
+        bound = None
+
+    ball = octasphere(2)
+    with registries.add_light("silent", Silent), registries.add_reflection("dumb", Dumb):
+        for material, light, name in (
+            (rz.Material(), Silent(0.5, 0.1), "Silent"),
+            (rz.Material(reflection="dumb"), rz.PointLight((2, 3, 2)), "dumb"),
+        ):
+            scene = rz.Scene([rz.Mesh(*ball, material=material)], [light, rz.AmbientLight(0.1)], CAMERA)
+            with rz.Renderer(scene, SIZE, shading="phong", samples=1) as renderer:
+                frame, plan = renderer.render(), renderer.plan
+            assert plan.dtype == "float64" and frame.stats.error_bound is None
+            assert f"no bound is stated: {name}, which is registered, says none" in [s.cause for s in frame.stats.steps]
+            assert np.abs(frame.color - reference.render(scene, SIZE, shading="phong").color).max() < 1e-6
+
+
+def test_a_program_with_a_light_of_its_own_is_the_command_line(tmp_path):
+    """The example of the guide, as one would run it."""
+    out = tmp_path / "cube.npy"
+    argv = ["render", str(CUBE), "--light", "hemisphere:color=#9cf,ground=#630,up=0/0/1", "-s", "24x16", "-o", str(out)]
+    subprocess.run([sys.executable, hemisphere_light.__file__, *argv, "-q"], check=True, timeout=300)
+    with registries.add_light("hemisphere", hemisphere_light.HemisphereLight):
+        light = hemisphere_light.HemisphereLight("#9cf", "#630", (0, 0, 1))
+        path = replace(rz.load(CUBE), lights=[light]).save(tmp_path / "scene.json")
+        assert rz.Scene.load(path).lights == (light,)
+        assert main(["render", str(path), "-s", "24x16", "-o", str(tmp_path / "again.npy"), "-q"]) == 0
+    assert np.ptp(np.load(out)) > 0.1 and np.load(out).shape == (16, 24, 3)
+
+
+# ---------------------------------------------------------------- what can't be registered
+
+
 def test_what_can_not_be_a_light_is_refused():
     @dataclass(frozen=True)
-    class Unreadable:
-        where: dict
-        color: float = 1.0
+    class Unreadable(SlabLight):
+        where: dict = None
 
-    entries = {"drawn": SlabEntry(), "reference": SlabKind()}
-    for cls in (Stranger(), int, type("Plain", (), {}), rz.Shadow):
-        with pytest.raises(rz.SceneError, match="must be a dataclass with a field color"):
-            registries.add_light("odd", cls, **entries)
-    with pytest.raises(rz.SceneError, match="Unreadable.where must be annotated with"):
-        registries.add_light("odd", Unreadable, **entries)
-    with pytest.raises(rz.SceneError, match="drawn must be a LightEntry; given <class"):
-        registries.add_light("odd", SlabLight, **entries | {"drawn": SlabEntry})
-    with pytest.raises(rz.SceneError, match="reference must be a ReflectionKind"):
-        registries.add_reflection("odd", drawn=MinnaertEntry(), reference=SlabKind())
+    @dataclass(frozen=True)
+    class Colorless(registries.CustomLight):
+        width: float = 1.0
+
+    @dataclass(frozen=True)
+    class Mute(registries.CustomLight):
+        color: Color = 1.0
+
+    for cls in (Stranger(), int, type("Plain", (), {}), rz.Shadow, registries.CustomLight):
+        with pytest.raises(rz.SceneError, match="a class that derives from CustomLight is needed"):
+            registries.add_light("odd", cls)
+    for cls, match in (
+        (Colorless, "must be a dataclass with a field color"),
+        (Unreadable, "Unreadable.where must be annotated with"),
+        (Mute, "Mute must have one of the static methods share and arrival"),
+    ):
+        with pytest.raises(rz.SceneError, match=match):
+            registries.add_light("odd", cls)
+    with pytest.raises(rz.SceneError, match="a class that derives from CustomReflection is needed"):
+        registries.add_reflection("odd", SlabLight)
 
 
 def test_the_fields_of_every_light_can_be_read():
-    for cls in LIGHT_KINDS.values():
+    for cls in LIGHT_TYPES.values():
         described = describe_fields(cls)
         assert described["color"].holds == "color" and not described["color"].is_needed
         assert {field.holds for field in described.values()} <= {
@@ -402,7 +650,7 @@ def test_the_fields_of_every_light_can_be_read():
 def test_functions_from_outside_the_package_stay_out_of_the_disk_cache(toys):
     """The cache's folder is named after this package's sources: a user's function that changes would stay as it was."""
     rz.render(scene_of(moon(), slab_light()), SIZE, samples=1, shading="gouraud")
-    assert slab.__module__ == "helpers.toy_kinds"
+    assert SlabLight.__module__ == "helpers.toy_extensions"
     if STORE.own is not None:
         names = [path.name for path in STORE.own.iterdir()]
-        assert names and not [name for name in names if "toy_kinds" in name]
+        assert names and not [name for name in names if "toy_extensions" in name]

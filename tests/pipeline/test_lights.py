@@ -9,7 +9,7 @@ from helpers.pairs import pairs
 
 from rasterizer.errors import SceneError
 from rasterizer.pipeline import fragments as f
-from rasterizer.pipeline.light_kinds import (
+from rasterizer.pipeline.lights import (
     ATTENUATION,
     AXIS,
     CONE_EXPONENT,
@@ -18,7 +18,7 @@ from rasterizer.pipeline.light_kinds import (
     COS_OUTER,
     INVERSE_RANGE,
     LIGHT_FUNCTIONS,
-    MOST,
+    MAX_STRENGTH,
     N_LIGHT_COEFFICIENT,
     VECTOR,
     light_function_of,
@@ -45,7 +45,7 @@ def light(dtype, vector, attenuation=(1, 0, 0), most=1.0):
     """A light's coefficients."""
     coefficients = np.zeros(N_LIGHT_COEFFICIENT, dtype)
     coefficients[VECTOR : VECTOR + 3], coefficients[ATTENUATION : ATTENUATION + 3] = vector, attenuation
-    coefficients[MOST] = most
+    coefficients[MAX_STRENGTH], coefficients[CONE_FALLOFF] = most, 1.0
     return coefficients
 
 
@@ -115,7 +115,7 @@ def test_a_light_in_the_surface_point_lights_nothing():
 
 
 def test_lights_say_whether_they_have_a_position():
-    assert {name: kind.needs_position for name, kind in LIGHT_FUNCTIONS.items()} == {
+    assert {name: function.needs_position for name, function in LIGHT_FUNCTIONS.items()} == {
         "directional": False,
         "point": True,
         "spot": True,
@@ -156,7 +156,7 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
     n, position, axis = f.BATCH_SIZE, np.array([0.5, 1.0, -0.25]), np.array([0.36, -0.48, 0.8])
     for (inner, outer), exponent, falloff, dtype in pairs(
         angles=((0, 90), (10, 30), (29, 30), (20, 20), (45, 45), (0, 5)), exponent=(0, 1, 7.5, 128),
-        falloff=(None, 1.0, 2.5), dtype=DTYPES,
+        falloff=(1.0, 1.7, 2.5), dtype=DTYPES,
     ):  # fmt: skip
         rng, eps = np.random.default_rng(outer), np.finfo(dtype).eps
         batch, normals, _ = points(5, n, dtype)
@@ -169,16 +169,16 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
         coefficients = light(dtype, position, (0, 1, 0))
         call(light_function_of("point").evaluate, batch, n, coefficients)
         of_point = read(batch, WRITTEN, n)
-        coefficients[CONE_FALLOFF] = falloff or 0.0
-        kind = "shaped spot" if falloff else "spot"
-        call(light_function_of(kind).evaluate, batch, n, cone(coefficients, axis, inner, outer, exponent))
-        found, case = read(batch, WRITTEN, n), f"{kind}, {inner}°..{outer}°, {exponent=}, {falloff=}, {dtype.__name__}"
+        coefficients[CONE_FALLOFF] = falloff
+        name = "spot" if falloff == 1.0 else "shaped spot"
+        call(light_function_of(name).evaluate, batch, n, cone(coefficients, axis, inner, outer, exponent))
+        found, case = read(batch, WRITTEN, n), f"{name}, {inner}°..{outer}°, {exponent=}, {falloff=}, {dtype.__name__}"
         assert (found[:4] == of_point[:4]).all(), case
         c, (c_inner, c_outer) = -(found[:3].T @ axis), np.cos(np.radians([inner, outer]))
         t = np.clip((c - c_outer) / (c_inner - c_outer), 0, 1) if inner < outer else 1.0 * (c >= c_outer)
-        expected = of_point[4] * (t**2 * (3 - 2 * t)) ** (falloff or 1.0) * np.clip(c, 0, 1) ** exponent
+        expected = of_point[4] * (t**2 * (3 - 2 * t)) ** falloff * np.clip(c, 0, 1) ** exponent
         # Eight roundings on the way to c, magnified by the slopes of the cone and the exponents.
-        steepness = (1.5 * (falloff or 1.0) / (c_inner - c_outer) if inner < outer else 0) + exponent
+        steepness = (1.5 * falloff / (c_inner - c_outer) if inner < outer else 0) + exponent
         budget = (8 + 8 * steepness) * eps
         is_sure = np.abs(c - c_outer) > (8 * eps if inner == outer else -1)
         error = np.abs(found[4] - expected)[is_sure].max()
