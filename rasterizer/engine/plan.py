@@ -472,9 +472,8 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     single = b.rounding_errors(plan.brightness, distances, SINGLE, fades_to) + written
     lit = plan.brightness.at(distances.kept().clearances)
     with np.errstate(invalid="ignore"):  # NaN, no bound, of light that has none
-        double = b.rounding_errors(plan.brightness, distances, DOUBLE) / np.maximum(
-            lit.of_materials, 1.0
-        )  # of full scale
+        double = b.rounding_errors(plan.brightness, distances, DOUBLE)
+    double /= np.maximum(lit.of_materials, 1.0)  # of full scale
     double[lit.undirected + lit.diffuse.sum(axis=1) > b.MAX_LIGHT] = np.inf
     if plan.opacity is not None:
         single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/a_buffer.py
@@ -526,7 +525,9 @@ def list_unstated(plan: Plan, options: Options, stated: NDArray[np.float64]) -> 
         found.append(
             "no bound is stated: a pixel that is shaded once may differ from the mean of its samples by anything"
         )
-    silent = [type(light).__name__ for light in plan.reflected_lights if not light_table.entry_of(light).has_bound(light)]
+    silent = [
+        type(light).__name__ for light in plan.reflected_lights if not light_table.entry_of(light).has_bound(light)
+    ]
     silent += [m.reflection for m, is_lit in zip(plan.materials, plan.is_lit, strict=True)
                if is_lit.any() and not reflection_table.entry_of(m).has_bound]  # fmt: skip
     for name in dict.fromkeys(silent):

@@ -8,7 +8,6 @@ from helpers.arrays import differences
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
-from rasterizer.engine.plan import multiply_colors
 from rasterizer.engine.scene_tables import multiply_colors
 from rasterizer.options import Options
 from rasterizer.scene.spectrum import D65, MATCHING, WAVELENGTHS, Spectrum
