@@ -72,13 +72,16 @@ def memory(rows) -> list[str]:
 
 
 def tolerances(rows) -> list[str]:
-    """What a tolerance costs, and what is left of the error."""
-    found = [[row["model"], NAMES[row["shading"]], row["tolerance"], figure(row["ms"], 3), figure(row["of_first"]),
-              figure(row["max"]), figure(row["bound"]), figure(row["of_bound"]), str(row["levels"]),
-              figure(row["vertices"])]
-             for row in rows]  # fmt: skip
-    return lines_of(["model", "shading", "tolerance", "ms", "of tolerance 0", "max err", "bound", "/bound", "levels",
-                     "1/256 px"], found)  # fmt: skip
+    """By tolerance: the time as a multiple of that of tolerance 0, the largest error, and the error over its bound."""
+    names = list(dict.fromkeys(row["tolerance"] for row in rows))
+    of = {(row["model"], row["shading"], row["tolerance"]): row for row in rows}
+    found = []
+    for model, shading in dict.fromkeys((row["model"], row["shading"]) for row in rows):
+        own = [of[model, shading, name] for name in names]
+        found.append([model, NAMES[shading], figure(own[0]["ms"], 3), figure(own[0]["max"]),
+                      *(f"{figure(row['of_first'])} · {figure(row['max'])} · {figure(row['of_bound'])}"
+                        for row in own[1:]), figure(own[0]["vertices"])])  # fmt: skip
+    return lines_of(["model", "shading", "0: ms", "0: error", *names[1:], "1/256 px"], found)
 
 
 def exactness(rows) -> list[str]:
@@ -94,23 +97,26 @@ def exactness(rows) -> list[str]:
 
 
 def methods(rows) -> list[str]:
-    """Shadings and subdivisions with four samples a pixel."""
-    found = [[row["model"], thousands(row["triangles"]), row["value"].partition(", 4 samples")[0],
-              figure(row["ms"], 3), figure(row["rms"]), figure(row["of_method"]), figure(row["delta_e"])]
-             for row in sorted(method_rows(rows), key=lambda row: (row["model"], row["ms"]))
-             if row["samples"] == 4]  # fmt: skip
-    return lines_of(["model", "triangles", "method", "ms", "rms err", "of method", "ΔE"], found)
+    """Shadings and subdivisions with four samples a pixel, a model a column."""
+    rows = [row for row in method_rows(rows) if row["samples"] == 4]
+    of = {(row["model"], row["value"].partition(", 4 samples")[0]): row for row in rows}
+    models, names = (list(dict.fromkeys(key[k] for key in of)) for k in range(2))
+    found = [[name, *(f"{figure(of[m, name]['ms'], 3)} · {figure(of[m, name]['rms'])} · {figure(of[m, name]['delta_e'])}"
+                      if (m, name) in of else "" for m in models)] for name in names]  # fmt: skip
+    triangles = {row["model"]: thousands(row["triangles"]) for row in rows if not row["subdivisions"]}
+    return lines_of(["method", *(f"{model}, {triangles[model]} triangles" for model in models)], found)
 
 
 def samples(rows) -> list[str]:
-    """Phong's shading with more and more samples a pixel, the time and error as multiples of those of one."""
-    found = []
+    """Phong's shading with more and more samples a pixel: time and error as multiples of those of one."""
     of = {(row["model"], row["samples"]): row for row in method_rows(rows) if row["shading"] == "phong"}
-    for (model, n), row in sorted(of.items()):
+    counts = sorted({n for _, n in of})
+    found = []
+    for model in dict.fromkeys(model for model, _ in of):
         one = of[model, 1]
-        found.append([model, str(n), figure(row["ms"], 3), figure(row["ms"] / one["ms"]), figure(row["rms"]),
-                      figure(row["rms"] / one["rms"])])  # fmt: skip
-    return lines_of(["model", "samples", "ms", "times the time", "rms err", "times the error"], found)
+        found.append([model, *(f"{figure(row['ms'] / one['ms'])} · {figure(row['rms'] / one['rms'])}"
+                               for row in (of[model, n] for n in counts[1:]))])  # fmt: skip
+    return lines_of(["model", *(f"{n} samples" for n in counts[1:])], found)
 
 
 def method_rows(rows) -> list[dict]:
@@ -125,30 +131,15 @@ def axes(rows) -> list[str]:
     for row in rows:
         if row["what"] not in scene_of or row["against"].startswith("rays"):
             scene_of[row["what"]] = row["model"]
-    found = [[row["model"], row["what"], row["value"], figure(row["ms"], 3), figure(row["ratio"]), figure(row["rms"]),
-              figure(row["delta_e"]), row["against"]]
-             for row in rows if row["model"] == scene_of[row["what"]]]  # fmt: skip
-    return lines_of(["scene", "what", "value", "ms", "of the scene as it is", "rms err", "ΔE", "against"], found)
+    found = []
+    for what, scene in scene_of.items():
+        own = [row for row in rows if (row["what"], row["model"]) == (what, scene)]
+        cells = (f"{row['value']}: {figure(row['ratio'])}, {figure(row['rms'])}" for row in own)
+        found.append([f"{what}, {scene}", " · ".join(cells), own[0]["against"]])
+    return lines_of(["what", "value: time, error", "against"], found)
 
 
 # ── refinement ────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def slopes(rows) -> list[str]:
-    """With which power of the edges' length errors fall, at the finest meshes, beside theory."""
-    from bench.refinement import ROUNDED, THEORY, last_slopes
-
-    surfaces = [name for name in dict.fromkeys(row["surface"] for row in rows)
-                if any(row["surface"] == name and row["rms"] > ROUNDED for row in rows)]  # fmt: skip
-    found = []
-    for name in (*SHADINGS, "silhouette"):
-        cells = []
-        for surface in surfaces:
-            own = [row for row in rows if row["surface"] == surface]
-            key, shading = ("silhouette_slope", "flat") if name == "silhouette" else ("slope", name)
-            cells += [f"{slope:.2f}" for slope in last_slopes(own, shading, key)] or [""]
-        found.append([NAMES.get(name, "area of the silhouette"), str(THEORY[name]), *cells])
-    return lines_of(["", "theory", *surfaces], found)
 
 
 def finer(rows) -> list[str]:
@@ -167,41 +158,43 @@ def finer(rows) -> list[str]:
 
 
 def hard_cases(rows) -> list[str]:
-    """The hard cases, why each is right, its error and its bound."""
-    found = [
-        [row["case"], row["why"], *("" if row.get(key) is None else f"{row[key]:.1e}" for key in ("error", "bound"))]
-        for row in rows
-    ]
-    return lines_of(["case", "what happens, and why that is right", "error", "bound"], found)
+    """How the hard cases end, and how much of its bound the largest error takes."""
+    found = []
+    for name, is_one in (
+        ("right", lambda row: row["result"] == "right" and not row["why"].startswith("A limit")),
+        ("right, and a limit that the guide states", lambda row: row["result"] == "right"
+         and row["why"].startswith("A limit")),
+        ("right, but next to a step that `stats.steps` names", lambda row: row["result"].startswith("right, but")),
+        ("refused, with the reason", lambda row: row["result"] == "refused"),
+    ):  # fmt: skip
+        own = [row for row in rows if is_one(row)]
+        shares = [row["of_bound"] for row in own if row.get("of_bound") is not None and not row.get("is_at_step")]
+        found.append([name, str(len(own)), figure(max(shares)) if shares else ""])
+    return lines_of(["what happens", "cases", "largest error / bound"], found)
 
 
 # ── features ──────────────────────────────────────────────────────────────────────────────────────────────
 
 
 def features(rows) -> list[str]:
-    """What each thing that a scene may use costs."""
+    """What each thing that a scene may use costs, in two columns of a table; float64 is told."""
     plain = next(row for row in rows if row.get("feature") == "plain")
-    found = [[row["feature"], figure(row["ms"], 3), figure(row["ms"] / plain["ms"]),
-              "" if row is plain else figure(row["ns_more"]), row["dtype"]]
+    cells = [[row["feature"] + (", float64" if row["dtype"] == "float64" and row["feature"] != "float64" else ""),
+              figure(row["ms"] / plain["ms"]), "" if row is plain else figure(row["ns_more"])]
              for row in rows if "feature" in row]  # fmt: skip
-    return lines_of(["feature", "ms", "of plain", "more ns/px", "dtype"], found)
-
-
-def maps(rows) -> list[str]:
-    """To draw the shadow maps of a light."""
-    found = [[row["light"], thousands(row["triangles"]), f"{row['texels']}²", figure(row["ms_1"], 3),
-              figure(row["ms_2"], 3)] for row in rows if "light" in row]  # fmt: skip
-    return lines_of(["light", "triangles", "texels a map", "ms 1T", "ms 2T"], found)
+    half = (len(cells) + 1) // 2
+    found = [[*cells[k], *(cells[half + k] if half + k < len(cells) else [""] * 3)] for k in range(half)]
+    return lines_of(["feature", "of plain", "more ns/px"] * 2, found)
 
 
 def buffers(rows) -> list[str]:
-    """Outputs, as multiples of Gouraud's picture."""
+    """Outputs, as multiples of Gouraud's picture, with one thread."""
     rows = [row for row in rows if "outputs" in row]
     cases = list(dict.fromkeys(row["scene"] for row in rows))
     of = {(row["scene"], row["outputs"]): row for row in rows}
-    found = [[outputs, *(figure(of[case, outputs][key]) for case in cases for key in ("ratio_1", "ratio_2"))]
-             for outputs in dict.fromkeys(row["outputs"] for row in rows)]  # fmt: skip
-    return lines_of(["outputs", *(f"{case} {n}T" for case in cases for n in (1, 2))], found)
+    outputs = [name for name in dict.fromkeys(row["outputs"] for row in rows) if name != "Gouraud"]
+    found = [[case, *(figure(of[case, name]["ratio_1"]) for name in outputs)] for case in cases]
+    return lines_of(["of Gouraud's picture", *outputs], found)
 
 
 # ── peers, start-up, files ────────────────────────────────────────────────────────────────────────────────
@@ -219,11 +212,11 @@ def peers(rows) -> list[str]:
 
 def specks(rows) -> list[str]:
     """What a few pixels cost that need more than the others."""
-    found = [row for row in rows if "speck" in row]
+    found = [row for row in rows if "speck" in row and row["speck"] != "plain"]
     names = list(dict.fromkeys(row["speck"] for row in found))
-    ratio = {(row["speck"], row["shading"]): f"{row['ratio_of_cpu']:.2f}" for row in found}
-    return lines_of(["speck", "Gouraud", "Phong"],
-                    [[name, *(ratio.get((name, each), "") for each in SHADINGS[1:])] for name in names])  # fmt: skip
+    ratio = {(row["shading"], row["speck"]): f"{row['ratio_of_cpu']:.2f}" for row in found}
+    return lines_of(["", *names], [[NAMES[each], *(ratio.get((each, name), "") for name in names)]
+                                   for each in SHADINGS[1:]])  # fmt: skip
 
 
 def programs(rows) -> list[str]:
@@ -231,13 +224,6 @@ def programs(rows) -> list[str]:
     found = [[f"`{row['program']}`", figure(row["ms"], 3), figure(row["yards"]), figure(row["peak_mib"], 3)]
              for row in rows if "program" in row]  # fmt: skip
     return lines_of(["program", "ms", "yards", "peak MiB"], found)
-
-
-def stages(rows) -> list[str]:
-    """What a process spends its time with."""
-    found = [[row["stage"], f"{row['warm_ms']:.0f}", f"{row['share']:.0%}".replace("%", " %"),
-              "" if row["cold_ms"] is None else f"{row['cold_ms']:.0f}"] for row in rows if "stage" in row]  # fmt: skip
-    return lines_of(["stage", "warm ms", "share", "cold ms"], found)
 
 
 def writers(rows) -> list[str]:
@@ -272,45 +258,13 @@ def growth(rows) -> list[str]:
     return lines_of(["what grows", "from, to", *_COSTS.values()], found)
 
 
-def one_more(rows) -> list[str]:
-    """What one thing more costs, at the end of each axis."""
-    found = []
-    for name in dict.fromkeys(row["axis"] for row in rows if "slopes" in row):
-        before, last = [row for row in rows if row["axis"] == name and "n" in row][-2:]
-        n = last["n"] - before["n"]
-        cells = [figure(max(last[key] - before[key], 0.0) * scale / n)
-                 for key, scale in zip(_COSTS, (1e3, 1e3, 1e3, 2.0**20), strict=True)]  # fmt: skip
-        found.append([name, *cells])
-    return lines_of(["one more of", "build µs", "prepare µs", "frame µs", "bytes"], found)
-
-
 def held(rows) -> list[str]:
     """Memory after so many pictures."""
     return lines_of(["pictures", *(thousands(row["n"]) for row in rows)],
                     [["MiB held", *(f"{row['mib']:.1f}" for row in rows)]])  # fmt: skip
 
 
-# ── modes and processes ───────────────────────────────────────────────────────────────────────────────────
-
-
-def tolerance_modes(rows) -> list[str]:
-    """What share of a tolerance is used in each mode, and the processor time of a frame over that with 1/4096."""
-    found = [row for row in rows if "mode" in row]
-    names = list(dict.fromkeys(row["tolerance"] for row in found))
-    cells = {(row["mode"], row["tolerance"]): f"{row['used']:.2g}, {row['ratio']:.2f}" for row in found}
-    modes = dict.fromkeys(row["mode"] for row in found)
-    return lines_of(["", *names], [[mode, *(cells[mode, name] for name in names)] for mode in modes])
-
-
-def mixed(rows) -> list[str]:
-    """What interpolating intensities over some triangles might save of Phong's method."""
-    found = [
-        [row["model"], row["size"].replace("x", "×"), row["tolerance"], f"{row['faces']:.0%}", f"{row['samples']:.0%}",
-         f"{row['gouraud']:.2f}", f"{row['saved']:.1%}"]
-        for row in rows if "model" in row
-    ]  # fmt: skip
-    head = ["model", "size", "tolerance", "of the faces", "of the samples", "Gouraud/Phong", "saved at most"]
-    return lines_of(head, found)
+# ── processes and paths ───────────────────────────────────────────────────────────────────────────────────
 
 
 def throughput(rows) -> list[str]:
@@ -329,10 +283,9 @@ def paths(rows) -> list[str]:
 
 
 TABLES = {
-    "tolerance of each way": tolerance_modes, "mixed shading": mixed, "throughput": throughput,
-    "frames": frames, "frames in short": frames_in_short, "memory": memory, "tolerances": tolerances,
-    "exactness": exactness, "methods": methods, "samples": samples, "one thing at a time": axes, "slopes": slopes,
-    "finer meshes": finer, "hard cases": hard_cases, "features": features, "shadow maps": maps, "buffers": buffers,
-    "peers": peers, "specks": specks, "programs": programs, "stages": stages, "writers": writers, "growth": growth,
-    "one more": one_more, "held memory": held, "paths": paths,
+    "frames in short": frames_in_short, "frames": frames, "memory": memory, "exactness": exactness,
+    "tolerances": tolerances, "methods": methods, "samples": samples, "one thing at a time": axes,
+    "finer meshes": finer, "hard cases": hard_cases, "features": features, "buffers": buffers, "peers": peers,
+    "specks": specks, "programs": programs, "writers": writers, "growth": growth, "held memory": held,
+    "throughput": throughput, "paths": paths,
 }  # fmt: skip
