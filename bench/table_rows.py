@@ -101,8 +101,10 @@ def methods(rows) -> list[str]:
     rows = [row for row in method_rows(rows) if row["samples"] == 4]
     of = {(row["model"], row["value"].partition(", 4 samples")[0]): row for row in rows}
     models, names = (list(dict.fromkeys(key[k] for key in of)) for k in range(2))
-    found = [[name, *(f"{figure(of[m, name]['ms'], 3)} · {figure(of[m, name]['rms'])} · {figure(of[m, name]['delta_e'])}"
-                      if (m, name) in of else "" for m in models)] for name in names]  # fmt: skip
+    cells = {
+        key: f"{figure(row['ms'], 3)} · {figure(row['rms'])} · {figure(row['delta_e'])}" for key, row in of.items()
+    }
+    found = [[name, *(cells.get((model, name), "") for model in models)] for name in names]
     triangles = {row["model"]: thousands(row["triangles"]) for row in rows if not row["subdivisions"]}
     return lines_of(["method", *(f"{model}, {triangles[model]} triangles" for model in models)], found)
 

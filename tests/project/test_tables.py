@@ -91,7 +91,11 @@ def test_tables_of_rows():
 def test_methods_and_tolerances_stand_side_by_side():
     row = {"what": "method", "model": "m", "shading": "phong", "subdivisions": 0, "triangles": 8, "delta_e": 0.1}
     rows = [row | {"samples": n, "value": f"Phong, {n} samples", "ms": n, "rms": 1 / n} for n in (1, 4)]
-    assert table_rows.methods(rows) == ["| method | m, 8 triangles |", "| --- | --- |", "| Phong | 4.00 · 0.25 · 0.10 |"]
+    assert table_rows.methods(rows) == [
+        "| method | m, 8 triangles |",
+        "| --- | --- |",
+        "| Phong | 4.00 · 0.25 · 0.10 |",
+    ]
     assert table_rows.samples(rows)[2:] == ["| m | 4.0 · 0.25 |"]
     row = {"model": "m", "shading": "flat", "ms": 2.0, "max": 0.5, "of_bound": 0.1, "vertices": 0.0}
     rows = [row | {"tolerance": name, "of_first": ratio} for name, ratio in (("0", 1.0), ("1/64", 0.5))]
