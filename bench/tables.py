@@ -357,9 +357,9 @@ def throughput(rows) -> list[str]:
 
 
 def paths(rows) -> list[str]:
-    """Times without a path over those with it, a path a row and a scene a column."""
-    of = {(row["path"], row["scene"]): row["ratio"] for row in rows}
-    names, scenes = (list(dict.fromkeys(row[key] for row in rows)) for key in ("path", "scene"))
+    """Times without a path that is there over those with it, a path a row and a scene a column."""
+    of = {(row["path"], row["scene"]): row["ratio"] for row in rows if "(gone)" not in row["path"]}
+    names, scenes = (list(dict.fromkeys(key[k] for key in of)) for k in range(2))
     found = [[name, *("" if (name, s) not in of else f"{of[name, s]:.2f}" for s in scenes)] for name in names]
     return lines_of(["without", *scenes], found)
 
