@@ -19,7 +19,7 @@ What stage 6 uses:
     samples             where they lie, and the planes of their records
     interpolate         exact interpolation over the triangles of exact records
     lighting            the illumination equation, at the one place where it is evaluated
-    light_kinds         its lights: a function for each type
+    lights              its lights: a function for each type
     shadow_lookup       which part of a light arrives
     reflection          its reflection models: a function for each
     material_coefficients    where each coefficient stands in a material's row
