@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from helpers.pages import blocks, chapters, text_of
 from helpers.raster import ROOT
-from rasterizer.cli.parser import COMMANDS
 
 import rasterizer as rz
+from rasterizer.cli.parser import COMMANDS
 
 sys.path.insert(0, str(ROOT / "models"))
 import follow_triangle
