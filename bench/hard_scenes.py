@@ -128,7 +128,10 @@ def wide_triangle(_):
     return Scene(on_screen(SIZE, points, [2.0, 3.0, 7.0], [[0, 1, 2]]))
 
 
-@case("a span of 16 384 px", "Nothing is summed up along a span, so that its end is as exact as its beginning.")
+@case(
+    "a span of 16 384 px",
+    "What is summed up along a span are whole numbers; a step's rounding is bounded over all of it.",
+)
 def long_span(is_small):
     size = (2048 if is_small else 16_384, 4)
     points = [(-3.0, -2.0), (size[0] + 5.0, 1.0), (size[0] - 1.0, 9.0), (-9.0, 8.0)]
@@ -192,7 +195,7 @@ def edge_on(_):
 
 
 @case(
-    "near : far of 10⁻⁶", "Depths are 60-bit integers: a step of the z-buffer is far below what separates these faces."
+    "near : far of 10⁻⁶", "Depths are 38-bit integers: a step of the z-buffer is far below what separates these faces."
 )
 def wide_range(_):
     points = [(x + 30 * k, y) for k in range(3) for x, y in ((2, 2), (60, 8), (20, 66))]

@@ -250,9 +250,10 @@ def describe_resolve(way: Way) -> list[str]:
 
 
 def describe_explanation(_way: Way) -> list[str]:
-    """What the reference says of the same pixel."""
+    """What the reference says of the same pixel, without what stands above."""
     explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading, samples=1)
-    return str(explanation).splitlines()
+    known = ("phong:", "depth", "position", "opacity", "emission", "background")
+    return [line for line in str(explanation).splitlines() if not line.strip().startswith(known)]
 
 
 # ---------------------------------------------------------------- reading the block

@@ -1,0 +1,34 @@
+"""Joins a scene with the pipeline: the only folder that sees both. Read draw.py first.
+
+    draw                the line of all stages, from transform to the picture
+    passes              what is drawn: a picture, exact buffers, a shadow map
+    transparency        bands that show transparent surfaces
+    prepared            a scene prepared for drawing, and what is kept from picture to picture
+
+What is known before the first stage, in the order in which it is made:
+
+    scene_tables        the scene as tables: materials, lights, textures, the tint
+    plan                what this scene needs, and nothing else: types, channels and paths of its materials
+    plan_summary        the plan in words and counts
+    kernels_of_plan     the kernels that the plan calls, each with its signature
+    depth_range         depths that are seen or clipped, and the z-buffer fitted to them
+    uniforms            lights and materials as arrays, for one view
+    attributes          what is interpolated: intensities of lit points, or normals
+    shadow_maps         pictures of the scene as the lights see it
+    memory              how much memory a frame takes, and whether it is there
+
+Tables that take an entry for each type, also those of your own (registries.py):
+
+    lights              what the engine asks of each type of light
+    reflections         what it asks of each reflection model
+    buffers             what it asks of each output buffer
+    formulas            lights and reflection models at points, without a picture: what registration compares
+
+Bounds, and what is drawn beside a picture:
+
+    bounds              how far each output may be off
+    rounding            what all bounds of rounding share
+    edges               edges over a picture
+    ground_shadow       the soft shadow on the ground under a scene
+    point_lighting      the illumination equation at points, without a picture
+"""

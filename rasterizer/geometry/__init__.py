@@ -1,4 +1,13 @@
 """From meshes to points and triangles: polygons cut, vertices split at creases, normals, edges, subdivision.
 
-It knows scenes and arrays, and no files. `points.gather_geometry` is what pictures are drawn from.
+It knows meshes and arrays, and no files.
+
+    points              all meshes of a scene as one set of arrays: what pictures are drawn from
+    normals             normals of polygons and vertices, averaged up to the creases
+    polygons            convex polygons found again among triangles, and drawn about their centres
+    ears                concave polygons cut into triangles
+    edges               the edges of polygons: creases, borders, silhouettes
+    surfaces            what is measured of the triangles once: areas, planes, distances to lights
+    subdivide           every triangle becomes four
+    vectors             vector algebra on tuples, for compiled code
 """

@@ -1,0 +1,21 @@
+"""Files to scenes, and pictures and arrays to files.
+
+A format's reader is one file; loader.py is where reading begins.
+
+    loader              load: files of every format, and whatever is a mesh already
+    formats             the table of formats, and who reads each
+    files               which files may be read, and how they are written
+    model_file          what the readers of models share
+    obj, mtl            OBJ, and its materials
+    ply, stl, gltf      PLY; STL; glTF and GLB
+    threemf             3MF, by lib3mf
+    other_formats       what trimesh reads: OFF, COLLADA and others
+    text_numbers        numbers in text, exactly rounded, by whole arrays
+    weld                equal vertices are joined, so that normals have no seams
+    scene_file          a whole scene in JSON or TOML
+    scene_file_write    the same, written
+    demo                the model that comes with the package
+    png                 PNG files, in bands on threads
+    array_files         arrays: .npy, .npz, PNG with a stated scale, EXR
+    animation           moving pictures: GIF, WebP, APNG, MP4
+"""

@@ -1,0 +1,36 @@
+"""Kernels over plain arrays, in the order in which a triangle passes through them. No scene is known here.
+
+    transform           stage 1: vertices to 1/256 px, and 38 bits of depth
+    clip                stage 2: triangles with a vertex that has no place on the screen
+    cull                stages 3 and 4: triangles that can cover a sample, sorted into bands of rows
+    setup               stage 5: boxes, slopes and planes of depth, 64 triangles side by side
+    gradients           the same of what is interpolated, and whether it is good enough
+    visibility          the visibility buffer: an entry for each sample, depth above an intensity or a record's number
+    records             what triangles leave that are shaded later: planes, or their corners
+    scan                edges, spans and small boxes, into the visibility buffer
+    shade               stage 6: intensities of the visible samples; flat shading and Gouraud's method
+    phong_shading       the same by Phong's method: samples are lit
+    resolve             stage 7: samples to pixels to bytes
+    buffers             stage 7 of exact buffers: depth, face, normal and the others
+
+What stage 6 uses:
+
+    fragments           the batch of samples that are lit together
+    samples             where they lie, and the planes of their records
+    interpolate         exact interpolation over the triangles of exact records
+    lighting            the illumination equation, at the one place where it is evaluated
+    lights              its lights: a function for each type
+    shadow_lookup       which part of a light arrives
+    reflection          its reflection models: a function for each
+    material_coefficients    where each coefficient stands in a material's row
+    power               powers of cosines
+    textures            textures as arrays, and the planes of their coordinates
+    texture_lookup      what they show at the samples of a batch, in float32
+    texture_sampling    the same in float64
+    texturing           both, at a run of samples
+    shade_once          one point for each polygon in a pixel, in the place of its samples
+    a_buffer            lists of transparent fragments, and what is seen through them
+    edges               drawn edges: how much of each sample they cover
+
+And around it all: threads, the workspace that each draws a band in, and intrinsics, inner loops as vector instructions.
+"""

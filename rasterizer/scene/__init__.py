@@ -3,4 +3,18 @@
 A scene is data. It is made, checked and pickled without the compiler, and imports nothing that reads files or draws.
 What it offers and higher layers do is loaded by name where it is called: `geometry` cuts the ears of concave polygons,
 computes normals that are given as 0, and subdivides; `io` reads and writes scene files.
+
+    scene               Scene: meshes, lights, a camera, a background, a depth cue
+    mesh                Mesh: vertices, triangles and what belongs to them
+    mesh_arrays         its arrays, checked
+    triangulation       polygons cut into triangles
+    material            Material, the reflection models, and the table of named materials
+    texture             Texture, with its mipmaps
+    lights              the types of light, their shadows, and ready-made sets
+    camera              Camera: view, projection, OpenCV, and one that goes round
+    framing             the smallest view that shows every vertex
+    color               what a person writes becomes linear RGB
+    spectrum            Spectrum, with the standard observer and daylight
+    arrays              arrays as callers give them, and as a scene keeps them
+    validate            checks that the dataclasses share
 """

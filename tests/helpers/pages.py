@@ -5,12 +5,11 @@ from functools import cache
 
 from helpers.raster import ROOT
 
-RECIPES = ("rasterizer/batch/README.md", "rasterizer/io/README.md", "rasterizer/analysis/README.md")
 PAGES = (
     "README.md",
     "models/README.md",
     "rasterizer/README.md",
-    *RECIPES,
+    "rasterizer/recipes.md",
     "bench/README.md",
     "tests/README.md",
     "CHANGELOG.md",
@@ -26,6 +25,15 @@ def text_of(page) -> str:
 def blocks(page, language) -> list[str]:
     """Return the fenced blocks of a language, in order."""
     return re.findall(rf"^```{language}\n(.*?)^```", text_of(page), re.DOTALL | re.MULTILINE)
+
+
+def chapters(page) -> dict[str, str]:
+    """Return the text of each chapter of a page by its title; headings in blocks are none."""
+    fenced = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+    plain = fenced.sub(lambda found: " " * len(found[0]), text_of(page))
+    starts = [*re.finditer(r"^## (.+)$", plain, re.MULTILINE)]
+    ends = [*(found.start() for found in starts), len(plain)][1:]
+    return {found[1]: text_of(page)[found.end() : end] for found, end in zip(starts, ends, strict=True)}
 
 
 def shell_lines(page) -> list[str]:

@@ -1,11 +1,16 @@
-"""rasterizer/README.md: the triangle's numbers are real, the call tree, the map and the glossary name what there is."""
+"""rasterizer/README.md: the triangle's numbers are real, the call tree and the folders name what there is."""
 
+import ast
 import re
 import sys
 
+import numpy as np
 import pytest
-from helpers.pages import blocks, text_of
+from helpers.pages import blocks, chapters, text_of
 from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.cli.parser import COMMANDS
 
 sys.path.insert(0, str(ROOT / "models"))
 import follow_triangle
@@ -14,11 +19,6 @@ PAGE = "rasterizer/README.md"
 PACKAGE = ROOT / "rasterizer"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 CLOSE = 1e-5  # relative: another processor may round the last bit of a float otherwise
-
-
-def chapter(title) -> str:
-    """The text of a chapter of the page."""
-    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", text_of(PAGE), re.DOTALL | re.MULTILINE).group(1)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_the_followed_picture_is_the_one_that_render_draws(printed):
 
 
 def test_every_name_of_the_call_tree_is_defined_in_the_file_beside_it():
-    (tree,) = re.findall(r"```text\n(.*?)```", chapter("The call tree"), re.DOTALL)
+    (tree,) = re.findall(r"```text\n(.*?)```", chapters(PAGE)["The call tree"], re.DOTALL)
     lines = [re.fullmatch(r"[ │├└─]*((?:[\w.]+ )+) *([\w/]+\.py)(?: .*)?", line) for line in tree.splitlines()]
     assert lines and all(lines), tree
     for line in lines:
@@ -58,19 +58,33 @@ def test_every_name_of_the_call_tree_is_defined_in_the_file_beside_it():
             assert re.search(rf"^\s*(?:def|class) {last}\b", source, re.MULTILINE), f"{line[2]} has no {name}"
 
 
-def test_the_map_lists_every_file_once_and_none_that_is_not_there():
-    listed = []
-    for part in re.split(r"^\*\*", chapter("The files"), flags=re.MULTILINE)[1:]:
-        folder = re.search(r"`(\w+)/`", part.splitlines()[0])
-        listed += [
-            f"{folder[1] + '/' if folder else ''}{name}"
-            for name in re.findall(r"^\| `([\w.]+)` \|", part, re.MULTILINE)
-        ]
-    assert len(listed) == len(set(listed))
-    there = {
-        path.relative_to(PACKAGE).as_posix()
-        for path in PACKAGE.rglob("*.py")
-        if path.name != "__init__.py" or path.stat().st_size
-    }
-    assert not there - set(listed), f"add to the map in {PAGE}: {sorted(there - set(listed))}"
-    assert not set(listed) - there, f"no longer there: {sorted(set(listed) - there)}"
+def test_a_folder_says_of_each_of_its_files_what_it_holds():
+    """In the first lines of its `__init__.py`, by the file's name without the suffix."""
+    untold = []
+    for folder in sorted(path.parent for path in PACKAGE.glob("*/__init__.py")):
+        said = set(re.findall(r"\w+", ast.get_docstring(ast.parse((folder / "__init__.py").read_text())) or ""))
+        files = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+        said |= set(COMMANDS) if folder.name == "cli" else set()  # a command is the file of its name
+        untold += [f"{folder.name}/{name}.py" for name in sorted(files - said)]
+    assert not untold, f"not named in the first lines of their folders' __init__.py: {untold}"
+
+
+def test_the_table_of_folders_has_each_of_them():
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    named = re.findall(r"^\| `(\w+)/` \|", chapters(PAGE)["The folders"], re.MULTILINE)
+    assert sorted(named) == sorted(folders)
+
+
+def test_a_quad_by_gouraud_differs_from_scan_line_interpolation_as_the_page_says():
+    """Scan-line interpolation of the square's left and right edges, as the intensities 1/4, 3/4, 1/4, 3/4 go round."""
+    value = np.array([0.25, 0.75, 0.25, 0.75])
+    normals = np.stack([np.sqrt(1 - value**2), 0 * value, value], axis=1)
+    square = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+    mesh = rz.Mesh(square, [[0, 1, 2, 3]], normals=normals, material=rz.Material(diffuse=1.0, specular=0.0))
+    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=2)
+    scene = rz.Scene(mesh, rz.DirectionalLight((0, 0, -1)), camera)
+    drawn = rz.render(scene, (64, 64), shading="gouraud", samples=1, outputs="color").color[..., 0]
+    u = (np.arange(64) + 0.5) / 64
+    left, right = value[3] + (value[0] - value[3]) * u, value[2] + (value[1] - value[2]) * u  # from the top row down
+    scanned = left[:, None] + (right - left)[:, None] * u
+    assert np.abs(drawn - scanned).max() == pytest.approx(0.0625, abs=1e-3) and "by up to 0.062" in text_of(PAGE)

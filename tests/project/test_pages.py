@@ -20,6 +20,7 @@ from helpers.pages import (
     PAGES,
     anchors,
     blocks,
+    chapters,
     code_of,
     commands,
     console_lines,
@@ -38,10 +39,10 @@ from rasterizer.cli import main
 from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
 
 PICTURES = ROOT / "models" / "pictures"
-GALLERY, RECIPES = "models/README.md", "rasterizer/batch/README.md"
+GALLERY, RECIPES = "models/README.md", "rasterizer/recipes.md"
 LINES = [line for page in PAGES for line in commands(page)]
-STEPS = ("rasterizer/io/README.md", "rasterizer/analysis/README.md")  # whose blocks go on where the last one ended
-WRITTEN = ("teapot.png", "MODEL.png", "scene.toml", "cube.obj", "ball.json")  # what examples write or only speak of
+WRITTEN = ("teapot.png", "MODEL.png", "scene.toml", "cube.obj")  # what examples write or only speak of
+PYTHON = r"^```python\n(.*?)^```"
 nightly = pytest.mark.nightly
 
 
@@ -62,12 +63,13 @@ def checkout(folder):
 
 
 def examples():
-    """Every example in Python; those that start processes or draw a lot are run at night."""
+    """Every example in Python, of a recipe all of its steps; those that start processes or draw a lot run at night."""
     for page in PAGES:
-        texts = blocks(page, "python")
-        for k, text in enumerate(["\n".join(texts)] if page in STEPS else texts):
-            is_long = re.search(r"render_many|Animation|turntable|speed_error|mach_bands", text)
-            yield pytest.param(text, id=f"{page}-{k}", marks=[nightly] if is_long and page not in STEPS else [])
+        recipes = {title: re.findall(PYTHON, text, re.DOTALL | re.MULTILINE) for title, text in chapters(page).items()}
+        texts = ["\n".join(steps) for steps in recipes.values() if steps] if page == RECIPES else blocks(page, "python")
+        for k, text in enumerate(texts):
+            is_long = re.search(r"render_many|Animation|turntable|speed_error", text)
+            yield pytest.param(text, id=f"{page}-{k}", marks=[nightly] if is_long else [])
 
 
 @pytest.mark.parametrize("example", list(examples()))
@@ -257,11 +259,6 @@ def test_every_flag_name_and_option_on_a_page_exists():
             named = {word for line in calls for word in re.findall(r"[(,] ?(\w+)=(?!=)", line)}
             missing += [(page, f"{name}=") for name in named - known - OF_OTHERS]
     assert not missing, f"named, and not there: {sorted(missing)}"
-
-
-def test_every_command_is_in_the_table():
-    missing = [name for name in COMMANDS if f"`{name}`" not in text_of("rasterizer/README.md")]
-    assert not missing, f"rasterizer/README.md leaves out {missing}"
 
 
 def test_the_front_page_opens_with_the_two_commands_and_leads_to_every_page():
