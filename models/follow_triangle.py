@@ -48,7 +48,7 @@ def make_scene() -> rz.Scene:
     return rz.Scene(triangle, lights, rz.Camera.perspective((0, 0, 6), (0, 0, 0), fov=40))
 
 
-class Way(NamedTuple):
+class Followed(NamedTuple):
     """What the stages hand on."""
 
     render_pass: InterpolatedPass  # with the intensities of the vertices
@@ -62,7 +62,7 @@ class Way(NamedTuple):
     rgba: np.ndarray  # (HEIGHT, WIDTH, 4) uint8
 
 
-def go(scene) -> Way:
+def go(scene) -> Followed:
     """Send the triangle through the stages."""
     geometry, view = gather_geometry(scene.meshes, OPTIONS.is_flat), scene.camera.view()
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
@@ -82,7 +82,7 @@ def go(scene) -> Way:
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.finish(workspace, band, counts, None, drawn.loaded_face)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
-    return Way(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
+    return Followed(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
 
 
 def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
@@ -103,74 +103,74 @@ def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
 # ---------------------------------------------------------------- what is printed, stage by stage
 
 
-def describe_light(way: Way) -> list[str]:
+def describe_light(followed: Followed) -> list[str]:
     """What the illumination equation gives at the vertices."""
     lines = ["vertex      x       y       z       normal         N·L   intensity"]
-    intensities = way.render_pass.attributes.single[0, :, 0].tolist()
+    intensities = followed.render_pass.attributes.single[0, :, 0].tolist()
     for name, (x, y, z), normal, intensity in zip(NAMES, VERTICES, NORMALS, intensities, strict=True):
         direction = " ".join(f"{component:.1f}" for component in normal)
         lines.append(f"  {name}    {x:7.3f} {y:7.3f} {z:7.3f}    {direction}    {normal[2]:.1f}   {intensity:.6f}")
     return [*lines, "intensity = 0.8·(0.1 + 0.9·N·L): the material's 0.8, ambient light 0.1, directional light 0.9"]
 
 
-def describe_transform(way: Way) -> list[str]:
+def describe_transform(followed: Followed) -> list[str]:
     """Where the vertices lie on the screen."""
     lines = ["vertex   x px     y px     x/256   y/256   depth w    1/w        z"]
     for k, name in enumerate(NAMES):
-        x, y, z = int(way.vertices.x[k]), int(way.vertices.y[k]), way.vertices.z[k]
+        x, y, z = int(followed.vertices.x[k]), int(followed.vertices.y[k]), followed.vertices.z[k]
         w = 6.0 - VERTICES[k][2]
         lines.append(
             f"  {name}   {x / SUBPIXEL:8.4f} {y / SUBPIXEL:8.4f}   {x:6d}  {y:6d}   {w:.3f}   {1 / w:.6f}   {z:15.1f}"
         )
-    screen = way.render_pass.screen
+    screen = followed.render_pass.screen
     return [
         *lines,
         f"z = a + b/w with a = {screen.z_offset:.8g}, b = {screen.z_scale:.8g}: 0 to 2^{DEPTH_BITS} = {2**DEPTH_BITS}",
     ]
 
 
-def describe_clip(way: Way) -> list[str]:
+def describe_clip(followed: Followed) -> list[str]:
     """How many vertices lie outside."""
-    return [f"vertices outside: {way.n_outside}; the triangle goes on as it is"]
+    return [f"vertices outside: {followed.n_outside}; the triangle goes on as it is"]
 
 
-def describe_cull(way: Way) -> list[str]:
+def describe_cull(followed: Followed) -> list[str]:
     """The triangle's area and its box."""
-    (x0, x1, x2), (y0, y1, y2) = way.vertices.x.tolist(), way.vertices.y.tolist()
+    (x0, x1, x2), (y0, y1, y2) = followed.vertices.x.tolist(), followed.vertices.y.tolist()
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    left, right, top, bottom = of_block(way.block.ints, s.LEFT, 4)
+    left, right, top, bottom = of_block(followed.block.ints, s.LEFT, 4)
     return [
         f"twice the signed area: {area} (1/256 px)²; negative: counter-clockwise, a front face",
         f"box: columns {left} to {right - 1}, rows {top} to {bottom - 1}; it holds samples, so the triangle is visible",
     ]
 
 
-def describe_bands(way: Way) -> list[str]:
+def describe_bands(followed: Followed) -> list[str]:
     """The band that the triangle falls into."""
     return [
-        f"a band has {way.n_band_row} rows here, {choose_band_rows(1920, 1080, 1, 1)} at 1920×1080 with one thread",
-        f"band 0 lists the triangles {way.band.faces.tolist()}",
+        f"a band has {followed.n_band_row} rows here, {choose_band_rows(1920, 1080, 1, 1)} at 1920×1080 with one thread",
+        f"band 0 lists the triangles {followed.band.faces.tolist()}",
     ]
 
 
-def describe_setup(way: Way) -> list[str]:
+def describe_setup(followed: Followed) -> list[str]:
     """The planes over the triangle."""
-    ordered = ", ".join(f"v{k} = {name_at(way, k)}" for k in range(3))
-    anchor = tuple(of_block(way.block.ints, s.ANCHOR_X, 2))
-    z, level = planes_of(way)
+    ordered = ", ".join(f"v{k} = {name_at(followed, k)}" for k in range(3))
+    anchor = tuple(of_block(followed.block.ints, s.ANCHOR_X, 2))
+    z, level = planes_of(followed)
     return [
         f"{ordered}: the topmost first, then clockwise",
         f"anchor: sample {anchor}, the first of the box",
         "plane        at the anchor            d/dx            d/dy",
         f"z        {z[0]:17d} {z[1]:15d} {z[2]:15d}",
         f"level    {level[0]:17d} {level[1]:15d} {level[2]:15d}",
-        f"a level is 1/{way.render_pass.coding.level_scale:.2f} of an intensity of 1",
+        f"a level is 1/{followed.render_pass.coding.level_scale:.2f} of an intensity of 1",
     ]
 
 
-def describe_choice(way: Way) -> list[str]:
+def describe_choice(followed: Followed) -> list[str]:
     """Why the intensity may stand in the entries: the bound of affine interpolation."""
-    intensities = way.render_pass.attributes.single[0, :, 0]
+    intensities = followed.render_pass.attributes.single[0, :, 0]
     w = 6.0 - np.array(VERTICES)[:, 2]
     ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
     return [
@@ -179,29 +179,29 @@ def describe_choice(way: Way) -> list[str]:
     ]
 
 
-def describe_scan(way: Way) -> list[str]:
+def describe_scan(followed: Followed) -> list[str]:
     """The two edges of every row, and the samples between them."""
     lines = ["row   left edge             right edge            span        samples"]
-    for y, left, right in walk_edges(way):
+    for y, left, right in walk_edges(followed):
         edges = "   ".join(f"{edge.x:2d} {edge.rest:7d}/{edge.divisor:<7d}" for edge in (left, right))
-        row = "".join("#" if entry < CLEAR else "." for entry in way.entries[y].tolist())
+        row = "".join("#" if entry < CLEAR else "." for entry in followed.entries[y].tolist())
         lines.append(f"{y:3d}   {edges}   {left.x:2d} to {right.x - 1:2d}    {row}")
-        covered = np.flatnonzero(way.entries[y] < CLEAR).tolist()
+        covered = np.flatnonzero(followed.entries[y] < CLEAR).tolist()
         assert covered == list(range(left.x, right.x)), "the edges and the buffer disagree"
-    lines.append(f"covered: {int((way.entries < CLEAR).sum())} samples")
-    for name, edge in zip(("v0-v2", "v0-v1", "v1-v2"), edges_of(way), strict=True):
+    lines.append(f"covered: {int((followed.entries < CLEAR).sum())} samples")
+    for name, edge in zip(("v0-v2", "v0-v1", "v1-v2"), edges_of(followed), strict=True):
         lines.append(f"each row adds to the edge {name}: {edge.dx:+d} to the sample, {edge.d_rest} to the rest")
     return lines
 
 
-def describe_entry(way: Way) -> list[str]:
+def describe_entry(followed: Followed) -> list[str]:
     """The entry of the sample that is followed."""
-    anchor_x, anchor_y = of_block(way.block.ints, s.ANCHOR_X, 2)
-    z, level = planes_of(way)
+    anchor_x, anchor_y = of_block(followed.block.ints, s.ANCHOR_X, 2)
+    z, level = planes_of(followed)
     columns, rows = COLUMN - anchor_x, ROW - anchor_y
     at = [plane[0] + columns * plane[1] + rows * plane[2] for plane in (z, level)]
     entry, step = (at[0] << PAYLOAD_BITS) + at[1], (z[1] << PAYLOAD_BITS) + level[1]
-    assert entry == way.entries[ROW, COLUMN] and entry + step == way.entries[ROW, COLUMN + 1]
+    assert entry == followed.entries[ROW, COLUMN] and entry + step == followed.entries[ROW, COLUMN + 1]
     bits = f"{entry:064b}"
     return [
         f"sample ({COLUMN}, {ROW}): {columns} columns and {rows} rows from the anchor",
@@ -216,40 +216,40 @@ def describe_entry(way: Way) -> list[str]:
     ]
 
 
-def describe_shade(way: Way) -> list[str]:
+def describe_shade(followed: Followed) -> list[str]:
     """The intensity of the sample, and what it is off the true one."""
-    scale = way.render_pass.coding.level_scale
-    here, beside = (int(way.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
-    intensities = way.render_pass.attributes.single[0, :, 0].astype(float)
-    weights = weights_at(way)
+    scale = followed.render_pass.coding.level_scale
+    here, beside = (int(followed.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
+    intensities = followed.render_pass.attributes.single[0, :, 0].astype(float)
+    weights = weights_at(followed)
     q = weights / (6.0 - np.array(VERTICES)[:, 2])
     exact = float(q @ intensities / q.sum())
     return [
-        f"level {here} / {scale:.2f} = {way.radiance[ROW, COLUMN]:.6f}",
-        f"one sample to the right: ΔI·Δv = {(beside - here) / scale:+.6f}, so {way.radiance[ROW, COLUMN + 1]:.6f}",
+        f"level {here} / {scale:.2f} = {followed.radiance[ROW, COLUMN]:.6f}",
+        f"one sample to the right: ΔI·Δv = {(beside - here) / scale:+.6f}, so {followed.radiance[ROW, COLUMN + 1]:.6f}",
         "weights of A, B, C on the screen: " + " ".join(f"{weight:.6f}" for weight in weights),
         f"their mean of the intensities: {float(weights @ intensities):.6f}; with perspective: {exact:.6f}",
         f"error of the entry: {abs(here / scale - exact):.1e}",
     ]
 
 
-def describe_resolve(way: Way) -> list[str]:
+def describe_resolve(followed: Followed) -> list[str]:
     """The bytes of the pixel."""
-    level = int(way.rgba[ROW, COLUMN, 0])
+    level = int(followed.rgba[ROW, COLUMN, 0])
     thresholds = srgb_thresholds()
-    linear = float(way.radiance[ROW, COLUMN])
+    linear = float(followed.radiance[ROW, COLUMN])
     encoded = 1.055 * linear ** (1 / 2.4) - 0.055
     same = bool(
-        (np.asarray(rz.render(make_scene(), OPTIONS.size, shading=OPTIONS.shading, samples=1)) == way.rgba).all()
+        (np.asarray(rz.render(make_scene(), OPTIONS.size, shading=OPTIONS.shading, samples=1)) == followed.rgba).all()
     )
     return [
         f"sRGB: 1.055·{linear:.6f}^(1/2.4) - 0.055 = {encoded:.6f}, times 255 = {255 * encoded:.3f}",
         f"level {level} holds the intensities from {thresholds[level - 1]:.6f} to {thresholds[level]:.6f}",
-        f"bytes of the pixel: {way.rgba[ROW, COLUMN].tolist()}; rz.render draws the same picture: {same}",
+        f"bytes of the pixel: {followed.rgba[ROW, COLUMN].tolist()}; rz.render draws the same picture: {same}",
     ]
 
 
-def describe_explanation(_way: Way) -> list[str]:
+def describe_explanation(_way: Followed) -> list[str]:
     """What the reference says of the same pixel, without what stands above."""
     explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading, samples=1)
     known = ("phong:", "depth", "position", "opacity", "emission", "background")
@@ -264,20 +264,20 @@ def of_block(rows, first, n) -> list[int]:
     return [int(rows[int(first) + k * s.BLOCK]) for k in range(n)]
 
 
-def planes_of(way: Way) -> tuple[list[int], list[int]]:
+def planes_of(followed: Followed) -> tuple[list[int], list[int]]:
     """The planes of z and of the level: at the anchor, d/dx, d/dy."""
-    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.PLANE_LEVEL, 3)
+    return of_block(followed.block.longs, s.PLANE_Z, 3), of_block(followed.block.longs, s.PLANE_LEVEL, 3)
 
 
-def name_at(way: Way, k) -> str:
+def name_at(followed: Followed, k) -> str:
     """The name of the k-th of the ordered vertices."""
-    (x, y) = of_block(way.block.ints, s.X0, 6)[2 * k : 2 * k + 2]
-    return NAMES[list(zip(way.vertices.x.tolist(), way.vertices.y.tolist(), strict=True)).index((x, y))]
+    (x, y) = of_block(followed.block.ints, s.X0, 6)[2 * k : 2 * k + 2]
+    return NAMES[list(zip(followed.vertices.x.tolist(), followed.vertices.y.tolist(), strict=True)).index((x, y))]
 
 
-def weights_at(way: Way) -> np.ndarray:
+def weights_at(followed: Followed) -> np.ndarray:
     """The weights of A, B, C at the sample, from exact edge functions; their sum is 1."""
-    x, y = way.vertices.x.tolist(), way.vertices.y.tolist()
+    x, y = followed.vertices.x.tolist(), followed.vertices.y.tolist()
     sx, sy = COLUMN * SUBPIXEL + SUBPIXEL // 2, ROW * SUBPIXEL + SUBPIXEL // 2
     edges = [
         (x[j] - x[i]) * (sy - y[i]) - (y[j] - y[i]) * (sx - x[i]) for i, j in ((1, 2), (2, 0), (0, 1))
@@ -285,12 +285,12 @@ def weights_at(way: Way) -> np.ndarray:
     return np.array(edges) / sum(edges)
 
 
-def edges_of(way: Way) -> tuple:
+def edges_of(followed: Followed) -> tuple:
     """The left edge v0-v2 and the right edges v0-v1 and v1-v2, each on its first row of samples.
 
     The middle vertex is v1: it lies on the right.
     """
-    corners = Triangle(*of_block(way.block.ints, s.X0, 6))
+    corners = Triangle(*of_block(followed.block.ints, s.X0, 6))
     top, middle = first_sample(corners.y0), first_sample(corners.y1)
     start = start_edge
     return (
@@ -300,11 +300,11 @@ def edges_of(way: Way) -> tuple:
     )
 
 
-def walk_edges(way: Way):
+def walk_edges(followed: Followed):
     """Each row that has samples, with its left and its right edge, as the scan stage walks them."""
-    left, right, lower = edges_of(way)
-    top, bottom = of_block(way.block.ints, s.TOP, 2)
-    middle = first_sample(of_block(way.block.ints, s.Y1, 1)[0])
+    left, right, lower = edges_of(followed)
+    top, bottom = of_block(followed.block.ints, s.TOP, 2)
+    middle = first_sample(of_block(followed.block.ints, s.Y1, 1)[0])
     for y in range(top, bottom):
         right = lower if y == middle else right
         if left.x < right.x:
@@ -330,8 +330,8 @@ STAGES = {
 
 def follow() -> dict[str, str]:
     """Return what is printed of each stage, in order."""
-    way = go(make_scene())
-    return {stage: "\n".join(describe(way)) for stage, describe in STAGES.items()}
+    followed = go(make_scene())
+    return {stage: "\n".join(describe(followed)) for stage, describe in STAGES.items()}
 
 
 def main() -> int:
