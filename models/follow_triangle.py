@@ -147,8 +147,9 @@ def describe_cull(followed: Followed) -> list[str]:
 
 def describe_bands(followed: Followed) -> list[str]:
     """The band that the triangle falls into."""
+    n_row = choose_band_rows(1920, 1080, 1, 1)
     return [
-        f"a band has {followed.n_band_row} rows here, {choose_band_rows(1920, 1080, 1, 1)} at 1920×1080 with one thread",
+        f"a band has {followed.n_band_row} rows here, {n_row} at 1920×1080 with one thread",
         f"band 0 lists the triangles {followed.band.faces.tolist()}",
     ]
 

@@ -24,7 +24,8 @@ from .choices import (
     Shading,
 )
 from .cores import n_core
-from .errors import SceneError, checked_fields, shown
+from .errors import SceneError, shown
+from .keywords import checked_fields
 from .scene.validate import is_whole, number
 
 if TYPE_CHECKING:

@@ -15,9 +15,10 @@ from .engine.memory import check_memory, checked_out
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
-from .errors import SceneError, checked_keywords, counted, shown
+from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
 from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, scene_of
+from .keywords import checked_keywords
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera

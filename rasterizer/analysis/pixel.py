@@ -6,8 +6,8 @@ from dataclasses import replace
 from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared import PreparedScene
 from ..engine.scene_tables import SceneTables
-from ..errors import checked_keywords
 from ..io.loader import FileLike, scene_of
+from ..keywords import checked_keywords
 from ..options import Options
 from ..reference import explain as explaining
 from ..reference.explain import Explanation

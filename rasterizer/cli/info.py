@@ -31,7 +31,6 @@ Say what is in each model, without drawing it.
 _EXAMPLES = """\
 examples:
   raster info part.stl
-  raster info --formats                                      what can be loaded
   raster info 'parts/*.obj' --json                           a line a model
   cat part.stl | raster info - --input-format stl
 """

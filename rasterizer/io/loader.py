@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import Axis, Weighting
-from ..errors import ModelError, SceneError, checked_keywords, counted, one_file, shown, warn_caller
+from ..errors import ModelError, SceneError, counted, one_file, shown, warn_caller
+from ..keywords import checked_keywords
 from ..scene.arrays import fixed
 from ..scene.camera import Camera
 from ..scene.color import ColorLike

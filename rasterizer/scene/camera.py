@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES, POSE_FRAMES, Axis, PoseFrame
-from ..errors import SceneError, checked_keywords, shown
+from ..errors import SceneError, shown
+from ..keywords import checked_keywords
 from . import framing
 from .arrays import VectorLike, real_array
 from .validate import choice, number, picture_size, position3, store, unit3, value_class

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES, WEIGHTINGS, Axis, Weighting
-from ..errors import ModelError, SceneError, checked_fields, counted, shown
+from ..errors import ModelError, SceneError, counted, shown
+from ..keywords import checked_fields
 from . import mesh_arrays
 from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
 from .framing import rotation

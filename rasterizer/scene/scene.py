@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
-from ..errors import SceneError, checked_fields, counted, shown
+from ..errors import SceneError, counted, shown
+from ..keywords import checked_fields
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb, surface_rgb
 from .lights import Light, checked_lights, studio

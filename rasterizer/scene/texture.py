@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
-from ..errors import ModelError, SceneError, checked_fields, shown
+from ..errors import ModelError, SceneError, shown
+from ..keywords import checked_fields
 from .arrays import KeepsArrays, fixed, plain_array
 from .color import linear_from_srgb_bytes
 from .validate import choice, store

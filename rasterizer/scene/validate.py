@@ -10,7 +10,8 @@ from collections.abc import Collection
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
-from ..errors import SceneError, checked_fields, shown
+from ..errors import SceneError, shown
+from ..keywords import checked_fields
 
 T = TypeVar("T", bound=type)
 
