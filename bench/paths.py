@@ -61,9 +61,9 @@ PATHS = (
         "one channel",
         (
             (
-                "engine/plan.py",
-                "    if sources.products is not None or material.texture is not None:\n        return None\n",
-                "    return None\n",
+                "engine/scene_tables.py",
+                "(self.products is not None and self.products.is_spectral) or self.materials[k].texture is not None",
+                "True",
             ),
         ),
     ),

@@ -17,10 +17,14 @@ from rasterizer.io import formats
 from rasterizer.io.formats import FORMATS
 from rasterizer.io.loader import load
 
-pytest.importorskip("collada", reason="the extra formats is not installed")
-pytest.importorskip("lxml", reason="the extra formats is not installed")
-
 ELL = "0 0 0\n8 0 0\n8 2 0\n2 2 0\n2 8 0\n0 8 0\n"
+
+
+@pytest.fixture(autouse=True)
+def _formats():
+    """Skip the tests, one by one, where the extra is missing."""
+    pytest.importorskip("collada", reason="the extra formats is not installed")
+    pytest.importorskip("lxml", reason="the extra formats is not installed")
 
 
 def one(data, format, **options):

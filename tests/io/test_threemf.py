@@ -16,8 +16,6 @@ from rasterizer.io.loader import load
 from rasterizer.scene.color import linear_from_srgb_bytes
 from rasterizer.scene.material import Material
 
-pytest.importorskip("lib3mf", reason="the extra formats is not installed")
-
 RED, GREEN, BLUE, WHITE, OAK = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255), (0x80, 0x50, 0x20)
 POINTS = "".join(f'<vertex x="{x}" y="{y}" z="{x * y}"/>' for x, y in ((0, 0), (1, 0), (1, 1), (0, 1)))
 COLORS = "".join(f'<m:color color="{text}"/>' for text in ("#FF0000", "#00ff00FF", "#0000FF"))
@@ -32,6 +30,12 @@ UVS = (
 NAMES = (
     f'xmlns="{CORE}" xmlns:m="{MATERIALS}" xmlns:p="http://schemas.microsoft.com/3dmanufacturing/production/2015/06"'
 )
+
+
+@pytest.fixture(autouse=True)
+def _formats():
+    """Skip the tests, one by one, where the extra is missing."""
+    pytest.importorskip("lib3mf", reason="the extra formats is not installed")
 
 
 def model(first="", second="", own="", groups=GROUPS, unit="", build='<item objectid="1"/>') -> str:
