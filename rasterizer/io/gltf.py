@@ -255,10 +255,10 @@ class Buffers:
                 raise ValueError(f"a data: URI is damaged ({fault})") from fault
             return data[:max_bytes]
         name = uri if len(uri) <= 80 else uri[:77] + "..."
-        if self.model.folder is None:
+        beside = self.model.beside
+        if beside.path is None:
             raise self.model.error(f"needs the file '{name}', but was given without a folder")
         try:
-            beside = self.model.beside
             return beside.read_bytes(beside.find(unquote(uri)), max_bytes)
         except (OSError, ValueError) as fault:
             reason = getattr(fault, "strerror", None) or fault

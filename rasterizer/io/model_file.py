@@ -4,7 +4,6 @@ In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a di
 """
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -69,6 +68,10 @@ class MeshSettings(NamedTuple):
     weighting: str | None = None
     drop_bad_faces: bool = False
 
+    def arguments(self) -> dict:
+        """Return those that are asked for, as arguments of Mesh."""
+        return {name: value for name, value in self._asdict().items() if value is not None and value is not False}
+
 
 def materials_of(part: Part) -> tuple[Material, ...]:
     """Return the materials of a part, whether it has one or several."""
@@ -76,19 +79,13 @@ def materials_of(part: Part) -> tuple[Material, ...]:
 
 
 class ModelFile(NamedTuple):
-    """One file: name for messages, format, bytes, the folder of the files it refers to, and who is told."""
+    """One file: name for messages, format, bytes, the files that it may name, and who is told."""
 
     name: str
     format: str
     data: bytes
-    folder: Path | None
-    log: Callable[[str], None]
-    files: Folder | None = None  # None = those at or below `folder`
-
-    @property
-    def beside(self) -> Folder:
-        """The files that this one may name."""
-        return Folder(self.folder) if self.files is None else self.files
+    beside: Folder
+    log: Callable[[str], object]
 
     def error(self, fault: str, line: int | None = None) -> ModelError:
         """Make the error `name:line: fault`."""

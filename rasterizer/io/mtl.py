@@ -121,12 +121,11 @@ def _library(model, name) -> ModelFile | None:
         path = model.beside.find_alike(name)
         data = model.beside.read_bytes(path)
     except OutsideError as fault:
-        if model.folder is not None:
-            warn_caller(f"{model.name}: material file '{name}' {fault}")
+        warn_caller(f"{model.name}: material file '{name}' {fault}")
         return None
     except (OSError, ValueError):
         return None
-    return ModelFile(str(path), "mtl", data, path.parent, model.log, model.beside.below(path.parent))
+    return ModelFile(str(path), "mtl", data, model.beside.below(path.parent), model.log)
 
 
 class Doubts:

@@ -43,7 +43,7 @@ from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
-from .files import Folder, check_member, read_named
+from .files import Folder, check_member, name_of, read_source
 from .gltf import MAX_COPIES
 from .loader import keep_quiet, load_model
 from .model_file import MeshSettings
@@ -119,8 +119,9 @@ def read_scene(
     ModelError : a file that can't be read or is no JSON or TOML, duplicate keys, a mesh that is not legal
     SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
     """
-    name, data, own_folder = _read(source)
-    files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
+    name = name_of(source, "scene")
+    data = read_source(source, name)
+    files = Folder(Path(name).parent if folder is None else folder, None, allow_outside, files_read)
     own = mesh_settings
     context = Context(files, log or keep_quiet, own.crease_angle, own.drop_bad_faces, own.weighting)
     with one_file(name):
@@ -144,7 +145,8 @@ def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict 
     ModelError : a file that can't be read or is no JSON or TOML
     SceneError : no camera, or one that is not legal
     """
-    name, data, _ = _read(path)
+    name = name_of(path, "scene")
+    data = read_source(path, name)
     with one_file(name):
         entry = formats.format_of(name, Path(name).suffix or "json", is_scene=True)
         value = _parse(data, entry.name, name)
@@ -191,29 +193,6 @@ def _options(entry) -> dict:
 
 
 # --- text to tables -----------------------------------------------------------------------------------------
-
-
-def _read(source) -> tuple[str, bytes, Path]:
-    """Return name, bytes and folder of a source."""
-    if isinstance(source, (bytes, bytearray, memoryview)):
-        return "scene", bytes(source), Path()
-    try:
-        if hasattr(source, "read"):
-            label = getattr(source, "name", None)
-            name = label if isinstance(label, str) else "scene"
-            data = source.read()
-            return (
-                name,
-                data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data),
-                Path(name).parent,
-            )
-        path = Path(os.fsdecode(source))
-        return str(path), read_named(path), path.parent
-    except FileNotFoundError:
-        raise ModelError(f"{path}: no such file") from None
-    except (OSError, ValueError, TypeError) as fault:
-        what = source if isinstance(source, (str, os.PathLike)) else shown(source)
-        raise ModelError(f"{what}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
 
 
 def _parse(data, format, name):
@@ -706,7 +685,7 @@ def _load_once(path, entry, crease_angle, weighting, context):
     context.files.read.append(str(path))
     settings = MeshSettings(crease_angle, weighting, context.drop_bad_faces)
     files = context.files.below(path.parent)
-    context.models[key] = entry.call(load_model, path, settings, log=context.log, files=files)
+    context.models[key] = entry.call(load_model, path, settings, files, log=context.log)
     return context.models[key]
 
 
