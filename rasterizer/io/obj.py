@@ -26,8 +26,8 @@ from ..errors import counted, warn_caller
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, text_of
-from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, report, split_words
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, report_progress, text_of
+from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
 
 def read_obj(model: ModelFile) -> Contents:
@@ -349,7 +349,7 @@ class ObjLines:
             line_starts = np.cumsum(lengths) - lengths + LEAD
             letters[line_starts[:, None] + np.arange(len(keyword))] = BLANK
             yield lines, split_words(letters, line_starts)
-            report(begin, len(lines_of_file), f"reading lines '{keyword}'")
+            report_progress(begin, len(lines_of_file), f"reading lines '{keyword}'")
 
 
 def _tidy(data) -> tuple[bytes, list[int]]:

@@ -122,8 +122,7 @@ def read_scene(
     name = name_of(source, "scene")
     data = read_source(source, name)
     files = Folder(Path(name).parent if folder is None else folder, None, allow_outside, files_read)
-    own = mesh_settings
-    context = Context(files, log or keep_quiet, own.crease_angle, own.drop_bad_faces, own.weighting)
+    context = Context(files, log or keep_quiet, mesh_settings)
     with one_file(name):
         entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
         return _read_tables(Entry(_parse(data, entry.name, name), name), context)
@@ -355,12 +354,11 @@ class Context:
     ----------
     files : Folder to which names of files are relative
     log : function of one text
-    crease_angle, drop_bad_faces, weighting : as `read_scene` takes them
+    mesh_settings : as `read_scene` takes them
     """
 
-    def __init__(self, files: Folder, log, crease_angle=None, drop_bad_faces=False, weighting=None):
-        self.files, self.log, self.weighting = files, log, weighting
-        self.crease_angle, self.drop_bad_faces = crease_angle, drop_bad_faces
+    def __init__(self, files: Folder, log, mesh_settings: MeshSettings):
+        self.files, self.log, self.mesh_settings = files, log, mesh_settings
         self.materials = {}  # by the name of the file's table
         self.models = {}  # what `load` made of files, by path and settings
         self.n_copy = 0  # triangles that are there because meshes refer to the same ones
@@ -653,7 +651,7 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     if (format := formats.find(Path(table["file"].text()).suffix)) and format.is_scene:
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
     path = context.path(table["file"])
-    scene = _load_once(path, table["file"], _crease_angle(table, context), _weighting(table, context), context)
+    scene = _load_once(path, table["file"], _mesh_settings(table, context), context)
     if "material" in table and "materials" in table:
         raise entry.fault("takes material (for all) or materials (by name); given both")
     meshes = list(scene.meshes)
@@ -665,15 +663,24 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     return [_placed(mesh, table, entry) for mesh in meshes], scene.up
 
 
-def _crease_angle(table, context):
-    own = table["crease_angle"].value if "crease_angle" in table else None
-    return own if context.crease_angle is None else context.crease_angle
+def _mesh_settings(table, context) -> MeshSettings:
+    """Return how the meshes of an entry are made: as the caller says, else as its table does."""
+    asked = context.mesh_settings
+    angle = table["crease_angle"].value if "crease_angle" in table else None
+    weighting = table["weighting"].text() if "weighting" in table else None
+    drops = table["drop_bad_faces"].flag() if "drop_bad_faces" in table else False
+    return MeshSettings(
+        angle if asked.crease_angle is None else asked.crease_angle,
+        weighting if asked.weighting is None else asked.weighting,
+        asked.drop_bad_faces or drops,
+    )
 
 
-def _load_once(path, entry, crease_angle, weighting, context):
+def _load_once(path, entry, settings, context):
     """Return the scene of a model file; one that is used in many places is read once, as long as its copies are not too
     many."""
-    key = (path, crease_angle if isinstance(crease_angle, (int, float)) else None, weighting)
+    angle = settings.crease_angle
+    key = (path, angle if isinstance(angle, (int, float)) else None, settings.weighting)
     if key in context.models:
         scene = context.models[key]
         context.n_copy += scene.n_face
@@ -683,15 +690,9 @@ def _load_once(path, entry, crease_angle, weighting, context):
             )
         return scene
     context.files.read.append(str(path))
-    settings = MeshSettings(crease_angle, weighting, context.drop_bad_faces)
     files = context.files.below(path.parent)
     context.models[key] = entry.call(load_model, path, settings, files, log=context.log)
     return context.models[key]
-
-
-def _weighting(table, context):
-    own = table["weighting"].text() if "weighting" in table else None
-    return own if context.weighting is None else context.weighting
 
 
 def _with_named(meshes, entry, context) -> list[Mesh]:
@@ -746,11 +747,7 @@ def _read_arrays(entry, context) -> Mesh:
             raise entry.fault(
                 f"its arrays have been used for more than {MAX_COPIES} triangles beyond those stored", ModelError
             )
-    settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
-    if (weighting := _weighting(table, context)) is not None:
-        settings["weighting"] = weighting
-    if "drop_bad_faces" in table:
-        settings["drop_bad_faces"] |= table["drop_bad_faces"].flag()
+    settings = _mesh_settings(table, context).arguments()
     if "material" in table:
         settings["material"] = read_material(table["material"], context)
     if "materials" in table:
