@@ -229,7 +229,39 @@ def identity_of(path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def write_and_move(contents: dict[str, bytes]) -> None:
+def write_whole(path: str | os.PathLike[str], content: bytes, beside: dict[str, bytes] | None = None) -> None:
+    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
+    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are.
+
+    Parameters
+    ----------
+    path : of the file
+    content : what it shall hold
+    beside : other files of its folder by name: all are written, or none; they are moved there first
+
+    Raises
+    ------
+    OutputError : a file can't be written
+    """
+    try:
+        place = os.path.realpath(path)
+        others = {os.path.realpath(Path(path).parent / name): data for name, data in (beside or {}).items()}
+        if not others and os.path.exists(place) and not os.path.isfile(place):
+            with open(place, "wb") as stream:
+                stream.write(content)
+        else:
+            _write_and_move(others | {place: content})
+    except OSError as error:
+        folder = os.path.dirname(place)
+        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
+        raise OutputError(f"can't write {path}: {reason}") from error
+    except ValueError as error:  # a name that no file can have
+        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error
+
+
+def _write_and_move(contents: dict[str, bytes]) -> None:
     """Write files, all of them or none: first hidden in the folders of their places, then moved there in turn.
 
     Parameters
@@ -271,24 +303,3 @@ def _write_hidden(name: str, place: str, content: bytes) -> None:
                 with contextlib.suppress(PermissionError):  # only the superuser gives files away
                     os.fchown(stream.fileno(), old.st_uid, old.st_gid)
             os.chmod(name, stat.S_IMODE(old.st_mode))
-
-
-def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it.
-
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
-    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
-    """
-    try:
-        place = os.path.realpath(path)
-        if os.path.exists(place) and not os.path.isfile(place):
-            with open(place, "wb") as stream:
-                stream.write(content)
-        else:
-            write_and_move({place: content})
-    except OSError as error:
-        folder = os.path.dirname(place)
-        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
-        raise OutputError(f"can't write {path}: {reason}") from error
-    except ValueError as error:  # a name that no file can have
-        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error

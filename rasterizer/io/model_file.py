@@ -72,7 +72,8 @@ class MeshSettings(NamedTuple):
 
     def arguments(self) -> dict:
         """Return those that are asked for, as arguments of Mesh."""
-        return {name: value for name, value in self._asdict().items() if value is not None and value is not False}
+        asked = self._replace(drop_bad_faces=self.drop_bad_faces or None)._asdict()
+        return {name: value for name, value in asked.items() if value is not None}
 
 
 def materials_of(part: Part) -> tuple[Material, ...]:

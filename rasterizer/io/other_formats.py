@@ -76,10 +76,8 @@ def read_off(model: ModelFile) -> Contents:
     words = [name for name, has in (("normals", has_normal), ("texture coordinates", has_uv)) if has]
     n_large = sum(row.split(None, 1)[0] not in _UP_TO_4 for row in rows[1 + n_vertex : 1 + n_vertex + n_face])
     if n_large:
-        what = f"{counted(n_large, 'polygon')} with more than 4 corners, which trimesh cuts as fans"
-        warn_caller(
-            f"{model.name}: {what}: concave ones look otherwise than they should; OBJ and PLY are cut as they are"
-        )
+        what = f"trimesh, which reads OFF, cuts {counted(n_large, 'polygon')} of more than 4 corners as fans"
+        warn_caller(f"{model.name}: {what}: concave ones look otherwise than they should; OBJ and PLY keep their shape")
     facts = ("polygons cut as fans",) if any(len(part["faces"]) > n_face for part, _ in contents.parts) else ()
     return contents._replace(left_out=tuple(words), facts=facts)
 

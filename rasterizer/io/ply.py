@@ -20,7 +20,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import counted
 from ..scene.arrays import distinct
@@ -214,7 +213,9 @@ def _face_attributes(model, table, element, cut, counts) -> dict:
     if colors is not None:
         part |= {"face_colors": colors[cut.polygons], "material": WHITE}
     if isinstance(table.get("texnumber"), np.ndarray):
-        part["picture"] = _whole_numbers(table["texnumber"])[cut.polygons]
+        number = table["texnumber"]
+        is_index = (number >= 0) & (number < 2**31)  # False for nan
+        part["picture"] = np.where(is_index, number, -1).astype(np.int64)[cut.polygons]
     for name in _WEDGES:
         wedge = table.get(name)
         if not isinstance(wedge, List):
@@ -247,12 +248,6 @@ def _strip_triangles(items, counts) -> np.ndarray:
     is_good = (triangles >= 0).all(axis=1)
     is_good &= (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     return triangles[is_good]
-
-
-def _whole_numbers(values: NDArray) -> NDArray[np.int64]:
-    """Return the whole parts of numbers; -1 of those that are no index at all."""
-    is_index = (values >= 0) & (values < 2**31)
-    return np.where(is_index, values, -1).astype(np.int64)
 
 
 # ----------------------------------------------------------------

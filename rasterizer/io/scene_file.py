@@ -169,7 +169,7 @@ def _read_tables(root, context) -> SceneFile:
         settings["lights"], unshadowed = read_lights(top["lights"])
     camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
     if "background" in top and top["background"].value is not None:
-        settings["background"] = read_color(top["background"])
+        settings["background"] = top["background"].call(linear_rgb, color_value(top["background"]), "the color")
     if "depth_cue" in top and top["depth_cue"].value is not None:
         settings["depth_cue"] = read_depth_cue(top["depth_cue"])
     if "up" in top:
@@ -436,11 +436,6 @@ def color_value(entry):
     return entry.call(Spectrum, table["wavelengths"].value, table["values"].value)
 
 
-def read_color(entry):
-    """Return a colour, checked."""
-    return entry.call(linear_rgb, color_value(entry), "the color")
-
-
 def read_depth_cue(entry) -> DepthCue:
     """Read a depth cue: its scale, or a table of its fields."""
     if not isinstance(entry.value, dict):
@@ -539,15 +534,12 @@ def _read_light(entry):
     table = entry.table(["kind", *described], ["kind", *needed])
     readers = {"shadow": _read_shadow, "flag": Entry.flag, "color": color_value}
     settings = {
-        name: readers.get(described[name].holds, _value_of)(field) for name, field in table.items() if name != "kind"
+        name: readers.get(described[name].holds, lambda field: field.value)(field)  # which the class checks
+        for name, field in table.items()
+        if name != "kind"
     }
     vectors = [name for name, field in described.items() if field.holds == "vector"]
     return keeping_units(entry.call(LIGHT_TYPES[kind.value], **settings), settings, vectors)
-
-
-def _value_of(entry):
-    """What the file has there, for the class to check."""
-    return entry.value
 
 
 def _read_shadow(entry):
