@@ -363,7 +363,7 @@ def glass():
     ]
 
 
-SHIPPED = ("still_life.obj", "still_life.mtl")  # inside the package, too: the model of `rasterizer/io/demo.py`
+SHIPPED = ("still_life.obj", "still_life.mtl")  # inside the package, too: `demo_model` of `rasterizer/io/loader.py`
 
 
 def model_files():

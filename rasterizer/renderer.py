@@ -17,7 +17,7 @@ from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
-from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, scene_of
+from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, load
 from .keywords import checked_keywords
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
@@ -103,7 +103,7 @@ def render(
     ModelError : a file that can't be read, or a mesh that is not legal
     """
     check_one_view(camera, azimuth=azimuth, elevation=elevation)
-    scene = scene_of(scene, lights=lights, background=background, up=up, format=format, crease_angle=crease_angle)
+    scene = load(scene, lights=lights, background=background, up=up, format=format, crease_angle=crease_angle)
     with Renderer(
         scene,
         size,
@@ -174,7 +174,7 @@ class Renderer:
             edge_width=edge_width,
             ground=ground,
         )
-        self.scene: Scene = scene_of(scene)
+        self.scene: Scene = load(scene)
         if ground:
             lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
             self.scene = replace(self.scene, lights=lights)

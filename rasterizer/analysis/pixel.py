@@ -6,7 +6,7 @@ from dataclasses import replace
 from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared import PreparedScene
 from ..engine.scene_tables import SceneTables
-from ..io.loader import FileLike, scene_of
+from ..io.loader import FileLike, load
 from ..keywords import checked_keywords
 from ..options import Options
 from ..reference import explain as explaining
@@ -57,7 +57,7 @@ def explain(
     SceneError : a pixel outside the picture, or an option that is not legal
     ModelError : a mesh that is not legal
     """
-    scene = scene_of(scene)
+    scene = load(scene)
     scene = scene if camera is None else replace(scene, camera=camera)
     options = Options(
         size=size, shading=shading, tolerance=tolerance, samples=samples, antialias=antialias, outputs=outputs,

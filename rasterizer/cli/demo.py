@@ -24,7 +24,7 @@ def add_flags(parser) -> None:
 
 def run(arguments, messages) -> tuple[list, int]:
     """Draw the model; parameters, result and errors are those of `drawing.draw_models`."""
-    from ..io.demo import demo_model
+    from ..io.loader import demo_model
     from .render import run as render
 
     arguments.models = [str(demo_model())]

@@ -14,8 +14,7 @@ from typing import NamedTuple
 from ..errors import ModelError, SceneError
 from ..io import formats
 from ..io.loader import load
-from ..io.model_file import MeshSettings
-from ..io.text_numbers import noticing_progress
+from ..io.model_file import MeshSettings, noticing_progress
 from ..options import Options
 from ..scene.color import linear_rgb
 from ..scene.lights import PRESETS, Shadow, on_tabletop, with_shadow_fields, without_shadows

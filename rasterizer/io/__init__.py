@@ -14,7 +14,6 @@ A format's reader is one file; loader.py is where reading begins.
     weld                equal vertices are joined, so that normals have no seams
     scene_file          a whole scene in JSON or TOML
     scene_file_write    the same, written
-    demo                the model that comes with the package
     png                 PNG files, in bands on threads
     array_files         arrays: .npy, .npz, PNG with a stated scale, EXR
     animation           moving pictures: GIF, WebP, APNG, MP4

@@ -27,7 +27,7 @@ import os
 import stat
 from pathlib import Path
 
-from ..errors import OutputError, shown
+from ..errors import ModelError, OutputError, shown
 
 _SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe must not make us wait
@@ -132,14 +132,55 @@ class Folder:
             return stream.read(-1 if max_bytes is None else max_bytes)
 
 
-def read_named(path) -> bytes:
-    """Return the bytes of a file that a person named, which may be a pipe; OSError also for a device, which may have no
-    end."""
-    with open(path, "rb") as stream:
-        mode = os.fstat(stream.fileno()).st_mode
-        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
-            raise OSError("it is a device")
-        return stream.read()
+# A file as a caller gives it: its path, an open one, or its bytes.
+
+
+def name_of(source, otherwise: str = "model") -> str:
+    """Return what messages call a file; `otherwise` where it has no name."""
+    label = source if isinstance(source, (str, os.PathLike)) else getattr(source, "name", None)
+    return str(Path(os.fsdecode(label))) if isinstance(label, (str, os.PathLike)) and label else otherwise
+
+
+def read_source(source, name: str, no_text: str = "") -> bytes:
+    """Return all bytes of a file. A path may be that of a pipe, but not of a device, which may have no end.
+
+    Parameters
+    ----------
+    source : path, bytes, or file object
+    name : what messages call it
+    no_text : name of its format where that is no text, so that it can't have been opened as text
+
+    Raises
+    ------
+    ModelError : it can't be read
+    """
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        return bytes(source)
+    try:
+        if hasattr(source, "read"):
+            data = source.read()
+        else:
+            with open(os.fsdecode(source), "rb") as stream:
+                mode = os.fstat(stream.fileno()).st_mode
+                if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+                    raise OSError("it is a device")
+                data = stream.read()
+    except FileNotFoundError:
+        raise ModelError(f"{name}: no such file") from None
+    except IsADirectoryError:
+        raise ModelError(f"{name}: is a folder, not a file") from None
+    except (OSError, ValueError, TypeError) as fault:
+        raise ModelError(f"{name}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+    if isinstance(data, str):
+        if no_text:
+            raise ModelError(f"{name}: {no_text} is no text; open the file with mode 'rb'")
+        return data.encode("utf-8", "surrogateescape")
+    if not isinstance(data, (bytes, bytearray)):
+        raise ModelError(f"{name}: reading the file object gives {type(data).__name__}, not bytes or text")
+    return bytes(data)
+
+
+# ----------------------------------------------------------------
 
 
 def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:
@@ -188,7 +229,39 @@ def identity_of(path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def write_and_move(contents: dict[str, bytes]) -> None:
+def write_whole(path: str | os.PathLike[str], content: bytes, beside: dict[str, bytes] | None = None) -> None:
+    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
+    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are.
+
+    Parameters
+    ----------
+    path : of the file
+    content : what it shall hold
+    beside : other files of its folder by name: all are written, or none; they are moved there first
+
+    Raises
+    ------
+    OutputError : a file can't be written
+    """
+    try:
+        place = os.path.realpath(path)
+        others = {os.path.realpath(Path(path).parent / name): data for name, data in (beside or {}).items()}
+        if not others and os.path.exists(place) and not os.path.isfile(place):
+            with open(place, "wb") as stream:
+                stream.write(content)
+        else:
+            _write_and_move(others | {place: content})
+    except OSError as error:
+        folder = os.path.dirname(place)
+        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
+        raise OutputError(f"can't write {path}: {reason}") from error
+    except ValueError as error:  # a name that no file can have
+        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error
+
+
+def _write_and_move(contents: dict[str, bytes]) -> None:
     """Write files, all of them or none: first hidden in the folders of their places, then moved there in turn.
 
     Parameters
@@ -230,24 +303,3 @@ def _write_hidden(name: str, place: str, content: bytes) -> None:
                 with contextlib.suppress(PermissionError):  # only the superuser gives files away
                     os.fchown(stream.fileno(), old.st_uid, old.st_gid)
             os.chmod(name, stat.S_IMODE(old.st_mode))
-
-
-def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it.
-
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
-    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
-    """
-    try:
-        place = os.path.realpath(path)
-        if os.path.exists(place) and not os.path.isfile(place):
-            with open(place, "wb") as stream:
-                stream.write(content)
-        else:
-            write_and_move({place: content})
-    except OSError as error:
-        folder = os.path.dirname(place)
-        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
-        raise OutputError(f"can't write {path}: {reason}") from error
-    except ValueError as error:  # a name that no file can have
-        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error

@@ -71,12 +71,6 @@ _BY_CONTENT = (
 )
 
 
-def hint_for_suffix(suffix: str) -> str:
-    """Return what to do with a file of a suffix that no reader takes, as "; what to do"; empty if that isn't known."""
-    hint = _BY_SUFFIX.get(suffix.lower().removeprefix("."))
-    return f"; {hint}" if hint else ""
-
-
 def hint_for_content(data: bytes, format: str) -> str:
     """Return what a file is by its first bytes, as "; what it is".
 
@@ -246,9 +240,10 @@ def format_of(name: str, wanted: str | None, *, is_scene: bool | None = None) ->
     found = find(word)
     if found is not None and is_scene in (None, found.is_scene):
         return found
-    if word.removeprefix("."):
-        what = f"format '{word.lower().removeprefix('.')}'" + " of a scene file" * (is_scene is True)
-        raise ModelError(f"{name}: unknown {what}; readable are {legal}{hint_for_suffix(word)}")
+    if word := word.lower().removeprefix("."):
+        what = f"format '{word}'" + " of a scene file" * (is_scene is True)
+        hint = f"; {_BY_SUFFIX[word]}" if word in _BY_SUFFIX else ""
+        raise ModelError(f"{name}: unknown {what}; readable are {legal}{hint}")
     if wanted is None and os.path.isdir(name):
         raise ModelError(f"{name}: a folder, not a model")
     raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")

@@ -53,11 +53,16 @@ def read_gltf(model: ModelFile) -> Contents:
     tree, tail = _read_tree(model)
     try:
         _check_version_and_extensions(model, tree)
-        lights, camera = read_lights_and_camera(model, tree)
+        places = world_matrices(tree)
+        lights, camera = read_lights_and_camera(model, tree, places)
         buffers = Buffers(model, tree, tail)
-        shown = _shown_meshes(tree)
-        _check_copies(model, tree, shown)
-        primitives = {number: _primitives(tree, number) for number, _ in shown}
+        shown = _shown_meshes(tree, places)
+        # Primitives without positions show nothing.
+        primitives = {
+            number: [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
+            for number, _ in shown
+        }
+        _check_copies(model, tree, shown, primitives)
         listed = [primitive for each in primitives.values() for primitive in each]
         used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
@@ -90,29 +95,21 @@ def _check_version_and_extensions(model, tree) -> None:
         warn_caller(f"{model.name}: the file needs {names}, which is not read: it may look otherwise than it should")
 
 
-def _primitives(tree, number) -> list[dict]:
-    """Return the primitives of a mesh; those without positions show nothing."""
-    return [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
-
-
-def _shown_meshes(tree) -> list[tuple[int, np.ndarray]]:
+def _shown_meshes(tree, places) -> list[tuple[int, np.ndarray]]:
     """Return the numbers of the meshes that nodes show, and their places, in the order of the meshes."""
-    places = sorted(world_matrices(tree).items(), key=lambda place: place[0])
-    found = [
-        (item(tree, "nodes", number)["mesh"], matrix) for number, matrix in places if "mesh" in tree["nodes"][number]
-    ]
+    nodes = tree.get("nodes", [])
+    found = [(nodes[number]["mesh"], places[number]) for number in sorted(places) if "mesh" in nodes[number]]
     for number, _ in found:
-        item(tree, "meshes", number)
+        item(tree, "meshes", number)  # which may be no number
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _check_copies(model, tree, shown) -> None:
+def _check_copies(model, tree, shown, primitives) -> None:
     """Raise ModelError where nodes and primitives repeat more triangles than may be made."""
-    accessors, wanted = {}, {}
-    for number in {number for number, _ in shown}:
-        wanted[number] = 0
-        for primitive in _primitives(tree, number):
-            source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
+    accessors, wanted = {}, dict.fromkeys(primitives, 0)
+    for number, of_mesh in primitives.items():
+        for primitive in of_mesh:
+            source = _counted_accessor(primitive)
             accessors[source] = item(tree, "accessors", source)["count"]
             wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
     asked, held = sum(wanted[number] for number, _ in shown), sum(accessors.values())
@@ -120,6 +117,11 @@ def _check_copies(model, tree, shown) -> None:
         raise model.error(
             f"its nodes and primitives ask for {asked} triangles, more than {MAX_COPIES} of them copies: too many"
         )
+
+
+def _counted_accessor(primitive):
+    """Return the number of the accessor that tells how many corners a primitive has."""
+    return primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
 
 
 def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
@@ -132,15 +134,11 @@ def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
             if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
                 names[name] = names.get(name, -1) + 1
                 own = f"{name}_{names[name]}" if names[name] else name
-                part = _part(primitive, buffers, _paint_of(primitive, paints), own)
+                number_of_paint = primitive.get("material")
+                is_there = isinstance(number_of_paint, int) and number_of_paint < len(paints)
+                part = _part(primitive, buffers, paints[number_of_paint] if is_there else _NO_PAINT, own)
                 parts[number] += [part] if len(part["faces"]) else []
     return parts
-
-
-def _paint_of(primitive, paints) -> "Paint":
-    """Return the paint of a primitive, the default one where it names none."""
-    number = primitive.get("material")
-    return paints[number] if isinstance(number, int) and number < len(paints) else _NO_PAINT
 
 
 def _read_tree(model):
@@ -255,10 +253,10 @@ class Buffers:
                 raise ValueError(f"a data: URI is damaged ({fault})") from fault
             return data[:max_bytes]
         name = uri if len(uri) <= 80 else uri[:77] + "..."
-        if self.model.folder is None:
+        beside = self.model.beside
+        if beside.path is None:
             raise self.model.error(f"needs the file '{name}', but was given without a folder")
         try:
-            beside = self.model.beside
             return beside.read_bytes(beside.find(unquote(uri)), max_bytes)
         except (OSError, ValueError) as fault:
             reason = getattr(fault, "strerror", None) or fault
@@ -430,7 +428,8 @@ class Pictures:
             return None
         sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
         self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
-        texture = Texture(pixels, filter=_filter(sampler), wrap=_wrap(sampler), name=self._label(image))
+        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
+        texture = Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
         if alpha_mode == "BLEND":
             return texture
         rgba = np.array(texture.image)
@@ -466,20 +465,16 @@ class Pictures:
             try:
                 if number is None:
                     raise self.model.error("the texture has no image")
-                self._pixels[number] = read_picture(BytesIO(self._bytes(number)), f"image {number}", self._budget)
+                image = item(self.tree, "images", number)
+                in_buffer = "bufferView" in image
+                data = self._buffers.view(image["bufferView"]) if in_buffer else self._buffers.uri(image["uri"])
+                self._pixels[number] = read_picture(BytesIO(data), f"image {number}", self._budget)
             except (ModelError, LookupError, TypeError, ValueError) as fault:
                 reason = str(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
                 warn_caller(f"{self.model.name}: {what}: {reason}; its materials keep their plain colour")
                 self._pixels[number] = None
         return self._pixels[number]
-
-    def _bytes(self, number) -> bytes:
-        """Return the file that an image is: part of a buffer, written into the tree, or beside the model."""
-        image = item(self.tree, "images", number)
-        return (
-            bytes(self._buffers.view(image["bufferView"])) if "bufferView" in image else self._buffers.uri(image["uri"])
-        )
 
 
 def read_paint(source: dict, pictures: Pictures) -> Paint:
@@ -505,12 +500,13 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     common = {"opacity": opacity, "texture": texture, "name": str(source.get("name", ""))}
     place = () if texture is None else _placement(use)
     base = (red, green, blue)
-    if is_unlit(source):
+    if _UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light
         plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
         return Paint(plain, *place)._replace(colored=colored)
     mean_color = (1.0, 1.0, 1.0) if texture is None else texture.image[..., :3].mean(axis=(0, 1), dtype=np.float64)
+    metallic = 0.0 if "trimesh" in str(pictures.tree.get("asset", {}).get("generator", "")) else 1.0
     with np.errstate(all="ignore"):  # what isn't finite is refused by Material
-        fields = lit_fields(source, base, mean_color, pictures.mean, metallic_unless_given(pictures.tree))
+        fields = lit_fields(source, base, mean_color, pictures.mean, metallic)
     return Paint(Material(emissive=emission_of(source), **common, **fields), *place)
 
 
@@ -553,11 +549,8 @@ def linear_values(values) -> np.ndarray:
     """Return the values of an accessor as float64; integers are normalised."""
     values = np.asarray(values)
     scale = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
-    return (
-        np.maximum(values.astype(np.float64) / scale, -1.0)
-        if values.dtype.kind == "i"
-        else values.astype(np.float64) / scale
-    )
+    scaled = values.astype(np.float64) / scale
+    return np.maximum(scaled, -1.0) if values.dtype.kind == "i" else scaled
 
 
 def _filter(sampler) -> str:
@@ -566,11 +559,6 @@ def _filter(sampler) -> str:
     if large == _NEAREST or (large is None and small == _NEAREST):
         return "nearest"
     return "bilinear" if small in (_NEAREST, _LINEAR) else "trilinear"
-
-
-def _wrap(sampler) -> tuple[str, str]:
-    """Return what lies outside a texture, for u and v."""
-    return _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
 
 
 # ----------------------------------------------------------------
@@ -622,11 +610,6 @@ def emission_of(source: dict) -> tuple[float, ...]:
     return tuple(strength * value for value in _numbers(source.get("emissiveFactor", _BLACK), 3))
 
 
-def is_unlit(source: dict) -> bool:
-    """Tell whether a material shows its base color whatever the light."""
-    return _UNLIT in source.get("extensions", {})
-
-
 def unlit_fields(base, is_multiplied: bool) -> dict:
     """Return the fields of Material of an unlit surface.
 
@@ -637,11 +620,6 @@ def unlit_fields(base, is_multiplied: bool) -> dict:
     """
     diffuse, emissive = (base, _BLACK) if is_multiplied else (_BLACK, base)
     return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
-
-
-def metallic_unless_given(tree: dict) -> float:
-    """Return the metallicFactor of materials that have none."""
-    return 0.0 if "trimesh" in str(tree.get("asset", {}).get("generator", "")) else 1.0
 
 
 def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndarray | None], metallic=1.0) -> dict:
@@ -735,13 +713,16 @@ _LIGHTS = "KHR_lights_punctual"
 _INVERSE_SQUARE = (0.0, 0.0, 1.0)
 
 
-def read_lights_and_camera(model: ModelFile, tree: dict) -> tuple[tuple | None, Camera | None]:
+def read_lights_and_camera(
+    model: ModelFile, tree: dict, places: dict[int, np.ndarray]
+) -> tuple[tuple | None, Camera | None]:
     """Return the lights of a file's scene in the order of its nodes, and its first camera; None for what it hasn't.
 
     Parameters
     ----------
     model : ModelFile, for messages
     tree : dict, the file's JSON tree
+    places : dict, what `world_matrices` returns of it
 
     Raises
     ------
@@ -749,11 +730,10 @@ def read_lights_and_camera(model: ModelFile, tree: dict) -> tuple[tuple | None, 
     TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
     """
     nodes = tree.get("nodes", [])
-    places = world_matrices(tree)
     sources = tree.get("extensions", {}).get(_LIGHTS, {}).get("lights", [])
     lights, camera = [], None
-    for number, matrix in sorted(places.items(), key=lambda item: item[0]):
-        node = nodes[number]
+    for number in sorted(places):
+        node, matrix = nodes[number], places[number]
         light = node.get("extensions", {}).get(_LIGHTS, {}).get("light")
         if light is not None:
             lights.append(_made(model, "light", light, sources, _light, matrix))
@@ -891,7 +871,7 @@ def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, .
     if any("metallicRoughnessTexture" in surface for surface in surfaces):
         found.append("metallic-roughness textures, but for their means")
     if any(
-        "baseColorTexture" in surface and _has(source, "unlit")
+        "baseColorTexture" in surface and _UNLIT in source.get("extensions", {})
         for surface, source in zip(surfaces, materials, strict=True)
     ):
         found.append("KHR_materials_unlit of textured materials, which are lit")
@@ -907,14 +887,9 @@ def count_points_and_lines(tree: dict, primitives: list[dict]) -> tuple[int, int
     """Return how many points and lines primitives have that are none of triangles."""
     n_point = n_line = 0
     for primitive in primitives:
-        source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
-        n = item(tree, "accessors", source)["count"]
+        n = item(tree, "accessors", _counted_accessor(primitive))["count"]
         lines = {LINES: n // 2, LINE_LOOP: n, LINE_STRIP: n - 1}
         mode = primitive.get("mode")
         n_point += n if mode == POINTS else 0
         n_line += lines.get(mode, 0)
     return n_point, n_line
-
-
-def _has(source, name) -> bool:
-    return f"KHR_materials_{name}" in source.get("extensions", {})

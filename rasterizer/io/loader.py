@@ -20,15 +20,15 @@ from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, counted, one_file, shown, warn_caller
 from ..keywords import checked_keywords
 from ..scene.arrays import fixed
-from ..scene.camera import Camera
+from ..scene.camera import Camera, aimed
 from ..scene.color import ColorLike
 from ..scene.lights import Light
-from ..scene.mesh import Mesh
+from ..scene.mesh import Mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
-from ..scene.scene import DepthCue, Scene, SceneLike, is_one_mesh
+from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.validate import number
 from . import formats
-from .files import Folder, read_named
+from .files import Folder, name_of, read_source
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of
 from .weld import weld
 
@@ -99,99 +99,53 @@ def load(
     settings = {key: value for key, value in settings.items() if value is not None}
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)
     if isinstance(source, Scene):
-        return with_changes(source, settings, crease_angle=crease_angle, weighting=weighting)
-    if not _is_file(source):
-        scene = Scene(_take_meshes(source, crease_angle, drop_bad_faces), **settings)
-        return with_changes(scene, {}, weighting=weighting)
+        if changes := mesh_settings.arguments():
+            settings["meshes"] = meshes_from(source.meshes, changes)
+        return replace(source, **settings) if settings else source
+    if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")):
+        return Scene(meshes_from(source, mesh_settings.arguments()), **settings)
     name = name_of(source)
     if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
         raise ModelError(f"{name}: no such file")
     entry = formats.format_of(name, format)
-    if entry.is_scene:
-        with one_file(name):
-            read = entry.read()(
-                source,
-                log=log,
-                format=format,
-                mesh_settings=mesh_settings,
-                allow_outside=allow_outside,
-                files_read=files_read,
-            )
-            return with_changes(read.framed_scene(), settings)
-    files = None
-    if isinstance(source, (str, os.PathLike)):
-        files = Folder(Path(name).parent, None, allow_outside, files_read)
-    return load_model(source, mesh_settings, format=format, log=log, files=files, settings=settings)
+    if not entry.is_scene:
+        has_folder = os.path.exists(name_of(source, ""))
+        files = Folder(Path(name).parent if has_folder else None, None, allow_outside, files_read)
+        return load_model(source, mesh_settings, files, format=format, log=log, settings=settings)
+    with one_file(name):
+        read = entry.read()(
+            source,
+            log=log,
+            format=format,
+            mesh_settings=mesh_settings,
+            allow_outside=allow_outside,
+            files_read=files_read,
+        )
+        scene = read.framed_scene()
+    return replace(scene, **settings) if settings else scene
 
 
-def _is_file(source) -> bool:
-    """Tell whether the source is a file: its path, its bytes, or an open one."""
-    return isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")
+# Written by models/make_models.py: several objects and materials, one of them glass.
+_DEMO = Path(__file__).parent.parent / "demo" / "still_life.obj"
 
 
-def _take_meshes(source, crease_angle, drop_bad_faces):
-    """Take meshes from something that is not a file."""
-    is_sequence = isinstance(source, Iterable) and not (hasattr(source, "ndim") or isinstance(source, (dict, Mesh)))
-    if is_sequence and not is_one_mesh(source) and not _is_trimesh_scene(source):
-        meshes = [mesh for each in source for mesh in _take_one(each, crease_angle, drop_bad_faces)]
-        if not meshes:
-            raise ModelError("a model needs at least one mesh; given an empty sequence")
-        return meshes
-    return _take_one(source, crease_angle, drop_bad_faces)
+def demo_model() -> Path:
+    """Return the path of the model that comes with the package: a still life of seven objects, 5198 triangles.
 
-
-def _is_trimesh_scene(source) -> bool:
-    return hasattr(source, "geometry") and hasattr(source, "graph")
-
-
-def _take_one(source, crease_angle, drop_bad_faces) -> list[Mesh]:
-    """Take the mesh, or the meshes of a trimesh scene."""
-    if _is_trimesh_scene(source):
-        return _take_trimesh_scene(source, crease_angle, drop_bad_faces)
-    if isinstance(source, (tuple, list)) and len(source) == 2 and drop_bad_faces:
-        return [Mesh(*source, crease_angle=crease_angle, drop_bad_faces=True)]
-    mesh = Mesh.from_any(source)
-    return [mesh if crease_angle is None else replace(mesh, crease_angle=crease_angle)]
-
-
-def _take_trimesh_scene(scene, crease_angle, drop_bad_faces) -> list[Mesh]:
-    """Place every mesh of a trimesh scene once for each node that shows it."""
-    meshes = []
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if len(getattr(geometry, "faces", ())):
-            mesh = replace(Mesh.from_any(geometry), crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
-            meshes.append(mesh.transformed(matrix))
-    if not meshes:
-        raise ModelError("the trimesh scene has no faces")
-    return meshes
-
-
-# ----------------------------------------------------------------
-# Whatever a caller has becomes a scene that is looked at as the caller says: what `render` does before it draws.
-
-AZIMUTH, ELEVATION = 35.0, 25.0  # degrees; those of `Camera.framing`, a test holds that
-
-
-def scene_of(source: SceneLike | FileLike, **settings: Any) -> Scene:
-    """Return whatever `load` takes as a scene.
-
-    Parameters
-    ----------
-    source : Scene, or anything else that `load` takes
-    settings : arguments of `load`; None = as the source has it
+        import rasterizer as rz
+        frame = rz.render(rz.demo_model(), (640, 400), shading="phong")
 
     Returns
     -------
-    Scene, the one given where nothing changes
-
-    Raises
-    ------
-    ModelError, SceneError : as `load`
+    Path of an OBJ file, beside which its materials stand; it is part of the package, so only read it
     """
-    settings = {name: value for name, value in settings.items() if value is not None}
-    return source if isinstance(source, Scene) and not settings else load(source, **settings)
+    return _DEMO
+
+
+# ----------------------------------------------------------------
+# The side that a scene is looked at from.
+
+AZIMUTH, ELEVATION = 35.0, 25.0  # degrees; those of `Camera.framing`, a test holds that
 
 
 def framed_from(
@@ -236,10 +190,10 @@ def check_one_view(camera: Camera | None, **angles: float | None) -> None:
 def load_model(
     source,
     mesh_settings: MeshSettings,
+    files: Folder,
     *,
     format: str | None = None,
-    log: Callable[[str], None] | None = None,
-    files: Folder | None = None,
+    log: Callable[[str], object] | None = None,
     settings: dict | None = None,
 ) -> Scene:
     """Load a model file, no scene file.
@@ -248,36 +202,25 @@ def load_model(
     ----------
     source, format, log : as `load` takes them
     mesh_settings : how its meshes are made
-    files : which other files may be read; None = by the rules of `files.py`
+    files : which other files it may name
     settings : arguments of Scene
 
     Returns and raises what `load` does.
     """
-    with one_file(name_of(source)):
-        entry = formats.format_of(name_of(source), format, is_scene=False)
-        model = _open(source, entry, log or keep_quiet)._replace(files=files)
+    name = name_of(source)
+    with one_file(name):
+        entry = formats.format_of(name, format, is_scene=False)
+        data = read_source(source, name, entry.name if entry.is_binary else "")
+        if not data.strip():
+            raise ModelError(f"{name}: the file is empty")
+        model = ModelFile(name, entry.name, data, files, log or keep_quiet)
         contents = _read(entry, model)
         own = {"up": contents.up or entry.up, "lights": contents.lights, "camera": contents.camera}
         settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
         if contents.camera is not None and scene.camera is contents.camera:
-            scene = replace(scene, camera=_aimed(contents.camera, scene.bounds))
-        return with_changes(scene, {}, weighting=mesh_settings.weighting)
-
-
-def _aimed(camera: Camera, bounds) -> Camera:
-    """Return a camera whose target is as far ahead as the middle of a box (2, 3), world space. A file says where its
-    camera looks, but not how far; whoever turns a camera turns it about its target.
-
-    Behind the eye, or nearer than 2^-20 of the eye's own coordinates, the middle counts for nothing: so the direction,
-    which is computed from both points, keeps 32 bits.
-    """
-    eye, target = np.array(camera.position), np.array(camera.target)
-    ahead = (target - eye) / np.linalg.norm(target - eye)
-    distance = float((bounds.mean(axis=0) - eye) @ ahead)
-    if not distance > 2.0**-20 * float(np.abs(eye).max()):
-        return camera
-    return replace(camera, target=tuple((eye + distance * ahead).tolist()))
+            return replace(scene, camera=aimed(contents.camera, scene.bounds))
+        return scene
 
 
 def _read(entry, model) -> Contents:
@@ -298,86 +241,40 @@ def _read(entry, model) -> Contents:
     return contents
 
 
-def name_of(source) -> str:
-    """Return what messages call a file."""
-    label = source if isinstance(source, (str, os.PathLike)) else getattr(source, "name", None)
-    return os.fsdecode(label) if isinstance(label, (str, os.PathLike)) and label else "model"
-
-
 def keep_quiet(_text: str) -> None:
     """Take a fact that nobody wants."""
-
-
-def with_changes(scene: Scene, settings: dict, *, crease_angle=None, weighting=None) -> Scene:
-    """Return a scene with other settings of its own and, where they are not None, of its meshes."""
-    own = {"crease_angle": crease_angle, "weighting": weighting}
-    own = {key: value for key, value in own.items() if value is not None}
-    if own:
-        settings = settings | {"meshes": tuple(replace(mesh, **own) for mesh in scene.meshes)}
-    return replace(scene, **settings) if settings else scene
-
-
-# --- where the bytes come from ----------------------------------------------------------------------------------------
-
-
-def _open(source, entry, log) -> ModelFile:
-    """Read all bytes of a file."""
-    if isinstance(source, (bytes, bytearray, memoryview)):
-        name, folder, data = name_of(source), None, bytes(source)
-    elif hasattr(source, "read"):
-        name, folder, data = _read_stream(source, entry)
-    else:
-        path = Path(os.fsdecode(source))
-        name, folder, data = str(path), path.parent, _read_path(path)
-    model = ModelFile(name, entry.name, data, folder, log)
-    if not data.strip():
-        raise model.error("the file is empty")
-    return model
-
-
-def _read_stream(stream, entry) -> tuple[str, Path | None, bytes]:
-    """Return name, folder and bytes of an open file, binary or text."""
-    name = getattr(stream, "name", None)
-    path = Path(name) if isinstance(name, (str, os.PathLike)) and name else None
-    label = str(path) if path else "model"
-    try:
-        data = stream.read()
-    except (OSError, ValueError) as fault:
-        raise ModelError(f"{label}: can't be read ({fault})") from fault
-    if isinstance(data, str):
-        if entry.is_binary:
-            raise ModelError(f"{label}: {entry.name} is no text; open the file with mode 'rb'")
-        data = data.encode("utf-8", "surrogateescape")
-    if not isinstance(data, (bytes, bytearray)):
-        raise ModelError(f"{label}: reading the file object gives {type(data).__name__}, not bytes or text")
-    return label, path.parent if path and os.path.isfile(path) else None, bytes(data)
-
-
-def _read_path(path) -> bytes:
-    """Return the bytes of a file."""
-    try:
-        return read_named(path)
-    except FileNotFoundError:
-        raise ModelError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise ModelError(f"{path}: is a folder, not a model file") from None
-    except (OSError, ValueError) as fault:
-        raise ModelError(f"{path}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
 
 
 # --- meshes -----------------------------------------------------------------------------------------------------------
 
 
 def _make_meshes(model, contents, settings) -> list[Mesh]:
-    """Check the parts of a file, and place them."""
+    """Make the meshes of the parts of a file, and move them to where their nodes are."""
     placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
-    for part, _ in placed:
+    parts = [part for part, _ in placed]
+    for part in parts:
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
-    _report(model, contents, [part for part, _ in placed], settings.crease_angle)
+    _report(model, contents, parts, settings.crease_angle)
     if len(placed) > 1:
         placed = [pair for pair in placed if _is_worth_drawing(pair[0], settings.drop_bad_faces)] or placed[:1]
-    return [_place(model, _prepare(model, part, settings), matrix, settings) for part, matrix in placed]
+    meshes = []
+    for part, matrix in placed:
+        part = _prepare(model, part, settings)
+        label = f"mesh '{part['name']}': " if part["name"] else ""
+        try:
+            # The reader's own arrays, which nobody else has: the mesh needs no copies.
+            arrays = {key: fixed(value) for key, value in part.items() if isinstance(value, np.ndarray)}
+            mesh = Mesh(**part | arrays, **settings.arguments())
+        except ModelError as fault:
+            raise model.error(f"{label}{fault}") from fault
+        if matrix is not None and not np.array_equal(matrix, np.eye(4)):
+            try:
+                mesh = mesh.transformed(matrix)
+            except (ModelError, SceneError) as fault:
+                raise model.error(f"{label}the transform of its node: {fault}") from fault
+        meshes.append(mesh)
+    return meshes
 
 
 def _why_no_faces(contents) -> str:
@@ -408,23 +305,6 @@ def _without_useless_textures(model, part: Part) -> Part:
     if "materials" in part:
         return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
     return {**part, "material": replace(part["material"], texture=None)}
-
-
-def _place(model, part, matrix, settings) -> Mesh:
-    """Make the mesh of a part, and move it to where its node is."""
-    label = f"mesh '{part['name']}': " if part["name"] else ""
-    try:
-        # The reader's own arrays, which nobody else has: the mesh needs no copies.
-        part = {key: fixed(value) if isinstance(value, np.ndarray) else value for key, value in part.items()}
-        mesh = Mesh(**part, crease_angle=settings.crease_angle, drop_bad_faces=settings.drop_bad_faces)
-    except ModelError as fault:
-        raise model.error(f"{label}{fault}") from fault
-    if matrix is None or np.array_equal(matrix, np.eye(4)):
-        return mesh
-    try:
-        return mesh.transformed(matrix)
-    except (ModelError, SceneError) as fault:
-        raise model.error(f"{label}the transform of its node: {fault}") from fault
 
 
 def _is_worth_drawing(part: Part, drop_bad_faces) -> bool:

@@ -3,8 +3,9 @@
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
-from collections.abc import Callable, Iterable
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import NamedTuple
 
 import numpy as np
@@ -69,6 +70,11 @@ class MeshSettings(NamedTuple):
     weighting: str | None = None
     drop_bad_faces: bool = False
 
+    def arguments(self) -> dict:
+        """Return those that are asked for, as arguments of Mesh."""
+        asked = self._replace(drop_bad_faces=self.drop_bad_faces or None)._asdict()
+        return {name: value for name, value in asked.items() if value is not None}
+
 
 def materials_of(part: Part) -> tuple[Material, ...]:
     """Return the materials of a part, whether it has one or several."""
@@ -76,19 +82,13 @@ def materials_of(part: Part) -> tuple[Material, ...]:
 
 
 class ModelFile(NamedTuple):
-    """One file: name for messages, format, bytes, the folder of the files it refers to, and who is told."""
+    """One file: name for messages, format, bytes, the files that it may name, and who is told."""
 
     name: str
     format: str
     data: bytes
-    folder: Path | None
-    log: Callable[[str], None]
-    files: Folder | None = None  # None = those at or below `folder`
-
-    @property
-    def beside(self) -> Folder:
-        """The files that this one may name."""
-        return Folder(self.folder) if self.files is None else self.files
+    beside: Folder
+    log: Callable[[str], object]
 
     def error(self, fault: str, line: int | None = None) -> ModelError:
         """Make the error `name:line: fault`."""
@@ -156,3 +156,28 @@ def check_indices(model, corners, counts, n_vertex, place_of) -> None:
     polygon = int(np.searchsorted(np.cumsum(counts), bad, side="right"))
     legal = f"the file has {n_vertex}, legal is 0..{n_vertex - 1}"
     raise ModelError(f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; {legal}")
+
+
+# ----------------------------------------------------------------
+# Tell whoever waits how far the reading of a large file has come.
+# Readers call `report_progress` as often as they like; it costs nothing where nobody listens. A listener is there for
+# the block of `noticing_progress`, in its own thread.
+
+_listener: ContextVar[Callable[[int, int, str], object] | None] = ContextVar("progress of reading", default=None)
+
+
+@contextmanager
+def noticing_progress(show: Callable[[int, int, str], object]) -> Iterator[None]:
+    """Call show(n_done, n, what) inside the block whenever a reader has come further; None makes it silent again."""
+    token = _listener.set(show)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+def report_progress(n_done: int, n: int, what: str) -> None:
+    """Say that `n_done` of `n` parts of some work are done."""
+    show = _listener.get()
+    if show is not None:
+        show(n_done, n, what)

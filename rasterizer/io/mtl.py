@@ -121,30 +121,11 @@ def _library(model, name) -> ModelFile | None:
         path = model.beside.find_alike(name)
         data = model.beside.read_bytes(path)
     except OutsideError as fault:
-        if model.folder is not None:
-            warn_caller(f"{model.name}: material file '{name}' {fault}")
+        warn_caller(f"{model.name}: material file '{name}' {fault}")
         return None
     except (OSError, ValueError):
         return None
-    return ModelFile(str(path), "mtl", data, path.parent, model.log, model.beside.below(path.parent))
-
-
-class Doubts:
-    """What is doubtful in a file, by line, warned of all at once."""
-
-    def __init__(self, library):
-        self.library, self.found = library, set()
-
-    def add(self, line, text) -> None:
-        """Remember a doubt about a line."""
-        self.found.add((line, text))
-
-    def warn(self) -> None:
-        """Warn of the first ones, in the order of the lines; and of how many more there are."""
-        found = sorted(self.found)
-        for k, (line, text) in enumerate(found[:MAX_WARNINGS]):
-            more = f" (and {len(found) - MAX_WARNINGS} lines more)" if k == MAX_WARNINGS - 1 < len(found) - 1 else ""
-            warn_caller(f"{self.library.name}:{line}: {text}{more}")
+    return ModelFile(str(path), "mtl", data, model.beside.below(path.parent), model.log)
 
 
 def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Material]:
@@ -166,16 +147,18 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
         that can't be
     """
     maps = Maps(library.log) if maps is None else maps
-    doubts, found = Doubts(library), {}
+    doubts, found = set(), {}  # pairs of a line and what is doubtful about it
     blocks = _blocks(library)
     is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
     for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
-        own = doubts if is_used else Doubts(library)  # of no concern
-        own.found.update(faults)
+        own = doubts if is_used else set()  # of no concern
+        own.update(faults)
         found[name] = _material(library, name, values, texture, is_opacity, own)
-    doubts.warn()
+    for k, (line, text) in enumerate(sorted(doubts)[:MAX_WARNINGS]):
+        more = f" (and {len(doubts) - MAX_WARNINGS} lines more)" if k == MAX_WARNINGS - 1 < len(doubts) - 1 else ""
+        warn_caller(f"{library.name}:{line}: {text}{more}")
     return found
 
 
@@ -287,9 +270,9 @@ def _share(key, given, doubts) -> tuple:
         return color
     shown = " ".join([key.capitalize(), *(f"{component:g}" for component in color)])
     if largest <= 255.0 and all(component == int(component) for component in color):
-        doubts.add(line, f"'{shown}' reads as bytes; it is divided by 255")
+        doubts.add((line, f"'{shown}' reads as bytes; it is divided by 255"))
         return tuple(component / 255.0 for component in color)
-    doubts.add(line, f"'{shown}' would reflect more light than there is; it is divided by {largest:g}")
+    doubts.add((line, f"'{shown}' would reflect more light than there is; it is divided by {largest:g}"))
     return tuple(component / largest for component in color)
 
 
@@ -310,7 +293,7 @@ def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material
         library.log(f"{library.name}:{values['ka'][1]}: 'Ka 1 1 1' of material '{name}' is taken as its Kd")
     illum, line = values.get("illum", (2.0, 0))
     if illum not in range(11):
-        doubts.add(line, f"illum {illum:g} is none of 0..10; the material '{name}' is drawn as with illum 2")
+        doubts.add((line, f"illum {illum:g} is none of 0..10; the material '{name}' is drawn as with illum 2"))
     if illum in (0.0, 1.0):
         coefficients["specular"] = 0.0
     _add_shininess(name, values, coefficients, doubts)
@@ -331,13 +314,11 @@ def _add_shininess(name, values, coefficients, doubts) -> None:
     exponent, line = values["ns"]
     has_highlight = coefficients["specular"] != 0.0 and max(coefficients["specular"]) > 0.0
     if exponent < 1.0 and has_highlight:
-        doubts.add(
-            line,
-            f"Ns {exponent:g} would spread the highlight of '{name}' over all that is lit; it is drawn without one",
-        )
+        what = f"Ns {exponent:g} would spread the highlight of '{name}' over all that is lit"
+        doubts.add((line, f"{what}; it is drawn without one"))
         coefficients["specular"] = 0.0
     elif exponent > MAX_SHININESS and has_highlight:
-        doubts.add(line, f"Ns {exponent:g} of '{name}' is beyond {MAX_SHININESS:g}, which is taken")
+        doubts.add((line, f"Ns {exponent:g} of '{name}' is beyond {MAX_SHININESS:g}, which is taken"))
     coefficients["shininess"] = min(max(exponent, 1.0), MAX_SHININESS)
 
 
@@ -349,13 +330,13 @@ def _opacity(name, values, is_tr_opacity, doubts) -> float:
         tr, line = values["tr"]
         opacity = tr if is_tr_opacity or tr >= 1.0 else 1.0 - tr
         if opacity == tr and tr != 0.5:
-            doubts.add(line, f"Tr {tr:g} of '{name}' is taken as its opacity, as MeshLab writes it: there is no d")
+            doubts.add((line, f"Tr {tr:g} of '{name}' is taken as its opacity, as MeshLab writes it: there is no d"))
     else:
         return 1.0
     if opacity > 1.0:
-        doubts.add(line, f"an opacity of {opacity:g} of '{name}' is beyond 1, which is taken")
+        doubts.add((line, f"an opacity of {opacity:g} of '{name}' is beyond 1, which is taken"))
     if opacity <= 0.0:
-        doubts.add(line, f"the material '{name}' is invisible: opacity 0")
+        doubts.add((line, f"the material '{name}' is invisible: opacity 0"))
     return min(max(opacity, 0.0), 1.0)
 
 

@@ -26,8 +26,8 @@ from ..errors import counted, warn_caller
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, text_of
-from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, report, split_words
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, report_progress, text_of
+from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
 
 def read_obj(model: ModelFile) -> Contents:
@@ -58,7 +58,8 @@ def read_obj(model: ModelFile) -> Contents:
 
 def _with_others(parts, lines) -> Contents:
     """Say what the file has beside faces that are drawn."""
-    n_point, n_line = lines.count_words("p"), len(lines.lines_of("l")) + lines.n_short_face
+    n_point = sum(len(words.partition("#")[0].split()) for words in lines.names_of("p")[1])
+    n_line = len(lines.lines_of("l")) + lines.n_short_face
     curved = [keyword for keyword in ("curv", "curv2", "surf") if len(lines.lines_of(keyword))]
     if not parts and n_point + n_line == 0 and not curved:
         n_point = len(lines.lines_of("v"))
@@ -86,7 +87,11 @@ def _read_parts(model, lines) -> list[Part]:
     # A material has one number, however often its name stands there; an object is another each time.
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     whole["face_material"] = np.array([numbers[name] for name in names] + [-1])[material_of_face]
-    materials = _find_materials(model, lines.names_of("mtllib")[1], list(numbers))
+    materials = {}
+    if numbers:
+        from .mtl import find_materials
+
+        materials = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
     default = replace(whole["material"], name="")
     palette = [materials.get(name, replace(default, name=name)) for name in numbers] + [default]
     groups = set(lines.names_of("g")[1])
@@ -192,15 +197,6 @@ def _compact(faces) -> tuple[np.ndarray, np.ndarray]:
 # --- materials ------------------------------------------------------------------------------------------------------
 
 
-def _find_materials(model, libraries, names) -> dict[str, Material]:
-    """Return the materials of these names, as `find_materials` does."""
-    if not names:
-        return {}
-    from .mtl import find_materials
-
-    return find_materials(model, libraries, names)
-
-
 def _with_materials(model, part: Part, palette, name) -> Part:
     """Give a part its name and, of a palette, the materials that its faces use, in the order of their first use.
 
@@ -290,10 +286,6 @@ class ObjLines:
         places = zip((self._starts[lines] + len(keyword)).tolist(), self._ends[lines].tolist(), strict=True)
         return lines, [self._text[start:end].decode().strip() for start, end in places]
 
-    def count_words(self, keyword: str) -> int:
-        """Return how many words stand behind a keyword, on all its lines."""
-        return sum(len(name.partition("#")[0].split()) for name in self.names_of(keyword)[1])
-
     def rows_of(self, keyword: str) -> NDArray[np.float64]:
         """Return the numbers of all lines of v, vt or vn.
 
@@ -349,7 +341,7 @@ class ObjLines:
             line_starts = np.cumsum(lengths) - lengths + LEAD
             letters[line_starts[:, None] + np.arange(len(keyword))] = BLANK
             yield lines, split_words(letters, line_starts)
-            report(begin, len(lines_of_file), f"reading lines '{keyword}'")
+            report_progress(begin, len(lines_of_file), f"reading lines '{keyword}'")
 
 
 def _tidy(data) -> tuple[bytes, list[int]]:

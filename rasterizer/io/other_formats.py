@@ -25,7 +25,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ModelError, warn_caller
+from ..errors import ModelError, counted, warn_caller
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from .files import unpack
@@ -41,12 +41,13 @@ _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
 _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML file
 _LEAST_STEPS = 2**13  # nodes that are shown in any file
 _FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
+_UP_TO_4 = ("0", "1", "2", "3", "4")
 _OFF = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b(\s+BINARY\b)?", re.ASCII)
 
 
 def read_off(model: ModelFile) -> Contents:
-    """Read OFF: vertices and polygons, which trimesh cuts as fans. Colours, normals and texture coordinates are left
-    out."""
+    """Read OFF: vertices and polygons, which trimesh cuts as fans; those with more than 4 corners are warned of.
+    Colours, normals and texture coordinates are left out."""
     text = text_of(model.data)
     word = _OFF.match(text)
     if not word:
@@ -73,6 +74,10 @@ def read_off(model: ModelFile) -> Contents:
     plain = "\n".join(["OFF", *rows]).encode("ascii", "replace")
     contents = _contents_of(model, _read(model, "off", plain))
     words = [name for name, has in (("normals", has_normal), ("texture coordinates", has_uv)) if has]
+    n_large = sum(row.split(None, 1)[0] not in _UP_TO_4 for row in rows[1 + n_vertex : 1 + n_vertex + n_face])
+    if n_large:
+        what = f"trimesh, which reads OFF, cuts {counted(n_large, 'polygon')} of more than 4 corners as fans"
+        warn_caller(f"{model.name}: {what}: concave ones look otherwise than they should; OBJ and PLY keep their shape")
     facts = ("polygons cut as fans",) if any(len(part["faces"]) > n_face for part, _ in contents.parts) else ()
     return contents._replace(left_out=tuple(words), facts=facts)
 

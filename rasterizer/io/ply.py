@@ -20,7 +20,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import counted
 from ..scene.arrays import distinct
@@ -50,7 +49,7 @@ def read_ply(model: ModelFile) -> Contents:
     if model.data[:3].lower() != b"ply":
         raise model.error("not a PLY file: it does not begin with 'ply'")
     order, elements, start, n_line = read_header(model)
-    read = Text(model, elements, start, n_line) if order == "" else Bytes(model, start, order)
+    read = TextRows(model, elements, start, n_line) if order == "" else Rows(model, model.data, start, order)
     tables = {}
     for element in elements:
         tables.setdefault(element.name, read.element(element))
@@ -214,7 +213,9 @@ def _face_attributes(model, table, element, cut, counts) -> dict:
     if colors is not None:
         part |= {"face_colors": colors[cut.polygons], "material": WHITE}
     if isinstance(table.get("texnumber"), np.ndarray):
-        part["picture"] = _whole_numbers(table["texnumber"])[cut.polygons]
+        number = table["texnumber"]
+        is_index = (number >= 0) & (number < 2**31)  # False for nan
+        part["picture"] = np.where(is_index, number, -1).astype(np.int64)[cut.polygons]
     for name in _WEDGES:
         wedge = table.get(name)
         if not isinstance(wedge, List):
@@ -247,12 +248,6 @@ def _strip_triangles(items, counts) -> np.ndarray:
     is_good = (triangles >= 0).all(axis=1)
     is_good &= (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     return triangles[is_good]
-
-
-def _whole_numbers(values: NDArray) -> NDArray[np.int64]:
-    """Return the whole parts of numbers; -1 of those that are no index at all."""
-    is_index = (values >= 0) & (values < 2**31)
-    return np.where(is_index, values, -1).astype(np.int64)
 
 
 # ----------------------------------------------------------------
@@ -328,143 +323,72 @@ def read_header(model):
     return order, elements, start, head.count("\n") + 1
 
 
-def _promised(model, element, n_found):
-    """The error where an element has fewer rows than the header says."""
-    text = f"the header promises {element.n_row} {element.name} lines, the file has {n_found}"
-    return model.error(text, element.line)
+class Rows:
+    """The rows of a binary file, element by element."""
 
+    def __init__(self, model, data, at, order):
+        self.model, self.data, self.at, self.order = model, data, at, order
 
-class Text:
-    """The rows of an ASCII file, one number after the other, whatever the lines."""
-
-    def __init__(self, model, elements, start, n_line):
-        self.model, self.elements, self.n_line = model, elements, n_line
-        self.text = model.data[start:].decode("latin-1")
-        self.numbers = numbers_in(self.text)
-        if self.numbers is None:
-            self._name_fault()
-        self.at = 0
-
-    def element(self, element) -> dict:
-        """Return the columns of the next element by name."""
-        n, properties = element.n_row, element.properties
-        if not properties:
-            return {}
-        left = len(self.numbers) - self.at
-        if n * len(properties) > left:  # a list has at least its length
-            raise _promised(self.model, element, left // max(len(properties), 1))
-        if all(each.count_type is None for each in properties):
-            rows = self.numbers[self.at : self.at + n * len(properties)].reshape(n, -1)
-            self.at += rows.size
-            return {each.name: rows[:, k] for k, each in enumerate(properties)}
-        return _walk(self, element, self._even_rows(element))
-
-    def _even_rows(self, element):
-        """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""
-        columns, width = [], 0
-        for each in element.properties:
-            if each.count_type is None:
-                columns.append((each, slice(width, width + 1)))
-                width += 1
-                continue
-            if element.n_row == 0 or self.at + width >= len(self.numbers):
-                return None
-            length = self.numbers[self.at + width]
-            if not 0 <= length <= len(self.numbers):
-                return None
-            columns.append((each, slice(width, width + 1 + int(length))))
-            width += 1 + int(length)
-        if element.n_row * width > len(self.numbers) - self.at:
-            return None
-        rows = self.numbers[self.at : self.at + element.n_row * width].reshape(element.n_row, width)
-        found = {}
-        for each, column in columns:
-            if each.count_type is None:
-                found[each.name] = rows[:, column.start]
-            elif (rows[:, column.start] != column.stop - column.start - 1).any():
-                return None
-            else:
-                counts = np.full(element.n_row, column.stop - column.start - 1)
-                found[each.name] = List(counts, rows[:, column.start + 1 : column.stop].ravel())
-        self.at += rows.size
-        return found
-
-    def number(self, _type):
-        """Return the next number; IndexError where there is none."""
-        self.at += 1
-        if self.at > len(self.numbers):
-            raise IndexError
-        return self.numbers[self.at - 1]
-
-    def several(self, _type, n):
-        """Return the next n numbers; IndexError where there are fewer."""
-        if not (0 <= n <= len(self.numbers) - self.at and n == int(n)):  # nan compares as false
-            raise IndexError
-        self.at += int(n)
-        return self.numbers[self.at - int(n) : self.at]
-
-    def line_of(self, name, row) -> int | None:
-        """The number of the line of an element's row, if every row has a line."""
-        before = 0
-        for element in self.elements:
-            if element.name == name:
-                break
-            before += element.n_row
-        lines = [number for number, line in enumerate(self.text.splitlines(), self.n_line + 1) if line.split()]
-        return lines[before + row] if before + row < len(lines) else None
-
-    def fault(self, element, row):
-        """The error for a row that ends too early, or whose list has no legal length."""
-        if self.at >= len(self.numbers):
-            return _promised(self.model, element, row)
-        line = self.line_of(element.name, row)
-        return self.model.error(
-            f"{element.name} {row}: {self.numbers[self.at - 1]:g} is not how long its list is", line
-        )
-
-    def _name_fault(self):
-        """Raise the error for the first word that is no number."""
-        for number, line in enumerate(self.text.splitlines(), self.n_line + 1):
-            for word in line.split():
-                try:
-                    float(word)
-                except ValueError:
-                    raise self.model.error(f"'{word[:40]}' is not a number", number) from None
-        raise self.model.error("holds something that is no number")
-
-
-class Bytes:
-    """The rows of a binary file."""
-
-    def __init__(self, model, start, order):
-        self.model, self.at, self.order = model, start, order
-        self.data = model.data
+    def dtype(self, type) -> np.dtype:
+        """Return how a number is stored whose type is one of the header's."""
+        return np.dtype(self.order + type)
 
     def element(self, element) -> dict:
         """Return the columns of the next element by name."""
         if not element.properties:
             return {}
-        least = sum(np.dtype(each.count_type or each.type).itemsize for each in element.properties)
-        if element.n_row * least > len(self.data) - self.at:
-            found = max(len(self.data) - self.at, 0) // max(least, 1)
-            raise self.model.error(
-                f"binary PLY of another length than its header says: {element.n_row} {element.name} rows promised, "
-                f"room for at most {found}",
-                element.line,
-            )
+        least = sum(self.dtype(each.count_type or each.type).itemsize for each in element.properties)
+        if element.n_row * least > len(self.data) - self.at:  # a list has at least its length
+            raise self.is_short(element, max(len(self.data) - self.at, 0) // least)
         even = self._even_rows(element)
-        lengths = [each.count_type for each in element.properties if each.count_type is not None]
-        if even is None and len(lengths) == 1 and lengths[0][0] != "f":
+        if even is not None:
+            return even
+        lengths = [self.dtype(each.count_type) for each in element.properties if each.count_type is not None]
+        if len(lengths) == 1 and lengths[0].kind != "f":
             return self._rows_of_one_list(element)
-        return _walk(self, element, even)
+        return self._walk(element)
+
+    def _even_rows(self, element):
+        """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""
+        fields, at = [], self.at
+        for number, each in enumerate(element.properties):
+            dtype = self.dtype(each.type)
+            if each.count_type is not None:
+                count_dtype = self.dtype(each.count_type)
+                at += count_dtype.itemsize
+                if element.n_row == 0 or at > len(self.data):
+                    return None
+                length = np.frombuffer(self.data, count_dtype, 1, at - count_dtype.itemsize)[0]
+                if not 0 <= length <= (len(self.data) - at) // dtype.itemsize:  # nan compares as false
+                    return None
+                fields += [(f"n{number}", count_dtype), (f"p{number}", dtype, (int(length),))]
+                at += int(length) * dtype.itemsize
+            else:
+                fields.append((f"p{number}", dtype))
+                at += dtype.itemsize
+        rows = np.dtype(fields)
+        if element.n_row * rows.itemsize > len(self.data) - self.at:
+            return None
+        table = np.frombuffer(self.data, rows, element.n_row, self.at)
+        found = {}
+        for number, each in enumerate(element.properties):
+            column = table[f"p{number}"]
+            if each.count_type is None:
+                found[each.name] = column
+                continue
+            if (table[f"n{number}"] != column.shape[1]).any():
+                return None
+            found[each.name] = List(np.full(element.n_row, column.shape[1]), column.ravel())
+        self.at += element.n_row * rows.itemsize
+        return found
 
     def _rows_of_one_list(self, element):
         """Return the columns of rows with one list, whatever its length: where each row begins is found row by row, the
         rest for all rows at once."""
-        dtypes = [np.dtype(self.order + (each.count_type or each.type)) for each in element.properties]
+        dtypes = [self.dtype(each.count_type or each.type) for each in element.properties]
         number = next(k for k, each in enumerate(element.properties) if each.count_type is not None)
         one = element.properties[number]
-        item = np.dtype(self.order + one.type)
+        item = self.dtype(one.type)
         before = sum(dtype.itemsize for dtype in dtypes[:number])
         starts, counts = self._list_starts(element, before, dtypes, item.itemsize)
         places = {}
@@ -515,84 +439,96 @@ class Bytes:
             columns[:, k] = letters[begins + k]
         return columns.view(dtype) if n else np.empty((len(begins), 0), dtype)
 
-    def _even_rows(self, element):
-        """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""
-        fields, at = [], self.at
-        for number, each in enumerate(element.properties):
-            dtype = np.dtype(self.order + each.type)
-            if each.count_type is not None:
-                count_dtype = np.dtype(self.order + each.count_type)
-                if element.n_row == 0 or at + count_dtype.itemsize > len(self.data):
-                    return None
-                length = int(np.frombuffer(self.data, count_dtype, 1, at)[0])
-                if not 0 <= length <= len(self.data):
-                    return None
-                fields += [(f"n{number}", count_dtype), (f"p{number}", dtype, (length,))]
-                at += count_dtype.itemsize + length * dtype.itemsize
-            else:
-                fields.append((f"p{number}", dtype))
-                at += dtype.itemsize
-        rows = np.dtype(fields)
-        if element.n_row * rows.itemsize > len(self.data) - self.at:
-            return None
-        table = np.frombuffer(self.data, rows, element.n_row, self.at)
-        found = {}
-        for number, each in enumerate(element.properties):
-            column = table[f"p{number}"]
-            if each.count_type is None:
-                found[each.name] = column
-                continue
-            if (table[f"n{number}"] != column.shape[1]).any():
-                return None
-            found[each.name] = List(np.full(element.n_row, column.shape[1]), column.ravel())
-        self.at += element.n_row * rows.itemsize
-        return found
+    def _walk(self, element):
+        """Return the columns of an element number by number."""
+        scalars = {each.name: [] for each in element.properties if each.count_type is None}
+        lists = {each.name: ([], []) for each in element.properties if each.count_type is not None}
+        for row in range(element.n_row):
+            try:
+                for each in element.properties:
+                    if each.count_type is None:
+                        scalars[each.name].append(self._next(each.type, 1)[0])
+                    else:
+                        items = self._next(each.type, self._next(each.count_type, 1)[0])
+                        lists[each.name][0].append(len(items))
+                        lists[each.name][1].append(items)
+            except IndexError:
+                raise self.fault(element, row) from None
+        columns = {name: np.array(values) for name, values in scalars.items()}
+        return columns | {
+            name: List(np.array(counts, np.int64), np.concatenate(items) if items else np.empty(0))
+            for name, (counts, items) in lists.items()
+        }
 
-    def number(self, dtype):
-        """Return the next number; IndexError where there is none."""
-        return self.several(dtype, 1)[0]
-
-    def several(self, dtype, n):
-        """Return the next n numbers; IndexError where there are fewer."""
-        dtype = np.dtype(self.order + dtype)
-        if not 0 <= n <= (len(self.data) - self.at) // dtype.itemsize:
+    def _next(self, type, n) -> np.ndarray:
+        """Return the next n numbers; IndexError where there are fewer, or n is no whole number."""
+        dtype = self.dtype(type)
+        if not (0 <= n <= (len(self.data) - self.at) // dtype.itemsize and n == int(n)):
             raise IndexError
         numbers = np.frombuffer(self.data, dtype, int(n), self.at)
-        self.at += int(n) * dtype.itemsize
+        self.at += numbers.nbytes
         return numbers
 
-    def line_of(self, _name, _row):
-        """A binary file has no lines."""
-        return
+    def line_of(self, _name, _row) -> int | None:
+        """Return the number of the line where a row stands; a binary file has no lines."""
+        return None
+
+    def is_short(self, element, n_found):
+        """Make the error where an element has fewer rows than the header says."""
+        text = f"{element.n_row} {element.name} rows promised, room for at most {n_found}"
+        return self.model.error(f"binary PLY of another length than its header says: {text}", element.line)
 
     def fault(self, element, row):
-        """The error for a row that ends too early."""
-        text = (
-            f"binary PLY of another length than its header says: it ends in {element.name} row {row} of {element.n_row}"
-        )
+        """Make the error for a row that ends too early, or whose list has no legal length."""
+        text = f"it ends in {element.name} row {row} of {element.n_row}"
+        return self.model.error(f"binary PLY of another length than its header says: {text}", element.line)
+
+
+class TextRows(Rows):
+    """The rows of an ASCII file: its numbers as float64, one after the other, whatever the lines."""
+
+    def __init__(self, model, elements, start, n_line):
+        self.elements, self.n_line = elements, n_line
+        self.text = model.data[start:].decode("latin-1")
+        numbers = numbers_in(self.text)
+        if numbers is None:
+            raise _no_number(model, self.text, n_line)
+        super().__init__(model, numbers.view(np.uint8), 0, "")
+
+    def dtype(self, _type) -> np.dtype:
+        """Return float64."""
+        return np.dtype(np.float64)
+
+    def line_of(self, name, row) -> int | None:
+        """Return the number of the line of an element's row, if every row has a line."""
+        before = 0
+        for element in self.elements:
+            if element.name == name:
+                break
+            before += element.n_row
+        lines = [number for number, line in enumerate(self.text.splitlines(), self.n_line + 1) if line.split()]
+        return lines[before + row] if before + row < len(lines) else None
+
+    def is_short(self, element, n_found):
+        """Make the error where an element has fewer rows than the header says."""
+        text = f"the header promises {element.n_row} {element.name} lines, the file has {n_found}"
         return self.model.error(text, element.line)
 
+    def fault(self, element, row):
+        """Make the error for a row that ends too early, or whose list has no legal length."""
+        if self.at >= len(self.data):
+            return self.is_short(element, row)
+        length = np.frombuffer(self.data, np.float64, 1, self.at - 8)[0]
+        text = f"{element.name} {row}: {length:g} is not how long its list is"
+        return self.model.error(text, self.line_of(element.name, row))
 
-def _walk(source, element, even):
-    """Return the columns of an element row by row, where its lists differ in length; `even` if they were found not
-    to."""
-    if even is not None:
-        return even
-    scalars = {each.name: [] for each in element.properties if each.count_type is None}
-    lists = {each.name: ([], []) for each in element.properties if each.count_type is not None}
-    for row in range(element.n_row):
-        try:
-            for each in element.properties:
-                if each.count_type is None:
-                    scalars[each.name].append(source.number(each.type))
-                else:
-                    items = source.several(each.type, source.number(each.count_type))
-                    lists[each.name][0].append(len(items))
-                    lists[each.name][1].append(items)
-        except IndexError:
-            raise source.fault(element, row) from None
-    columns = {name: np.array(values) for name, values in scalars.items()}
-    return columns | {
-        name: List(np.array(counts, np.int64), np.concatenate(items) if items else np.empty(0))
-        for name, (counts, items) in lists.items()
-    }
+
+def _no_number(model, text, n_line):
+    """Make the error that names the first word of a text that is no number."""
+    for line_number, line in enumerate(text.splitlines(), n_line + 1):
+        for word in line.split():
+            try:
+                float(word)
+            except ValueError:
+                return model.error(f"'{word[:40]}' is not a number", line_number)
+    return model.error("holds something that is no number")

@@ -43,7 +43,7 @@ from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
-from .files import Folder, check_member, read_named
+from .files import Folder, check_member, name_of, read_source
 from .gltf import MAX_COPIES
 from .loader import keep_quiet, load_model
 from .model_file import MeshSettings
@@ -119,10 +119,10 @@ def read_scene(
     ModelError : a file that can't be read or is no JSON or TOML, duplicate keys, a mesh that is not legal
     SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
     """
-    name, data, own_folder = _read(source)
-    files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
-    own = mesh_settings
-    context = Context(files, log or keep_quiet, own.crease_angle, own.drop_bad_faces, own.weighting)
+    name = name_of(source, "scene")
+    data = read_source(source, name)
+    files = Folder(Path(name).parent if folder is None else folder, None, allow_outside, files_read)
+    context = Context(files, log or keep_quiet, mesh_settings)
     with one_file(name):
         entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
         return _read_tables(Entry(_parse(data, entry.name, name), name), context)
@@ -144,7 +144,8 @@ def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict 
     ModelError : a file that can't be read or is no JSON or TOML
     SceneError : no camera, or one that is not legal
     """
-    name, data, _ = _read(path)
+    name = name_of(path, "scene")
+    data = read_source(path, name)
     with one_file(name):
         entry = formats.format_of(name, Path(name).suffix or "json", is_scene=True)
         value = _parse(data, entry.name, name)
@@ -168,7 +169,7 @@ def _read_tables(root, context) -> SceneFile:
         settings["lights"], unshadowed = read_lights(top["lights"])
     camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
     if "background" in top and top["background"].value is not None:
-        settings["background"] = read_color(top["background"])
+        settings["background"] = top["background"].call(linear_rgb, color_value(top["background"]), "the color")
     if "depth_cue" in top and top["depth_cue"].value is not None:
         settings["depth_cue"] = read_depth_cue(top["depth_cue"])
     if "up" in top:
@@ -191,29 +192,6 @@ def _options(entry) -> dict:
 
 
 # --- text to tables -----------------------------------------------------------------------------------------
-
-
-def _read(source) -> tuple[str, bytes, Path]:
-    """Return name, bytes and folder of a source."""
-    if isinstance(source, (bytes, bytearray, memoryview)):
-        return "scene", bytes(source), Path()
-    try:
-        if hasattr(source, "read"):
-            label = getattr(source, "name", None)
-            name = label if isinstance(label, str) else "scene"
-            data = source.read()
-            return (
-                name,
-                data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data),
-                Path(name).parent,
-            )
-        path = Path(os.fsdecode(source))
-        return str(path), read_named(path), path.parent
-    except FileNotFoundError:
-        raise ModelError(f"{path}: no such file") from None
-    except (OSError, ValueError, TypeError) as fault:
-        what = source if isinstance(source, (str, os.PathLike)) else shown(source)
-        raise ModelError(f"{what}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
 
 
 def _parse(data, format, name):
@@ -376,12 +354,11 @@ class Context:
     ----------
     files : Folder to which names of files are relative
     log : function of one text
-    crease_angle, drop_bad_faces, weighting : as `read_scene` takes them
+    mesh_settings : as `read_scene` takes them
     """
 
-    def __init__(self, files: Folder, log, crease_angle=None, drop_bad_faces=False, weighting=None):
-        self.files, self.log, self.weighting = files, log, weighting
-        self.crease_angle, self.drop_bad_faces = crease_angle, drop_bad_faces
+    def __init__(self, files: Folder, log, mesh_settings: MeshSettings):
+        self.files, self.log, self.mesh_settings = files, log, mesh_settings
         self.materials = {}  # by the name of the file's table
         self.models = {}  # what `load` made of files, by path and settings
         self.n_copy = 0  # triangles that are there because meshes refer to the same ones
@@ -457,11 +434,6 @@ def color_value(entry):
         return entry.value
     table = entry.table(("wavelengths", "values"), ("wavelengths", "values"))
     return entry.call(Spectrum, table["wavelengths"].value, table["values"].value)
-
-
-def read_color(entry):
-    """Return a colour, checked."""
-    return entry.call(linear_rgb, color_value(entry), "the color")
 
 
 def read_depth_cue(entry) -> DepthCue:
@@ -562,15 +534,12 @@ def _read_light(entry):
     table = entry.table(["kind", *described], ["kind", *needed])
     readers = {"shadow": _read_shadow, "flag": Entry.flag, "color": color_value}
     settings = {
-        name: readers.get(described[name].holds, _value_of)(field) for name, field in table.items() if name != "kind"
+        name: readers.get(described[name].holds, lambda field: field.value)(field)  # which the class checks
+        for name, field in table.items()
+        if name != "kind"
     }
     vectors = [name for name, field in described.items() if field.holds == "vector"]
     return keeping_units(entry.call(LIGHT_TYPES[kind.value], **settings), settings, vectors)
-
-
-def _value_of(entry):
-    """What the file has there, for the class to check."""
-    return entry.value
 
 
 def _read_shadow(entry):
@@ -674,7 +643,7 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     if (format := formats.find(Path(table["file"].text()).suffix)) and format.is_scene:
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
     path = context.path(table["file"])
-    scene = _load_once(path, table["file"], _crease_angle(table, context), _weighting(table, context), context)
+    scene = _load_once(path, table["file"], _mesh_settings(table, context), context)
     if "material" in table and "materials" in table:
         raise entry.fault("takes material (for all) or materials (by name); given both")
     meshes = list(scene.meshes)
@@ -686,15 +655,24 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     return [_placed(mesh, table, entry) for mesh in meshes], scene.up
 
 
-def _crease_angle(table, context):
-    own = table["crease_angle"].value if "crease_angle" in table else None
-    return own if context.crease_angle is None else context.crease_angle
+def _mesh_settings(table, context) -> MeshSettings:
+    """Return how the meshes of an entry are made: as the caller says, else as its table does."""
+    asked = context.mesh_settings
+    angle = table["crease_angle"].value if "crease_angle" in table else None
+    weighting = table["weighting"].text() if "weighting" in table else None
+    drops = table["drop_bad_faces"].flag() if "drop_bad_faces" in table else False
+    return MeshSettings(
+        angle if asked.crease_angle is None else asked.crease_angle,
+        weighting if asked.weighting is None else asked.weighting,
+        asked.drop_bad_faces or drops,
+    )
 
 
-def _load_once(path, entry, crease_angle, weighting, context):
+def _load_once(path, entry, settings, context):
     """Return the scene of a model file; one that is used in many places is read once, as long as its copies are not too
     many."""
-    key = (path, crease_angle if isinstance(crease_angle, (int, float)) else None, weighting)
+    angle = settings.crease_angle
+    key = (path, angle if isinstance(angle, (int, float)) else None, settings.weighting)
     if key in context.models:
         scene = context.models[key]
         context.n_copy += scene.n_face
@@ -704,15 +682,9 @@ def _load_once(path, entry, crease_angle, weighting, context):
             )
         return scene
     context.files.read.append(str(path))
-    settings = MeshSettings(crease_angle, weighting, context.drop_bad_faces)
     files = context.files.below(path.parent)
-    context.models[key] = entry.call(load_model, path, settings, log=context.log, files=files)
+    context.models[key] = entry.call(load_model, path, settings, files, log=context.log)
     return context.models[key]
-
-
-def _weighting(table, context):
-    own = table["weighting"].text() if "weighting" in table else None
-    return own if context.weighting is None else context.weighting
 
 
 def _with_named(meshes, entry, context) -> list[Mesh]:
@@ -767,11 +739,7 @@ def _read_arrays(entry, context) -> Mesh:
             raise entry.fault(
                 f"its arrays have been used for more than {MAX_COPIES} triangles beyond those stored", ModelError
             )
-    settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
-    if (weighting := _weighting(table, context)) is not None:
-        settings["weighting"] = weighting
-    if "drop_bad_faces" in table:
-        settings["drop_bad_faces"] |= table["drop_bad_faces"].flag()
+    settings = _mesh_settings(table, context).arguments()
     if "material" in table:
         settings["material"] = read_material(table["material"], context)
     if "materials" in table:

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import OutputError, SceneError, shown
+from ..errors import SceneError, shown
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.lights import describe_fields, light_type_of
 from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
-from .files import write_and_move
+from .files import write_whole
 from .scene_file import ARRAYS, COLORS
 
 
@@ -51,12 +51,11 @@ def write_scene(scene, path) -> Path:
     beside = _Beside(path.stem)
     table = _tables(scene, beside)
     text = json.dumps(table, indent=1, allow_nan=False) if format == ".json" else to_toml(table)
-    contents = beside.contents()
     try:
-        contents[path.name] = (text.rstrip("\n") + "\n").encode()
+        content = (text.rstrip("\n") + "\n").encode()
     except UnicodeEncodeError as fault:
         raise SceneError(f"a name in the scene can't be written as Unicode text: {fault.reason}") from fault
-    _write_all(path, contents)
+    write_whole(path, content, beside.contents())
     return path
 
 
@@ -260,19 +259,3 @@ def _toml_value(value) -> str:
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml_value, value)) + "]"
     return repr(float(value) if isinstance(value, float) else value)
-
-
-# --- writing ------------------------------------------------------------------------------------------------
-
-
-def _write_all(path, contents) -> None:
-    """Write files into the folder of `path`, all of them or none. Raises OutputError."""
-    folder = path.parent
-    try:
-        # A link keeps its name and gets a new target.
-        write_and_move({os.path.realpath(folder / name): content for name, content in contents.items()})
-    except ValueError as fault:  # a name that no file can have
-        raise OutputError(f"can't write {shown(str(path))}: {fault}") from fault
-    except OSError as fault:
-        reason = (fault.strerror or str(fault)) if folder.is_dir() else f"there is no folder {folder}"
-        raise OutputError(f"can't write {path}: {reason}") from fault

@@ -10,39 +10,12 @@ others.
 """
 
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-# ----------------------------------------------------------------
-# Tell whoever waits how far the reading of a large file has come.
-# Readers call `report` as often as they like; it costs nothing where nobody listens. A listener is there for the
-# block of
-# `noticing_progress`, in its own thread.
-
-_listener: ContextVar[Callable[[int, int, str], object] | None] = ContextVar("progress of reading", default=None)
-
-
-@contextmanager
-def noticing_progress(show: Callable[[int, int, str], object]) -> Iterator[None]:
-    """Call show(n_done, n, what) inside the block whenever a reader has come further; None makes it silent again."""
-    token = _listener.set(show)
-    try:
-        yield
-    finally:
-        _listener.reset(token)
-
-
-def report(n_done: int, n: int, what: str) -> None:
-    """Say that `n_done` of `n` parts of some work are done."""
-    show = _listener.get()
-    if show is not None:
-        show(n_done, n, what)
-
+from .model_file import report_progress
 
 LEAD = 24  # so that the eight letters before the end of a word are there, three times
 MAX_DIGITS = 18  # of a whole number within int64
@@ -160,7 +133,7 @@ def numbers_in(text: str) -> NDArray[np.float64] | None:
             return None
         tables.append(values)
         start = end
-        report(start, len(data), "reading numbers")
+        report_progress(start, len(data), "reading numbers")
     return np.concatenate(tables)
 
 

@@ -13,7 +13,7 @@ repeated by triangles that are near them in the file.
 import numpy as np
 from numpy.typing import NDArray
 
-from .text_numbers import report
+from .model_file import report_progress
 
 _BLOCK = 1 << 18  # rows sorted in one go
 _SEEDS = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -79,7 +79,7 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
         kept.append(bits[first])
         hashes.append(mixed[first])
         ends.append(ends[-1] + len(first))
-        report(row, len(inverse), "joining vertices")
+        report_progress(row, len(inverse), "joining vertices")
     if len(firsts) < 2:
         return firsts[0] if firsts else np.empty(0, np.int64), inverse
     candidates = np.concatenate(firsts)

@@ -473,6 +473,21 @@ def middle_on_axis(camera: Camera, bounds: NDArray[np.float64], nearest: float =
     return eye + distance * forward
 
 
+def aimed(camera: Camera, bounds: NDArray[np.float64]) -> Camera:
+    """Return a camera whose target is as far ahead as the middle of a box (2, 3), world space. A file says where its
+    camera looks, but not how far; whoever turns a camera turns it about its target.
+
+    Behind the eye, or nearer than 2^-20 of the eye's own coordinates, the middle counts for nothing: so the direction,
+    which is computed from both points, keeps 32 bits.
+    """
+    eye, target = np.array(camera.position), np.array(camera.target)
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    distance = float((bounds.mean(axis=0) - eye) @ ahead)
+    if not distance > 2.0**-20 * float(np.abs(eye).max()):
+        return camera
+    return replace(camera, target=tuple((eye + distance * ahead).tolist()))
+
+
 # --- what a camera is given, checked -------------------------------------------------------------------------
 
 

@@ -217,16 +217,7 @@ class Mesh(KeepsArrays):
         ------
         ModelError : anything else, and whatever the class itself refuses
         """
-        if isinstance(source, cls):
-            return source
-        if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
-            return cls(source.vertices, source.faces, **_trimesh_extras(source))
-        if isinstance(source, (tuple, list)) and len(source) == 2:
-            return cls(source[0], source[1])
-        if hasattr(source, "vertices") or getattr(source, "shape", ())[1:] == (3,):
-            raise ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
-        legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); load() takes files and trimesh scenes, too"
-        raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
+        return _mesh_of(source, {})
 
     @property
     def palette(self) -> tuple[Material, ...]:
@@ -382,6 +373,73 @@ class Mesh(KeepsArrays):
 
 
 MeshLike: TypeAlias = Mesh | HasFaces | tuple[ArrayLike, ArrayLike]  # what `Mesh.from_any` takes
+
+
+def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
+    """Return the meshes of a mesh, of a `trimesh.Scene`, or of a sequence of these.
+
+    Parameters
+    ----------
+    source : what `Mesh.from_any` takes, a `trimesh.Scene`, or a sequence of both
+    settings : arguments of Mesh, taken in place of what the source says
+
+    Raises
+    ------
+    ModelError : an empty sequence, a trimesh scene without faces, and whatever `Mesh.from_any` refuses
+    """
+    is_sequence = isinstance(source, Iterable) and not (hasattr(source, "ndim") or isinstance(source, dict))
+    if is_one_mesh(source) or _is_trimesh_scene(source) or not is_sequence:
+        source = (source,)
+    meshes: list[Mesh] = []
+    for each in source:
+        meshes += _placed_meshes(each, settings) if _is_trimesh_scene(each) else [_mesh_of(each, settings)]
+    if not meshes:
+        raise ModelError("a model needs at least one mesh; given an empty sequence")
+    return meshes
+
+
+def is_one_mesh(source: object) -> bool:
+    """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
+    if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
+        return True
+    if not isinstance(source, (tuple, list)) or len(source) != 2:
+        return False
+    points = source[0]
+    if isinstance(points, (tuple, list)):
+        # its first item is a point, or the vertices of the first of two pairs
+        return len(points) == 0 or np.size(points[0]) == 3
+    return np.ndim(points) == 2
+
+
+def _is_trimesh_scene(source: object) -> bool:
+    return hasattr(source, "geometry") and hasattr(source, "graph")
+
+
+def _placed_meshes(scene: Any, settings: dict[str, Any]) -> list[Mesh]:
+    """Place every mesh of a trimesh scene once for each node that shows it."""
+    meshes = []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if len(getattr(geometry, "faces", ())):
+            meshes.append(_mesh_of(geometry, settings).transformed(matrix))
+    if not meshes:
+        raise ModelError("the trimesh scene has no faces")
+    return meshes
+
+
+def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
+    """Return one mesh as `Mesh.from_any` does, with settings as `meshes_from` takes them."""
+    if isinstance(source, Mesh):
+        return replace(source, **settings) if settings else source
+    if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
+        return Mesh(source.vertices, source.faces, **_trimesh_extras(source), **settings)
+    if isinstance(source, (tuple, list)) and len(source) == 2:
+        return Mesh(source[0], source[1], **settings)
+    if hasattr(source, "vertices") or getattr(source, "shape", ())[1:] == (3,):
+        raise ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
+    legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); load() takes files and trimesh scenes, too"
+    raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
 
 
 def _checked_crease_angle(angle: object) -> float | None:

@@ -18,7 +18,7 @@ from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb, surface_rgb
 from .lights import Light, checked_lights, studio
 from .material import Material
-from .mesh import MAX_FACES, Mesh, MeshLike
+from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh
 from .validate import choice, number, picture_size, store, value_class
 
 
@@ -259,19 +259,6 @@ def _checked_meshes(meshes: object) -> tuple[Mesh, ...]:
     if n_face > MAX_FACES:
         raise SceneError(f"a scene may have up to {MAX_FACES} faces; given {n_face}")
     return result
-
-
-def is_one_mesh(source: object) -> bool:
-    """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
-    if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
-        return True
-    if not isinstance(source, (tuple, list)) or len(source) != 2:
-        return False
-    points = source[0]
-    if isinstance(points, (tuple, list)):
-        # its first item is a point, or the vertices of the first of two pairs
-        return len(points) == 0 or np.size(points[0]) == 3
-    return np.ndim(points) == 2
 
 
 SceneLike: TypeAlias = Scene | MeshLike | Sequence[Any]  # what is drawn, as a caller may give it

@@ -14,7 +14,7 @@ from helpers.model_bytes import box, exported, gltf_with
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.io.files import Folder, OutsideError, identity_of, read_named, write_whole
+from rasterizer.io.files import Folder, OutsideError, identity_of, read_source, write_whole
 
 TEXTURED = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n"
 SECRET = "outside/secret.png"
@@ -189,7 +189,7 @@ def test_what_a_person_names_may_be_elsewhere_but_must_end(place):
     assert rz.load(place / "in" / "link.stl").n_face == 12
     with pytest.raises(rz.ModelError, match="it is a device"):
         rz.load("/dev/zero", format="stl")
-    assert read_named(place / "box.stl")
+    assert read_source(place / "box.stl", "box.stl")
 
 
 def test_arrays_beside_a_scene_are_read(place):

@@ -13,7 +13,7 @@ from helpers.model_bytes import GLB, box, embedded_gltf, exported, gltf_with, ri
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError, SceneError
-from rasterizer.io.loader import load
+from rasterizer.io.loader import demo_model, load
 from rasterizer.scene.lights import headlight
 from rasterizer.scene.material import Material
 
@@ -217,3 +217,40 @@ def test_broken_gltf_is_refused():
     for data in (GLB[:-10], GLB[:15], GLB[:4] + b"\1" + GLB[5:], b"x" + GLB[1:]):
         with pytest.raises(ModelError, match="^model: (not a readable GLB|not a GLB) file"):
             load(data, format="glb")
+
+
+# --- the model that comes with the package ------------------------------------------------------------------
+
+
+def test_the_demo_model_is_the_gallerys():
+    for path in (demo_model(), demo_model().with_suffix(".mtl")):
+        assert path.read_bytes() == (MODELS / path.name).read_bytes(), "run models/make_models.py"
+
+
+def test_the_demo_model_loads_with_all_its_materials(recwarn):
+    scene = load(demo_model())
+    assert not recwarn.list
+    assert scene.n_face == 5198 and len({material.name for mesh in scene.meshes for material in mesh.palette}) == 7
+
+
+# --- what is not taken for granted --------------------------------------------------------------------------
+
+
+def test_bad_faces_of_trimesh_objects_are_dropped_where_asked():
+    soup = box()
+    soup.vertices[0] = np.nan
+    with pytest.raises(ModelError, match="finite"):
+        load(soup)
+    assert 0 < only_mesh(soup, drop_bad_faces=True).n_face < 12
+    assert 0 < only_mesh([trimesh.Scene(soup)], drop_bad_faces=True).n_face < 12
+
+
+def test_an_open_file_names_others_as_its_path_does(tmp_path):
+    (tmp_path / "wood.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    (tmp_path / "in").mkdir()
+    path = tmp_path / "in" / "a.obj"
+    path.write_text("mtllib ../wood.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    read = []
+    with open(path, "rb") as stream:
+        (mesh,) = load(stream, allow_outside=True, files_read=read).meshes
+    assert mesh.material.diffuse == (1, 0, 0) and len(read) == 1

@@ -57,13 +57,19 @@ def test_off_heads_comments_and_polygons():
         " \n\tOFF 6 1 0\n",
     )
     for head in heads:
-        mesh = one(head + ELL + "6 0 1 2 3 4 5\n", "off")
+        with pytest.warns(UserWarning, match="cuts 1 polygon of more than 4 corners as fans: concave ones look"):
+            mesh = one(head + ELL + "6 0 1 2 3 4 5\n", "off")
         corners = mesh.vertices[mesh.faces]
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
         assert mesh.n_face == 4 and abs(area - 28) < 1e-12, head
     facts = []
     mesh = one("NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n", "off", log=facts.append)
     assert mesh.normals is None and facts[0].endswith("not used: normals")
+
+
+def test_off_of_quads_alone_is_not_warned_of(recwarn):
+    assert one("OFF\n6 2 0\n" + ELL + "4 0 1 2 3\n3 3 4 5\n", "off").n_face == 3
+    assert not recwarn.list
 
 
 def test_off_says_that_colours_are_left_out():

@@ -288,7 +288,7 @@ def test_text_that_is_no_scene(tmp_path):
 
     assert_refused(load, [(each, f"a.{each[0]}: {each[2]}") for each in texts], rz.ModelError)
     (tmp_path / "b.json").mkdir()
-    cases = [(tmp_path / "none.json", "none.json: no such file"), (tmp_path / "b.json", "b.json: can't be read")]
+    cases = [(tmp_path / "none.json", "none.json: no such file"), (tmp_path / "b.json", "b.json: is a folder")]
     assert_refused(rz.Scene.load, cases, rz.ModelError)
     with pytest.raises(rz.ModelError, match="unknown format 'yaml' of a scene file"):
         read({}, format="yaml")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rasterizer.errors import ModelError
 from rasterizer.geometry.points import smooth_part
 from rasterizer.io.loader import load
-from rasterizer.io.text_numbers import noticing_progress
+from rasterizer.io.model_file import noticing_progress
 from rasterizer.io.weld import unique_rows, weld_triangles
 
 
