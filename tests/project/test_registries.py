@@ -504,7 +504,7 @@ def test_models_and_buffers_that_disagree_are_refused_with_the_place():
         (registries.add_reflection, Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),
         (registries.add_reflection, Flat, r"the bound says turn=0.5; at N = "),
         (registries.add_buffer, Twice, r"on a tetrahedron, face 0, corner 0, at \(1, 1, 1\): values gives"),
-        (registries.add_buffer, Eight, r"disagree at pixel \(\d+, \d+\) of a ball: 7 by the engine, 8 by"),
+        (registries.add_buffer, Eight, r"disagree at pixel \(\d+, \d+\) of a torus: 7 by the engine, 8 by"),
     ):
         with pytest.raises(rz.SceneError, match=match):
             add("odd", cls)
