@@ -2,12 +2,12 @@
 
 Who asks, and for what:
 
-    plan                which lights are ambient, what area lights are made of, whether float32 holds their numbers
-    bounds              how strong it is at most, how far its factors magnify rounding errors, where it jumps
-    uniforms            the pipeline's function for it, the coefficients that this function reads, where it ends
-    shadow_maps         the beam that a map has to show
-    view_plans          how near the lit points come to it
-    analysis/mach       the beam, too: which side of a face is lit
+    scene_tables    which lights are ambient, and which lights stand for one
+    plan            how near the lit points come to it, and whether float32 holds its numbers
+    bounds          how strong it is at most, how far its factors magnify rounding errors, where it jumps
+    uniforms        the pipeline's function for it, and the coefficients that this function reads
+    shadow_maps     the beam that a map has to show
+    analysis/mach   the beam, too: which side of a face is lit
 
 Light of one's own is a class that derives from `registries.CustomLight`; CustomEntry says here what it says.
 """
@@ -23,7 +23,7 @@ from ..errors import SceneError
 from ..pipeline import lights as pipeline
 from ..scene.camera import View
 from ..scene.lights import light_type_of
-from .rounding import SINGLE, Step, step_cosine, times
+from .rounding import SINGLE, Discontinuity, step_cosine, times
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
@@ -35,7 +35,7 @@ class Beam(NamedTuple):
     """Where a light shines from, and to, in the world."""
 
     origin: NDArray[np.float64] | None  # (3,); None = infinitely far away
-    axis: NDArray[np.float64] | None  # (3,) unit, the way the light travels; None = to all sides
+    axis: NDArray[np.float64] | None  # (3,) unit, along which the light travels; None = to all sides
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
 
 
@@ -102,7 +102,7 @@ class LightEntry:
         """Return what share of the largest strength it changes by, at most, for each radian that the normal turns."""
         return 0.0
 
-    def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
 
@@ -222,7 +222,7 @@ class SpotEntry(PointEntry):
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
         return super().steepness(light) + sine * fall_rise(light) + of_exponent
 
-    def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
         """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
         inner, outer = cone_cosines(light)
         near = max(step_cosine(u), LEAST_FALL) if inner - outer < LEAST_FALL else 0.0
@@ -230,7 +230,7 @@ class SpotEntry(PointEntry):
             near = max(near, LEAST_SHARE * (inner - outer))
         if light.exponent < 1.0 and outer < LEAST_FALL:
             near = max(near, LEAST_FALL)
-        return (Step("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
+        return (Discontinuity("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
 
 
 class AreaEntry(LightEntry):

@@ -61,7 +61,6 @@ class PlanParts(NamedTuple):
     """What follows from a plan alone: kept until a view needs another one."""
 
     plan: Plan
-    dtypes: tuple[np.dtype, ...]  # that materials are lit in
     coding: Coding  # without depths
     encoding: Encoding
     summary: PlanSummary
@@ -164,11 +163,11 @@ class PreparedScene:
     def color_pass(self, view: View, screen, plan: Plan, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
         options, parts = self.options, self._parts_of(plan)
-        maps: dict[np.dtype, Any] = dict.fromkeys(parts.dtypes, ())
+        maps: dict[np.dtype, Any] = dict.fromkeys(plan.dtypes, ())
         if plan.has_shadows:
-            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in parts.dtypes}
+            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
-        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in parts.dtypes}
+        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in plan.dtypes}
         shared = {
             "coding": parts.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
@@ -202,7 +201,7 @@ class PreparedScene:
             step = lookup_step(options.factor, options.antialias == "shade-once")
             coding = make_coding(plan, options.tolerance, step)
             encoding = make_encoding(plan, self.tables.background, options.color_range)
-            self._plan_parts = PlanParts(plan, plan.dtypes, coding, encoding, summarize(plan))
+            self._plan_parts = PlanParts(plan, coding, encoding, summarize(plan))
         return self._plan_parts
 
     def _light_points(self, plan: Plan, lightings, screen) -> Attributes:
