@@ -25,7 +25,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import fields, is_dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -35,8 +35,8 @@ from .choices import BUFFERS, SAVED_ARRAYS
 from .engine import lights as engine_lights
 from .engine import reflections as engine_reflections
 from .engine.buffers import BUFFER_TABLE, draw_custom
-from .engine.lights import LIGHT_TABLE, Beam
-from .engine.reflections import REFLECTION_TABLE
+from .engine.lights import LIGHT_TABLE, Beam, LightBound
+from .engine.reflections import REFLECTION_TABLE, ReflectionBound
 from .errors import SceneError, shown
 from .io.formats import FORMATS, Format, register
 from .reference.buffers import CUSTOM_BUFFERS
@@ -53,22 +53,6 @@ __all__ = [
 ]  # fmt: skip
 
 # ---------------------------------------------------------------- what a class says
-
-
-class LightBound(NamedTuple):
-    """How strong a light is at most, and how far it magnifies errors.
-
-    Parameters
-    ----------
-    strength : the largest part of its colour that arrives anywhere, above 0
-    normal : what the strength changes by, at most, for each radian that the normal turns
-    position : what the direction turns by, radians, and the strength changes by, as a part of the largest, at most,
-        for each scene unit that a point moves
-    """
-
-    strength: float = 1.0
-    normal: float = 0.0
-    position: float = 0.0
 
 
 class CustomLight:
@@ -132,19 +116,6 @@ class CustomLight:
     def reference_position(self, frame: Any) -> Sequence[float] | NDArray | None:
         """Return where it shines from, world space, for the rays of its shadows; None = from infinitely far away."""
         return None
-
-
-class ReflectionBound(NamedTuple):
-    """How far a reflection model magnifies errors. D is at most 1.
-
-    Parameters
-    ----------
-    turn : what D and S change by, at most, for each radian that the normal or the direction to the light turns
-    highlight : the largest S
-    """
-
-    turn: float = 1.0
-    highlight: float = 1.0
 
 
 class CustomReflection:

@@ -402,12 +402,12 @@ def bound_buffers(names, screen: Screen, furthest: float, nearest: float, shorte
 
 def bound_filters(plan: Any) -> tuple[FilterBound, ...]:
     """Return what the filters of a plan's textures may add: all that a texture can change of an intensity."""
-    most: dict[str, float] = {}
+    found: dict[str, float] = {}
     for material, bound in zip(plan.materials, plan.brightness.at(plan.clearances).of_materials.tolist(), strict=True):
         if material.texture is not None:
             name = material.texture.filter
-            most[name] = max(most.get(name, 0.0), bound)
-    return tuple(FilterBound(name, most[name], 2.0**-20 if name == "nearest" else 0.0) for name in sorted(most))
+            found[name] = max(found.get(name, 0.0), bound)
+    return tuple(FilterBound(name, found[name], 2.0**-20 if name == "nearest" else 0.0) for name in sorted(found))
 
 
 def furthest_of(bounds: np.ndarray, eye: np.ndarray) -> float:

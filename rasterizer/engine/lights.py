@@ -39,6 +39,22 @@ class Beam(NamedTuple):
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
 
 
+class LightBound(NamedTuple):
+    """How strong a light is at most, and how far it magnifies errors.
+
+    Parameters
+    ----------
+    strength : the largest part of its colour that arrives anywhere, above 0
+    normal : what the strength changes by, at most, for each radian that the normal turns
+    position : what the direction turns by, radians, and the strength changes by, as a part of the largest, at most,
+        for each scene unit that a point moves
+    """
+
+    strength: float = 1.0
+    normal: float = 0.0
+    position: float = 0.0
+
+
 class LightEntry:
     """Hold what the engine knows of a type of light.
 
@@ -289,29 +305,32 @@ class CustomEntry(LightEntry):
         """Return where it shines, if it says so."""
         return light.beam(view) if self.has_beam else None
 
-    def clearance(self, light: Any, view: View, distance: Distance) -> float:
-        """Return the length over which the position turns it, or changes its strength, by as much as it has."""
-        bound = light.bound()
-        return math.inf if bound is None or bound.position == 0.0 else 1.0 / bound.position
-
-    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """Return the largest strength that it states; infinite where it states none."""
-        bound = light.bound()
-        return math.inf if bound is None else bound.strength
-
-    def normal_slope(self, light: Any) -> float:
-        """Return what it states; where it states none its strength has no limit, and slopes don't count."""
-        bound = light.bound()
-        return 0.0 if bound is None else bound.normal / bound.strength
-
     def has_bound(self, light: Any) -> bool:
         """Tell whether it states one."""
         return light.bound() is not None
 
+    def clearance(self, light: Any, view: View, distance: Distance) -> float:
+        """Return the length over which the position turns it, or changes its strength, by as much as it has."""
+        slope = _bound_of(light).position
+        return 1.0 / slope if slope > 0.0 else math.inf
+
+    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
+        """Return the largest strength that it states."""
+        return _bound_of(light).strength
+
+    def normal_slope(self, light: Any) -> float:
+        """Return what it states, as a share of the strength."""
+        return _bound_of(light).normal / _bound_of(light).strength
+
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the lengths that the bound names."""
-        bound = light.bound()
-        return () if bound is None or bound.position == 0.0 else (bound.position, 1.0 / bound.position)
+        slope = _bound_of(light).position
+        return (slope, 1.0 / slope) if slope > 0.0 else ()
+
+
+def _bound_of(light: Any) -> LightBound:
+    """Return the bound that a light of one's own states; where it states none its strength has no limit."""
+    return light.bound() or LightBound(strength=math.inf)
 
 
 # By the words of scene.lights.LIGHT_TYPES.

@@ -112,18 +112,18 @@ def _checked_material(material: object) -> Material:
 def _checked_points(points, normals, tangents, material):
     """Points, unit normals and tangents as (n, 3) float64, and the shape that they had."""
     names = ("points", "normals", "tangents")
-    given = [
+    arrays = [
         _vectors(value, name)
         for value, name in zip((points, normals, tangents), names, strict=True)
         if value is not None
     ]
     try:
-        given = np.broadcast_arrays(*given)
+        arrays = np.broadcast_arrays(*arrays)
     except ValueError:
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, given, strict=False))
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=False))
         raise SceneError(f"the shapes of points and normals must fit each other; given {shapes}") from None
-    shape = given[0].shape
-    points, normals = given[0].reshape(-1, 3), given[1].reshape(-1, 3)
+    shape = arrays[0].shape
+    points, normals = arrays[0].reshape(-1, 3), arrays[1].reshape(-1, 3)
     largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
     if (largest == 0.0).any():
         raise SceneError("normals must have a length; given a zero vector")
@@ -132,7 +132,7 @@ def _checked_points(points, normals, tangents, material):
     normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))
     if tangents is None and material.is_anisotropic and material.tangent == "u":
         raise SceneError("a material brushed along u needs tangents, (..., 3); or give its tangent as an axis")
-    return points, normals, given[2].reshape(-1, 3) if tangents is not None else np.zeros_like(points), shape
+    return points, normals, arrays[2].reshape(-1, 3) if tangents is not None else np.zeros_like(points), shape
 
 
 def _vectors(value, name) -> np.ndarray:

@@ -36,13 +36,11 @@ from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import NO_CLOCK, Counts, draw
-from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
+from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
 from .plan import Plan, ViewPlan, ViewPlans
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
 from .uniforms import light_view, list_materials, with_functions
-
-NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 
 
 class DrawnPicture(NamedTuple):
@@ -126,7 +124,7 @@ class PreparedScene:
 
     def _plan_on(self, view: View, screen: Screen) -> ViewPlan:
         """The plan for a view, on the screen of its picture."""
-        return self.view_plans.plan_for(view, screen, lambda: self._shadows.shift(view))
+        return self.view_plans.plan_for(view, screen, lambda: self._shadows.precision.shift(view))
 
     def summary_of(self, plan: Plan, paths: PathCounts | None = None) -> PlanSummary:
         """Return a plan in words, with how many triangles took which path."""
@@ -181,11 +179,11 @@ class PreparedScene:
         }
         if plan.is_lit_per_sample:
             attributes = self._normals.of(plan)
-            face_table = FaceTable(self._shadows.shapes if plan.has_shadows else NO_SHAPES)
+            face_table = FaceTable(self._shadows.shapes) if plan.has_shadows else NO_TABLE
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
-        return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
+        return InterpolatedPass(attributes=attributes, **shared)
 
     def _lighting_in(self, plan: Plan, dtype: np.dtype) -> Lighting:
         """The illumination in one type, but for what a view says of it."""

@@ -12,11 +12,24 @@ The bounds of a highlight are those of one whose largest value is 1: see the tab
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
 from .rounding import DOUBLE, SINGLE, Discontinuity, step_cosine
+
+
+class ReflectionBound(NamedTuple):
+    """How far a reflection model magnifies errors. D is at most 1.
+
+    Parameters
+    ----------
+    turn : what D and S change by, at most, for each radian that the normal or the direction to the light turns
+    highlight : the largest S
+    """
+
+    turn: float = 1.0
+    highlight: float = 1.0
 
 
 class ReflectionEntry:
@@ -291,7 +304,7 @@ class ToonEntry(ReflectionEntry):
         return (Discontinuity("a toon's levels", step_cosine(u), "cosine of an angle"),)
 
 
-UNKNOWN_SLOPE = 1e30  # of a model that states no bound: no error is small enough for float32
+UNKNOWN = ReflectionBound(turn=1e30)  # of a model that states none: no error is small enough for float32
 
 
 class CustomEntry(ReflectionEntry):
@@ -301,31 +314,31 @@ class CustomEntry(ReflectionEntry):
     """
 
     def __init__(self, model: Any) -> None:
-        self._model = model
         self._function = pipeline.ReflectionFunction(
             pipeline.function_of_reflection(type(model).reflect), model.needs_view, model.has_highlight
         )
         self.has_bound = model.bound is not None
+        self._bound = model.bound or UNKNOWN
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the formula."""
         return self._function
 
     def brightest_highlight(self, material: Any) -> float:
-        """Return the largest S that the model states, else 1."""
-        return self._model.bound.highlight if self.has_bound else 1.0
+        """Return the largest S that the model states."""
+        return self._bound.highlight
 
     def diffuse_slope(self, material: Any) -> float:
         """Return what the model states beyond Lambert's slope of 1."""
-        return max(self._model.bound.turn - 1.0, 0.0) if self.has_bound else UNKNOWN_SLOPE
+        return max(self._bound.turn - 1.0, 0.0)
 
     def turn_slope(self, material: Any) -> float:
         """Return what the model states, for a highlight of height 1."""
-        return self._model.bound.turn / max(self._model.bound.highlight, 1e-30) if self.has_bound else UNKNOWN_SLOPE
+        return self._bound.turn / max(self._bound.highlight, 1e-30)
 
     def highlight_rounding(self, material: Any, u: float) -> float:
         """N, L and V err by 8 u at most, which turns the model by three times that; and its own operations."""
-        return (24.0 * self._model.bound.turn + 16.0) * u if self.has_bound else 1.0
+        return (24.0 * self._bound.turn + 16.0) * u
 
 
 # By the words of scene.material.REFLECTION_MODELS.

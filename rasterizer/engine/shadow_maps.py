@@ -69,7 +69,7 @@ class Shadows:
         maps: list[ShadowMap | None] = []
         room = MAX_TEXELS
         for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+            if self._casters is None or not self._is_asked(plan, k):
                 maps.append(None)
                 continue
             key = k, dtype
@@ -83,11 +83,15 @@ class Shadows:
             maps.append(shadow_map)
         return maps
 
+    def _is_asked(self, plan: Plan, k: int) -> bool:
+        """Tell whether a light casts shadows, and some material reflects it."""
+        return shadow_of(plan.lights[k]) is not None and bool(plan.is_lit[:, k].any())
+
     def list_bounds(self, plan: Plan, view: View) -> tuple[ShadowBound, ...]:
-        """List what the maps of each kind of light that casts shadows in a view can't tell, see `ShadowBound`."""
+        """List what the maps of each type of light that casts shadows in a view can't tell, see `ShadowBound`."""
         found: dict[str, ShadowBound] = {}
         for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+            if self._casters is None or not self._is_asked(plan, k):
                 continue
             if k not in self._texels or is_carried(light):
                 beam = entry_of(light).beam(light, view)
@@ -100,13 +104,9 @@ class Shadows:
                 found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
         return tuple(found.values())
 
-    def shift(self, view: View) -> float:
-        """Return how far float32 moves what shadows are asked for in a view, scene units; see `Precision`."""
-        return self._precision.shift(view)
-
     @cached_property
-    def _precision(self) -> "Precision":
-        """Made for the first view that may be drawn in float32."""
+    def precision(self) -> "Precision":
+        """How far float32 moves what shadows are asked for; made for the first view that may be drawn in float32."""
         return Precision(self._plan, self._bounds)
 
     @cached_property
