@@ -307,6 +307,17 @@ class MapViews(NamedTuple):
     views: list[tuple[View, Projection]]
     is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
 
+    def texels(self, corners: NDArray[np.float64]) -> list[tuple[float, float]]:
+        """Return the shorter and the longer side of a texel of each map that is needed, scene units, on a surface that
+        faces the light where the scene is furthest from it; `corners` are those of `choose_views`."""
+        points, found = (corners - self.origin).reshape(-1, 3), []
+        for (view, projection), is_needed in zip(self.views, self.is_needed, strict=True):
+            furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
+            if is_needed and furthest > 0.0:
+                scales = projection.scale_x, projection.scale_y
+                found.append((furthest / max(scales), furthest / min(scales)))
+        return found
+
 
 def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapViews:
     """Choose the views that a light's maps show of the scene.
@@ -399,13 +410,7 @@ def map_side(shadow: Any) -> int:
 def widest_texel(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> float:
     """Return the largest side of a texel of a light's maps, scene units, on a surface that faces the light where the
     scene is furthest from it; arguments as `choose_views` takes them."""
-    maps, widest = choose_views(beam, corners, shadow), 0.0
-    points = (corners - maps.origin).reshape(-1, 3)
-    for (view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-        furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
-        if is_needed and furthest > 0.0:
-            widest = max(widest, furthest / min(projection.scale_x, projection.scale_y))
-    return widest
+    return max((longer for _, longer in choose_views(beam, corners, shadow).texels(corners)), default=0.0)
 
 
 # ---------------------------------------------------------------- what a light reaches, and what its maps leave out
@@ -523,10 +528,5 @@ class Precision:
         if beam is None:
             return np.zeros(3), 0.0, math.inf
         maps = choose_views(beam, self._corners, shadow_of(light))
-        points = (self._corners - maps.origin).reshape(-1, 3)
-        texel = math.inf
-        for (map_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-            furthest = float((points @ map_view.forward).max()) if projection.is_perspective else 1.0
-            if is_needed and furthest > 0.0:
-                texel = min(texel, furthest / max(projection.scale_x, projection.scale_y))
-        return maps.origin, float(np.abs(points).sum(axis=1).max()), texel
+        extent = float(np.abs(self._corners - maps.origin).sum(axis=2).max())
+        return maps.origin, extent, min((shorter for shorter, _ in maps.texels(self._corners)), default=math.inf)
