@@ -142,13 +142,13 @@ def turntable(
 
 def _cameras(scene: Scene, n_frame: int, size: tuple[int, int], camera: object, **framing: Any) -> list[Camera]:
     """Return the cameras of a round: those of an orbit, or one that is given, turned."""
-    given = {name: value for name, value in framing.items() if value is not None}
+    asked = {name: value for name, value in framing.items() if value is not None}
     if camera is None:
-        return Camera.orbit(scene, n_frame, size=size, **given)
+        return Camera.orbit(scene, n_frame, size=size, **asked)
     if not isinstance(camera, Camera):
         raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
-    if given:
-        raise SceneError(f"a turntable has a camera, or frames the scene; given camera, {', '.join(given)}")
+    if asked:
+        raise SceneError(f"a turntable has a camera, or frames the scene; given camera, {', '.join(asked)}")
     angles = [360.0 * k / n_frame for k in range(n_frame)]
     return turned_cameras(camera, angles, AXES[scene.up], pivot_of(camera, scene.bounds))
 

@@ -160,9 +160,9 @@ class Options:
             width, height = size
         except (TypeError, ValueError):
             width = height = None
-        most = MAX_PIXELS // self.factor
-        if not (is_whole(width, 1, most) and is_whole(height, 1, most)):
-            legal = f"(width, height), each 1 to {most} px with {self.samples} samples"
+        limit = MAX_PIXELS // self.factor
+        if not (is_whole(width, 1, limit) and is_whole(height, 1, limit)):
+            legal = f"(width, height), each 1 to {limit} px with {self.samples} samples"
             raise SceneError(f"size must be {legal}; given {shown(self.size)}")
         return int(width), int(height)
 
@@ -221,15 +221,15 @@ def _checked_count(name: str, value: object, low: int, high: int, unit: str = ""
 
 
 def _checked_edges(edges: object) -> tuple:
-    """Return the kinds of edges as a tuple; a kind alone is one, None is none."""
+    """Return the types of edges as a tuple; one alone is a tuple of it, None is none."""
     try:
-        kinds = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
+        names = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
     except TypeError:
         raise SceneError(f"edges must be one or several of {', '.join(EDGE_TYPES)}; given {shown(edges)}") from None
-    for kind in kinds:
-        _check_choice("edges", kind, EDGE_TYPES)
-    every = tuple(kind for kind in EDGE_TYPES if kind != "all")
-    return every if "all" in kinds else tuple(kind for kind in every if kind in kinds)
+    for name in names:
+        _check_choice("edges", name, EDGE_TYPES)
+    every = tuple(name for name in EDGE_TYPES if name != "all")
+    return every if "all" in names else tuple(name for name in every if name in names)
 
 
 def _checked_width(width: object) -> float:

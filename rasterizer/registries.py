@@ -23,8 +23,9 @@ one's own are compiled in every process: the disk cache keeps only kernels of th
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import fields, is_dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -34,8 +35,8 @@ from .choices import BUFFERS, SAVED_ARRAYS
 from .engine import lights as engine_lights
 from .engine import reflections as engine_reflections
 from .engine.buffers import BUFFER_TABLE, draw_custom
-from .engine.lights import LIGHT_TABLE, Beam
-from .engine.reflections import REFLECTION_TABLE
+from .engine.lights import LIGHT_TABLE, Beam, LightBound
+from .engine.reflections import REFLECTION_TABLE, ReflectionBound
 from .errors import SceneError, shown
 from .io.formats import FORMATS, Format, register
 from .reference.buffers import CUSTOM_BUFFERS
@@ -52,22 +53,6 @@ __all__ = [
 ]  # fmt: skip
 
 # ---------------------------------------------------------------- what a class says
-
-
-class LightBound(NamedTuple):
-    """How strong a light is at most, and how far it magnifies errors.
-
-    Parameters
-    ----------
-    strength : the largest part of its colour that arrives anywhere, above 0
-    normal : what the strength changes by, at most, for each radian that the normal turns
-    position : what the direction turns by, radians, and the strength changes by, as a part of the largest, at most,
-        for each scene unit that a point moves
-    """
-
-    strength: float = 1.0
-    normal: float = 0.0
-    position: float = 0.0
 
 
 class CustomLight:
@@ -131,19 +116,6 @@ class CustomLight:
     def reference_position(self, frame: Any) -> Sequence[float] | NDArray | None:
         """Return where it shines from, world space, for the rays of its shadows; None = from infinitely far away."""
         return None
-
-
-class ReflectionBound(NamedTuple):
-    """How far a reflection model magnifies errors. D is at most 1.
-
-    Parameters
-    ----------
-    turn : what D and S change by, at most, for each radian that the normal or the direction to the light turns
-    highlight : the largest S
-    """
-
-    turn: float = 1.0
-    highlight: float = 1.0
 
 
 class CustomReflection:
@@ -227,20 +199,20 @@ class CustomBuffer:
     def _spread(self, values: NDArray, mesh: Mesh, name: str) -> NDArray:
         """Return values at corners, whatever they were given at; labels as they are. SceneError where none fits."""
         values, n_vertex, n_face = np.asarray(values), len(mesh.vertices), mesh.n_face
-        whose = f"{type(self).__name__}.{name}"
-        if self.is_label:
-            if values.shape != (n_face,):
-                raise SceneError(f"{whose} must be ({n_face},), a label for each face; given {values.shape}")
-            return values.astype(np.int32)
+        if self.n_component == 1 and not self.is_label and values.shape[-1:] == (1,):
+            values = values[..., 0]
         tail = () if self.n_component == 1 else (self.n_component,)
-        shaped = (*values.shape, 1) if self.n_component == 1 and values.shape[-1:] != (1,) else values.shape
-        values = values.astype(np.float64).reshape(shaped)
-        if shaped == (n_vertex, self.n_component):
-            return values[mesh.faces]
-        if shaped == (n_face, 3, self.n_component):
-            return values
-        legal = f"{(n_vertex, *tail)}, of vertices, or {(n_face, 3, *tail)}, of corners"
-        raise SceneError(f"{whose} must be {legal}; given {values.shape}")
+        legal = {(n_face,): "labels of faces"} if self.is_label else {
+            (n_vertex, *tail): "of vertices", (n_face, 3, *tail): "of corners"
+        }  # fmt: skip
+        if values.shape not in legal:
+            words = " or ".join(f"{shape}, {what}" for shape, what in legal.items())
+            raise SceneError(f"{type(self).__name__}.{name} must be {words}; given {values.shape}")
+        if self.is_label:
+            return values.astype(np.int32)
+        values = values.astype(np.float64)
+        at_corners = values[mesh.faces] if len(values.shape) == 1 + len(tail) else values
+        return at_corners.reshape(n_face, 3, self.n_component)
 
 
 class CustomFormat:
@@ -319,9 +291,8 @@ def add_light(word: str, cls: type[CustomLight], *, examples: Sequence[Any] = ()
     if "shadow" in described and (cls.beam is None or cls.share is not None):
         raise SceneError(f"{cls.__name__} has a shadow, so it needs a beam, and an arrival")
     tables = [(LIGHT_TYPES, cls), (LIGHT_TABLE, engine_lights.CustomEntry(cls)), (LAMP_TYPES, CustomLamp())]
-    with _entered(word, tables, "a light") as entered:
-        agreement.compare_light(word, examples or agreement.make_examples(cls, described))
-        return entered.kept()
+    compared = examples or agreement.make_examples(cls, described)
+    return _enter(word, tables, "a light", lambda: agreement.compare_light(word, compared))
 
 
 def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:
@@ -351,9 +322,7 @@ def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:
         (REFLECTION_TABLE, engine_reflections.CustomEntry(model)),
         (REFERENCE_MODELS, ReferenceModel(reflect)),
     ]
-    with _entered(word, tables, "a reflection model") as entered:
-        agreement.compare_reflection(word, cls)
-        return entered.kept()
+    return _enter(word, tables, "a reflection model", lambda: agreement.compare_reflection(word, cls))
 
 
 def add_buffer(name: str, cls: type[CustomBuffer]) -> Registration:
@@ -379,9 +348,7 @@ def add_buffer(name: str, cls: type[CustomBuffer]) -> Registration:
     if buffer.write is None and buffer.is_label and np.isnan(buffer.empty):
         raise SceneError(f"{cls.__name__} holds labels, so it needs a whole number `empty`, as -1")
     tables = [(BUFFERS, cls.holds), (BUFFER_TABLE, draw_custom(buffer)), (CUSTOM_BUFFERS, buffer)]
-    with _entered(name, tables, "an output buffer") as entered:
-        agreement.compare_buffer(name, buffer)
-        return entered.kept()
+    return _enter(name, tables, "an output buffer", lambda: agreement.compare_buffer(name, buffer))
 
 
 def add_format(name: str, cls: type[CustomFormat]) -> Registration:
@@ -407,17 +374,10 @@ def add_format(name: str, cls: type[CustomFormat]) -> Registration:
     return Registration(name, [FORMATS])
 
 
-class _Entry(Registration):
-    """A registration that its `with` block undoes, unless it was kept."""
-
-    def kept(self) -> Registration:
-        """Return a registration that holds on, in place of this one."""
-        tables, self._tables = self._tables, []
-        return Registration(self.word, tables)
-
-
-def _entered(word: str, entries: list[tuple[dict[str, Any], Any]], what: str) -> _Entry:
-    """Enter a word in all tables, or in none. SceneError where it is no word, or some table has it."""
+def _enter(
+    word: str, entries: list[tuple[dict[str, Any], Any]], what: str, compare: Callable[[], None]
+) -> Registration:
+    """Enter a word in all tables, or in none where it is no word, some table has it, or the comparison raises."""
     if not isinstance(word, str) or not re.fullmatch(r"[a-z][a-z0-9-]*", word):
         raise SceneError(f"the word for {what} must be small letters, digits and hyphens; given {shown(word)}")
     for table, _ in entries:
@@ -425,7 +385,11 @@ def _entered(word: str, entries: list[tuple[dict[str, Any], Any]], what: str) ->
             raise SceneError(f"there is {what} {word!r} already; taken are {', '.join(table)}")
     for table, entry in entries:
         table[word] = entry
-    return _Entry(word, [table for table, _ in entries])
+    with ExitStack() as undo:
+        registration = undo.enter_context(Registration(word, [table for table, _ in entries]))
+        compare()
+        undo.pop_all()
+    return registration
 
 
 def _check_class(cls: Any, base: type) -> None:

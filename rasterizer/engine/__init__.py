@@ -22,7 +22,6 @@ Tables that take an entry for each type, also those of your own (registries.py):
     lights              what the engine asks of each type of light
     reflections         what it asks of each reflection model
     buffers             what it asks of each output buffer
-    formulas            lights and reflection models at points, without a picture: what registration compares
 
 Bounds, and what is drawn beside a picture:
 
@@ -30,5 +29,5 @@ Bounds, and what is drawn beside a picture:
     rounding            what all bounds of rounding share
     edges               edges over a picture
     ground_shadow       the soft shadow on the ground under a scene
-    point_lighting      the illumination equation at points, without a picture
+    point_lighting      the illumination equation at points, without a picture; one light, one reflection model
 """

@@ -55,10 +55,11 @@ from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen, skew_stretch
 from . import lights as light_table
 from . import reflections as reflection_table
-from .rounding import DOUBLE, SINGLE, Step, times
+from .rounding import DOUBLE, SINGLE, Discontinuity, times
+from .scene_tables import SceneTables
 
 EXACT = 1e-6  # what is stated of float64
-ROUNDED = 6e-7  # the most that float64 may err by before it becomes float32, where EXACT is stated
+ROUNDED = 6e-7  # how far float64 may be off before it becomes float32, where EXACT is stated
 MAX_LIGHT = 1024.0  # and the brightest that light may be without highlights
 WRITTEN = 6 * SINGLE  # a pixel over a background, in float32, of its own intensity
 # In units of u:
@@ -110,16 +111,15 @@ class Brightness(NamedTuple):
         return self._replace(diffuse=times(self.diffuse, strengths), specular=times(self.specular, strengths))
 
 
-def compute_brightness(materials, lights, ambient, max_albedo: float, products=None) -> Brightness:
+def compute_brightness(tables: SceneTables, max_albedo: float) -> Brightness:
     """Compute how bright each light makes each material at most, where its strength is 1.
 
     Parameters
     ----------
-    ambient : (3,) float64, the sum of the ambient lights
     max_albedo : largest component of the colours that multiply what materials reflect, textures' included
-    products : those of spectra (engine/plan.py), in which the exposure is included, or None
     """
-    undirected = np.array([max(m.ambient) * ambient.max() * max_albedo + max(m.emissive) for m in materials])
+    materials, lights, products = tables.materials, tables.lights, tables.products
+    undirected = np.array([max(m.ambient) * tables.ambient.max() * max_albedo + max(m.emissive) for m in materials])
     colors = np.array([max(light.color) for light in lights], float)
     diffuse = np.array([max(m.diffuse) for m in materials])[:, None] * colors
     specular = np.array([max(m.specular) for m in materials])[:, None] * colors
@@ -128,7 +128,7 @@ def compute_brightness(materials, lights, ambient, max_albedo: float, products=N
         diffuse = np.abs(products.diffuse).max(axis=2)
         specular = (np.abs(products.specular) + np.abs(products.grazing)).max(axis=2)
     heights = np.array([reflection_table.highlight_height(material) for material in materials])
-    return Brightness(undirected, diffuse * max_albedo, specular * heights[:, None], tuple(materials), tuple(lights))
+    return Brightness(undirected, diffuse * max_albedo, specular * heights[:, None], materials, lights)
 
 
 # ---------------------------------------------------------------- what rounding adds
@@ -166,9 +166,9 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     lights, materials = brightness.lights, brightness.materials
     # Float64 is right where float32 has lost all digits: a direction turns by 2 u·2^30 radians, more than there are.
     distances = distances.kept(2.0**-20 if u == SINGLE else 1.0)
-    models = [reflection_table.entry_of(material) for material in materials]
-    entries = [light_table.entry_of(light) for light in lights]
-    weights = np.array([model.weight(material, u) for model, material in zip(models, materials, strict=True)])
+    models = [(reflection_table.entry_of(material), material) for material in materials]
+    entries = [(light_table.entry_of(light), light) for light in lights]
+    weights = np.array([model.weight(material, u) for model, material in models])
     lit, fading = brightness.at(distances.clearances), distances.fading if u == SINGLE else 0.0
     lit = lit._replace(specular=lit.specular * weights[:, None])
     of_type, u = u, u + 0.5 * distances.lean * DOUBLE
@@ -176,17 +176,17 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     position = ((SAMPLES if per_sample else POINTS) * u + DEPTHS * DOUBLE + ratio) * distances.furthest
     normal = (NORMALS * u + ratio) / distances.shortest if per_sample else 0.0
     turns = np.where(np.isfinite(distances.clearances), position[:, None] / distances.clearances + u, 0.0)
-    steep = np.array([entry.steepness(light) for entry, light in zip(entries, lights, strict=True)], float)
-    slopes = np.array([entry.slope(light) for entry, light in zip(entries, lights, strict=True)], float)
-    bends = np.array([entry.normal_slope(light) for entry, light in zip(entries, lights, strict=True)], float)
+    steep = np.array([entry.steepness(light) for entry, light in entries], float)
+    slopes = np.array([entry.slope(light) for entry, light in entries], float)
+    bends = np.array([entry.normal_slope(light) for entry, light in entries], float)
     of_light = times(2.0 + slopes, turns) + CONE * u * steep + times(bends, normal + 2.0 * u)
     # What rounding may carry across the edge of a sharp cone must stay within what counts as lying on it.
-    edges = [[step.near for step in entry.steps(light, of_type)] for entry, light in zip(entries, lights, strict=True)]
+    edges = [[edge.near for edge in entry.discontinuities(light, of_type)] for entry, light in entries]
     near = np.array([min(of_one, default=np.inf) for of_one in edges], float)
     of_light = np.where(turns + CONE * u > near / 2.0, np.inf, of_light)
     n_term = len(lights) * (2 if any(map(reflection_table.has_colored_fresnel, materials)) else 1)
     error = (u * (LIT + INTERPOLATED + n_term) + ratio + fading) * lit.of_materials + fading * fades_to
-    for k, (model, material) in enumerate(zip(models, materials, strict=True)):
+    for k, (model, material) in enumerate(models):
         rough, rounding = model.diffuse_slope(material), model.highlight_rounding(material, of_type) * u / of_type
         of_diffuse = (1.0 + rough) * (turns[k] + normal) + ROUGH * u * rough + of_light[k]
         of_highlight = rounding + model.light_slope(material, of_type) * turns[k] + of_light[k]
@@ -218,29 +218,31 @@ def furthest_over_nearest(screen: Screen, furthest: float) -> float:
     return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
 
 
-# ---------------------------------------------------------------- steps
+# ---------------------------------------------------------------- discontinuities
 
 
-def list_steps(plan: Any, distances: Distances) -> tuple[Step, ...]:
-    """List the steps in what a frame shows, and how near to each of them its bound doesn't hold: those of materials,
+def list_discontinuities(plan: Any, distances: Distances) -> tuple[Discontinuity, ...]:
+    """List where what a frame shows jumps, and how near to each of them its bound doesn't hold: those of materials,
     then those of lights, of textures and shadows, and of positions."""
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    steps = [step for k, material in enumerate(plan.materials) if plan.is_lit[k].any()
-             for step in reflection_table.entry_of(material).steps(material, u)]  # fmt: skip
-    steps += [step for light in plan.reflected_lights for step in light_table.entry_of(light).steps(light, u)]
-    steps += _shadow_steps(plan, distances)
+    found: list[Discontinuity] = []
+    for material, is_lit in zip(plan.materials, plan.is_lit, strict=True):
+        found += reflection_table.entry_of(material).discontinuities(material, u) if is_lit.any() else ()
+    for light in plan.reflected_lights:
+        found += light_table.entry_of(light).discontinuities(light, u)
+    found += _shadow_edges(plan, distances)
     if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
-        steps.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
+        found.append(Discontinuity("the border between texels that are not blended", 2.0**-20, "texels"))
     least = MIN_SHARE * distances.furthest
     is_near = ((distances.clearances < least[:, None]) & plan.is_lit).any(axis=1)
     if is_near.any():
-        steps.append(Step("a light on a surface", float(least[is_near].max()), "scene units"))
+        found.append(Discontinuity("a light on a surface", float(least[is_near].max()), "scene units"))
     if distances.is_lit_per_sample and distances.shortest < MIN_NORMAL:
-        steps.append(Step("an interpolated normal without length", MIN_NORMAL, "of its length"))
-    return tuple(dict.fromkeys(steps))  # each cause once
+        found.append(Discontinuity("an interpolated normal without length", MIN_NORMAL, "of its length"))
+    return tuple(dict.fromkeys(found))  # each cause once
 
 
-def _shadow_steps(plan, distances) -> list[Step]:
+def _shadow_edges(plan, distances) -> list[Discontinuity]:
     """The edges of shadows, whose exact ones are those of rays from the lights.
 
     A point is compared with texels whose centres lie within half the filter of it, along each axis of the map; the
@@ -253,14 +255,16 @@ def _shadow_steps(plan, distances) -> list[Step]:
     shadows = [shadow for shadow in shadows if shadow is not None]
     if not shadows:
         return []
-    taps = max(shadow.filter for shadow in shadows)
-    steps = [Step("the edge of a shadow, or a fold towards its light", (taps + 1) / 2, "texels of the shadow map")]
+    half = (max(shadow.filter for shadow in shadows) + 1) / 2
+    found = [Discontinuity("the edge of a shadow, or a fold towards its light", half, "texels of the shadow map")]
     if plan.dtype == np.float32:
-        steps.append(Step("the edge of a shadow in float32", distances.shadow_shift, "scene units beside that"))
-    cause, unit = "what casts a shadow next to the surface", "times what the surface's depth changes by over a texel"
-    steps.append(Step(cause, 1.0, f"{unit}, and its normal offset"))
+        shift = distances.shadow_shift
+        found.append(Discontinuity("the edge of a shadow in float32", shift, "scene units beside that"))
+    cause, depth = "what casts a shadow next to the surface", "times what the surface's depth changes by over a texel"
+    found.append(Discontinuity(cause, 1.0, f"{depth}, and its normal offset"))
     units = max(shadow.size + shadow.filter for shadow in shadows) + DEPTH_PLANE_ROUNDING  # as in shadow_maps.py
-    return [*steps, Step(cause, units * 2.0**-DEPTH_BITS, "of the range of the map's depths, or of their inverses")]
+    rounding = units * 2.0**-DEPTH_BITS
+    return [*found, Discontinuity(cause, rounding, "of the range of the map's depths, or of their inverses")]
 
 
 # ---------------------------------------------------------------- outputs
@@ -273,11 +277,11 @@ MAX_RATIO = 2.0**26  # of the furthest to the nearest depth, where these are sta
 
 
 class ShadowBound(NamedTuple):
-    """What the shadow maps of a kind of light add to a bound: next to an edge of a shadow there is none.
+    """What the shadow maps of a type of light add to a bound: next to an edge of a shadow there is none.
 
     Parameters
     ----------
-    light : name of the kind; the cells of an area light are point lights
+    light : name of the type; the cells of an area light are point lights
     texel : the largest side of a texel, scene units, on a surface that faces the light, where the scene is furthest
         from it; on one that is turned away from it, as much longer as it is seen shorter from there
     near : how near to an edge of a shadow the bound of the colours doesn't hold, scene units along each side of a
@@ -326,7 +330,7 @@ class ErrorBounds(NamedTuple):
         have
     face : 0, exact: where surfaces lie further apart than depth can tell. Corners are rounded to 1/256 px and their
         depths are not: of two that are tilted, that is what the depth of either changes by over a 512th of a pixel
-    shadows : tuple of ShadowBound, one for each kind of light that casts shadows: what is no part of `color`
+    shadows : tuple of ShadowBound, one for each type of light that casts shadows: what is no part of `color`
     filters : tuple of FilterBound, one for each filter in use: likewise
     """
 
@@ -398,12 +402,12 @@ def bound_buffers(names, screen: Screen, furthest: float, nearest: float, shorte
 
 def bound_filters(plan: Any) -> tuple[FilterBound, ...]:
     """Return what the filters of a plan's textures may add: all that a texture can change of an intensity."""
-    most: dict[str, float] = {}
+    found: dict[str, float] = {}
     for material, bound in zip(plan.materials, plan.brightness.at(plan.clearances).of_materials.tolist(), strict=True):
         if material.texture is not None:
             name = material.texture.filter
-            most[name] = max(most.get(name, 0.0), bound)
-    return tuple(FilterBound(name, most[name], 2.0**-20 if name == "nearest" else 0.0) for name in sorted(most))
+            found[name] = max(found.get(name, 0.0), bound)
+    return tuple(FilterBound(name, found[name], 2.0**-20 if name == "nearest" else 0.0) for name in sorted(found))
 
 
 def furthest_of(bounds: np.ndarray, eye: np.ndarray) -> float:

@@ -109,9 +109,9 @@ def check_depths(camera, view, bounds) -> None:
     """Refuse a scene whose depths a float32 buffer can't hold."""
     depths = np.abs((bounds - view.eye) * view.forward).max(axis=1).sum(axis=1)
     largest = min(float(depths.max()), np.inf if camera.far is None else camera.far)
-    least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
-    if largest != 0.0 and not least <= largest <= most:
+    least, greatest = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
+    if largest != 0.0 and not least <= largest <= greatest:
         raise SceneError(
-            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {least:.3g} to {most:.3g}: "
-            "scale the scene, or leave depth out of the outputs"
+            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {least:.3g} to "
+            f"{greatest:.3g}: scale the scene, or leave depth out of the outputs"
         )

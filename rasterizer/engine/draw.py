@@ -77,19 +77,21 @@ def draw_band(
     workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
     if workspace.records.clipped_planes is not drawn.clipped_planes:
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
+    block, visibility, records = workspace.block, workspace.visibility, workspace.records
+
+    # Scan: the nearest opaque triangle of each sample goes into the visibility buffer, transparent ones are deferred.
     deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
-    found = ScanCounts(
-        *scan(
-            band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
-            deferred,
-        )
-    )  # fmt: skip
+    found = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, block, visibility, records, deferred))
+
+    # Shade: the radiance of the visible samples.
     translucent = None
     if deferred is None or deferred.is_empty:
         render_pass.shade(workspace, band, found, drawn.face_table)
     else:
         task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
         found, translucent = draw_transparent_band(task, found, deferred.listed())
+
+    # Resolve: the rows of the picture; those of buffers come from the same entries, or are scanned once more.
     is_shared = buffers is not None and buffers.can_share(render_pass, found)
     if is_shared:
         buffers.share(workspace, band, drawn)

@@ -24,7 +24,7 @@ from ..choices import Output
 from ..compiler.kernels import Job, compiling_ahead
 from ..options import Options
 from ..scene.camera import Camera
-from ..scene.color import linear_from_srgb, srgb_from_linear
+from ..scene.color import LINEAR_OF_BYTE, srgb_from_linear
 from ..scene.framing import orbit_axes
 from ..scene.lights import AmbientLight
 from ..scene.scene import Scene
@@ -160,7 +160,8 @@ class GroundShadow:
         is_behind = (opacity > 0) | (background is not None)
         at = np.nonzero((rgba[..., 3] < 255) & is_behind)
         levels = rgba[at]
-        colors, alphas = _over(_linear_levels()[levels[:, :3]], levels[:, 3] / np.float32(255), opacity[at], background)
+        linear = LINEAR_OF_BYTE[levels[:, :3]].astype(np.float32)
+        colors, alphas = _over(linear, levels[:, 3] / np.float32(255), opacity[at], background)
         rgba[at] = np.rint(255 * np.column_stack([srgb_from_linear(np.minimum(colors, 1)), alphas]))
         if color is not None and alpha is not None:
             at = np.nonzero((alpha < 1) & is_behind)
@@ -300,7 +301,7 @@ def _texel_planes(ground: _Ground, camera: Camera, size: tuple[int, int]) -> NDA
     across = np.stack([right / scale_x, -up / scale_y, up * (center_y / scale_y) - right * (center_x / scale_x)])
     height = float((eye - ground.center) @ ground.up)
     sinks = float(-forward @ ground.up)
-    steps = np.stack([ground.right, ground.front]) / ground.texel
+    axes = np.stack([ground.right, ground.front]) / ground.texel
     rows, columns = ground.shape
     middle = np.array([columns / 2, rows / 2])
     one = np.array([0.0, 0.0, 1.0])
@@ -309,12 +310,12 @@ def _texel_planes(ground: _Ground, camera: Camera, size: tuple[int, int]) -> NDA
             return None
         across[2] += forward
         w = -across @ ground.up  # the ray sinks by so much, and meets the ground at height/w of its length
-        hits = steps @ (across * height).T + np.outer(steps @ (eye - ground.center) + middle, w)
+        hits = axes @ (across * height).T + np.outer(axes @ (eye - ground.center) + middle, w)
         return np.stack([hits[0], hits[1], w])
     if sinks <= 0.0:
         return None
     heights = across @ ground.up + height * one
-    hits = steps @ (across + np.outer(one, eye - ground.center) + np.outer(heights / sinks, forward)).T
+    hits = axes @ (across + np.outer(one, eye - ground.center) + np.outer(heights / sinks, forward)).T
     return np.stack([hits[0] + middle[0] * one, hits[1] + middle[1] * one, one])
 
 
@@ -327,8 +328,3 @@ def _interpolated(values: NDArray[np.float32], x: NDArray, y: NDArray) -> NDArra
     upper = flat[first] + share_x * (flat[first + 1] - flat[first])
     lower = flat[first + pitch] + share_x * (flat[first + pitch + 1] - flat[first + pitch])
     return upper + share_y * (lower - upper)
-
-
-def _linear_levels() -> NDArray[np.float32]:
-    """Return the linear intensities of the 256 levels of sRGB."""
-    return linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)

@@ -2,12 +2,12 @@
 
 Who asks, and for what:
 
-    plan                which lights are ambient, what area lights are made of, whether float32 holds their numbers
-    bounds              how strong it is at most, how far its factors magnify rounding errors, where it jumps
-    uniforms            the pipeline's function for it, the coefficients that this function reads, where it ends
-    shadow_maps         the beam that a map has to show
-    view_plans          how near the lit points come to it
-    analysis/mach       the beam, too: which side of a face is lit
+    scene_tables    which lights are ambient, and which lights stand for one
+    plan            how near the lit points come to it, and whether float32 holds its numbers
+    bounds          how strong it is at most, how far its factors magnify rounding errors, where it jumps
+    uniforms        the pipeline's function for it, and the coefficients that this function reads
+    shadow_maps     the beam that a map has to show
+    analysis/mach   the beam, too: which side of a face is lit
 
 Light of one's own is a class that derives from `registries.CustomLight`; CustomEntry says here what it says.
 """
@@ -23,7 +23,7 @@ from ..errors import SceneError
 from ..pipeline import lights as pipeline
 from ..scene.camera import View
 from ..scene.lights import light_type_of
-from .rounding import SINGLE, Step, step_cosine, times
+from .rounding import SINGLE, Discontinuity, step_cosine, times
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
@@ -35,8 +35,24 @@ class Beam(NamedTuple):
     """Where a light shines from, and to, in the world."""
 
     origin: NDArray[np.float64] | None  # (3,); None = infinitely far away
-    axis: NDArray[np.float64] | None  # (3,) unit, the way the light travels; None = to all sides
+    axis: NDArray[np.float64] | None  # (3,) unit, along which the light travels; None = to all sides
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
+
+
+class LightBound(NamedTuple):
+    """How strong a light is at most, and how far it magnifies errors.
+
+    Parameters
+    ----------
+    strength : the largest part of its colour that arrives anywhere, above 0
+    normal : what the strength changes by, at most, for each radian that the normal turns
+    position : what the direction turns by, radians, and the strength changes by, as a part of the largest, at most,
+        for each scene unit that a point moves
+    """
+
+    strength: float = 1.0
+    normal: float = 0.0
+    position: float = 0.0
 
 
 class LightEntry:
@@ -102,7 +118,7 @@ class LightEntry:
         """Return what share of the largest strength it changes by, at most, for each radian that the normal turns."""
         return 0.0
 
-    def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
 
@@ -222,7 +238,7 @@ class SpotEntry(PointEntry):
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
         return super().steepness(light) + sine * fall_rise(light) + of_exponent
 
-    def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
         """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
         inner, outer = cone_cosines(light)
         near = max(step_cosine(u), LEAST_FALL) if inner - outer < LEAST_FALL else 0.0
@@ -230,7 +246,7 @@ class SpotEntry(PointEntry):
             near = max(near, LEAST_SHARE * (inner - outer))
         if light.exponent < 1.0 and outer < LEAST_FALL:
             near = max(near, LEAST_FALL)
-        return (Step("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
+        return (Discontinuity("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
 
 
 class AreaEntry(LightEntry):
@@ -289,29 +305,32 @@ class CustomEntry(LightEntry):
         """Return where it shines, if it says so."""
         return light.beam(view) if self.has_beam else None
 
-    def clearance(self, light: Any, view: View, distance: Distance) -> float:
-        """Return the length over which the position turns it, or changes its strength, by as much as it has."""
-        bound = light.bound()
-        return math.inf if bound is None or bound.position == 0.0 else 1.0 / bound.position
-
-    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """Return the largest strength that it states; infinite where it states none."""
-        bound = light.bound()
-        return math.inf if bound is None else bound.strength
-
-    def normal_slope(self, light: Any) -> float:
-        """Return what it states; where it states none its strength has no limit, and slopes don't count."""
-        bound = light.bound()
-        return 0.0 if bound is None else bound.normal / bound.strength
-
     def has_bound(self, light: Any) -> bool:
         """Tell whether it states one."""
         return light.bound() is not None
 
+    def clearance(self, light: Any, view: View, distance: Distance) -> float:
+        """Return the length over which the position turns it, or changes its strength, by as much as it has."""
+        slope = _bound_of(light).position
+        return 1.0 / slope if slope > 0.0 else math.inf
+
+    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
+        """Return the largest strength that it states."""
+        return _bound_of(light).strength
+
+    def normal_slope(self, light: Any) -> float:
+        """Return what it states, as a share of the strength."""
+        return _bound_of(light).normal / _bound_of(light).strength
+
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the lengths that the bound names."""
-        bound = light.bound()
-        return () if bound is None or bound.position == 0.0 else (bound.position, 1.0 / bound.position)
+        slope = _bound_of(light).position
+        return (slope, 1.0 / slope) if slope > 0.0 else ()
+
+
+def _bound_of(light: Any) -> LightBound:
+    """Return the bound that a light of one's own states; where it states none its strength has no limit."""
+    return light.bound() or LightBound(strength=math.inf)
 
 
 # By the words of scene.lights.LIGHT_TYPES.

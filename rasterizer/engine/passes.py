@@ -82,7 +82,7 @@ class Pass:
 
     @property
     def n_attribute(self) -> int:
-        """The most that a triangle has."""
+        """The largest number that a triangle has."""
         return max(array.shape[2] for array in self.attributes)
 
     def workspace_shape(self, n_row) -> WorkspaceShape:

@@ -25,7 +25,7 @@ from ..scene.camera import View
 from . import bounds as b
 from . import lights as light_table
 from . import reflections as reflection_table
-from .rounding import DOUBLE, SINGLE, Step
+from .rounding import DOUBLE, SINGLE, Discontinuity
 from .scene_tables import (
     Products,
     SceneTables,
@@ -42,7 +42,7 @@ LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 TOO_MUCH = "rounding beyond half of the tolerance"
 MAX_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
 ANYWHERE = View(np.zeros(3), *np.eye(3))  # for lights that don't move with the camera
-STEPS = 16  # an octave: views whose distances differ by less are planned alike
+PER_OCTAVE = 16  # views whose distances differ by less than this part of an octave are planned alike
 
 
 # ---------------------------------------------------------------- the plan of a scene, whatever the camera
@@ -131,7 +131,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
     fades_to = max(cue.color) if cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         max_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
-        brightness = b.compute_brightness(materials, tables.lights, tables.ambient, max_albedo, tables.products)
+        brightness = b.compute_brightness(tables, max_albedo)
         check_brightness(max(brightness.of_materials.max(initial=0.0), fades_to))
         brightest = brightness.at(clearances)
         bound = max(float(brightest.of_materials.max(initial=0.0)), fades_to)
@@ -193,7 +193,7 @@ class MaterialPlans(NamedTuple):
     n_attributes: NDArray[np.int64]  # (n,): how many of the attributes are read
     normal_limits: NDArray[np.float64]  # (n,): how far float32 planes may turn a normal, as there
     roundings: NDArray[np.float64]  # (n,): what rounding may add to an intensity, linear; see bounds.py
-    has_albedo: NDArray[np.bool_]  # (n,): colours are given with the model, or a texture
+    has_albedo: NDArray[np.bool_]  # (n,): colours come with the model, or a texture
     reasons: tuple[tuple[str, ...], ...]  # why float32 won't do; none where it does
 
     @property
@@ -383,7 +383,8 @@ class ViewPlans:
             plan = plan_of_view(self.plan, self._options.tolerance, distances)
             stated = error_bounds_of(plan, self._options.tolerance)
             reasons = list_unstated(plan, self._options, stated)
-            steps = (*b.list_steps(plan, distances), *(Step(reason, np.inf, "everywhere") for reason in reasons))
+            everywhere = tuple(Discontinuity(reason, np.inf, "everywhere") for reason in reasons)
+            steps = b.list_discontinuities(plan, distances) + everywhere
             error_bound = None if reasons else float(stated.max(initial=0.0))
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, b.bound_filters(plan))
         return self._last
@@ -400,10 +401,10 @@ class ViewPlans:
             if light_table.is_carried(light):
                 clearances[:, i] = self._clearances_from(light, view)
         with np.errstate(divide="ignore"):
-            octaves = np.floor(STEPS * np.log2(np.maximum(clearances - beside, 0.0)))
+            octaves = np.floor(PER_OCTAVE * np.log2(np.maximum(clearances - beside, 0.0)))
         return b.Distances(
             furthest=np.array([_up(away) for away in each]),
-            clearances=np.exp2(octaves / STEPS),
+            clearances=np.exp2(octaves / PER_OCTAVE),
             shortest=self._shortest,
             is_lit_per_sample=self._is_lit_per_sample,
             ratio=_up(b.furthest_over_nearest(screen, furthest)),
@@ -434,7 +435,7 @@ class ViewPlans:
 
 def _up(value: float) -> float:
     """A number, at least 0, rounded up to a sixteenth of an octave."""
-    return float(2.0 ** (np.ceil(STEPS * np.log2(value)) / STEPS)) if value > 0.0 else 0.0
+    return float(2.0 ** (np.ceil(PER_OCTAVE * np.log2(value)) / PER_OCTAVE)) if value > 0.0 else 0.0
 
 
 def list_lit(geometry, n_material, is_lit_per_sample) -> list[tuple]:
@@ -473,7 +474,7 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
     lit = plan.brightness.at(distances.kept().clearances)
     with np.errstate(invalid="ignore"):  # NaN, no bound, of light that has none
         double = b.rounding_errors(plan.brightness, distances, DOUBLE)
-    double /= np.maximum(lit.of_materials, 1.0)  # of full scale
+        double /= np.maximum(lit.of_materials, 1.0)  # of full scale
     double[lit.undirected + lit.diffuse.sum(axis=1) > b.MAX_LIGHT] = np.inf
     if plan.opacity is not None:
         single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/a_buffer.py

@@ -2,12 +2,10 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from ..errors import counted
 from ..pipeline.gradients import IN_ENTRIES, IN_PLANES
 from .plan import Plan
-from .uniforms import batch_functions_of
+from .uniforms import used_functions
 
 
 class PathCounts(NamedTuple):
@@ -116,7 +114,7 @@ _PATH_NAMES = ("entries", "planes", "exact records")
 
 def summarize(plan: Plan) -> PlanSummary:
     """Put a plan into words."""
-    of_lights, of_materials = used_functions_of(plan)
+    of_lights, *of_materials = used_functions(plan)
     features = {
         "textures": plan.textures is not None,
         "shadows": plan.has_shadows,
@@ -132,26 +130,16 @@ def summarize(plan: Plan) -> PlanSummary:
         dtype=str(plan.dtype),
         reasons=plan.reasons,
         path=name_path(cheapest, plan.is_lit_per_sample),
-        materials=list_materials(plan),
+        materials=summarize_materials(plan),
         light_functions=_names(of_lights),
-        reflection_functions=_names(of_materials),
+        reflection_functions=_names(f for row in of_materials for f in row),
         features=tuple(name for name, holds in features.items() if holds),
         bound=plan.bound,
         left_out=plan.n_left_out,
     )
 
 
-def used_functions_of(plan: Plan) -> tuple[list, list]:
-    """Return the batch functions of lights, and those of materials, that are evaluated."""
-    of_lights, of_materials = batch_functions_of(plan)
-    n_term = len(of_lights) // max(len(plan.lights), 1)
-    is_used = np.repeat(plan.is_lit, n_term, axis=1)
-    lights = [function for function, used in zip(of_lights, is_used.any(axis=0).tolist(), strict=True) if used]
-    pairs = zip(of_materials, is_used.tolist(), strict=True)
-    return lights, [f for functions, row in pairs for f, used in zip(functions, row, strict=True) if used]
-
-
-def list_materials(plan: Plan) -> tuple[MaterialSummary, ...]:
+def summarize_materials(plan: Plan) -> tuple[MaterialSummary, ...]:
     """List what the materials need, those that need the same together."""
     rows, groups, n_lights = plan.of_materials, {}, plan.is_lit.sum(axis=1).tolist()
     for k, (path, is_double, is_colored) in enumerate(zip(rows.paths, rows.is_double, rows.is_colored, strict=True)):
@@ -170,5 +158,5 @@ def name_path(path: int, is_lit_per_sample: bool) -> str:
 
 
 def _names(functions) -> tuple[str, ...]:
-    """The names of functions, each once, in order."""
-    return tuple(dict.fromkeys(function.__name__ for function in functions))
+    """The names of functions, each once, in order; None has none."""
+    return tuple(dict.fromkeys(f.__name__ for f in functions if f is not None))

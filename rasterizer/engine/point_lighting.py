@@ -8,16 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiler.kernels import batch_function
 from ..errors import SceneError, shown
 from ..options import Options
-from ..pipeline.fragments import make_batch
+from ..pipeline import fragments as f
+from ..pipeline import material_coefficients as m
 from ..pipeline.lighting import SurfacePoints, light_points
+from ..pipeline.lights import N_LIGHT_COEFFICIENT
 from ..pipeline.transform import Screen
 from ..scene.arrays import VectorLike, plain_array
 from ..scene.camera import Camera, View
 from ..scene.lights import Light, checked_lights
 from ..scene.material import Material
 from ..scene.validate import unit3, vector3
+from . import lights as light_table
+from . import reflections as reflection_table
 from .plan import make_plan
 from .scene_tables import SceneTables, common_color
 from .uniforms import make_lighting
@@ -88,7 +93,7 @@ def illuminate(
     )  # fmt: skip
     n, side = len(points), 0 if two_sided else 1
     found = np.empty((n, plan.n_channel))
-    light_points(surface, (0, n), screen, side, lighting, 0, make_batch(plan.dtype), found)
+    light_points(surface, (0, n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * common_color(plan.materials, plan.lights, plan.ambient)
     return found.reshape(shape)
@@ -107,18 +112,18 @@ def _checked_material(material: object) -> Material:
 def _checked_points(points, normals, tangents, material):
     """Points, unit normals and tangents as (n, 3) float64, and the shape that they had."""
     names = ("points", "normals", "tangents")
-    given = [
+    arrays = [
         _vectors(value, name)
         for value, name in zip((points, normals, tangents), names, strict=True)
         if value is not None
     ]
     try:
-        given = np.broadcast_arrays(*given)
+        arrays = np.broadcast_arrays(*arrays)
     except ValueError:
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, given, strict=False))
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=False))
         raise SceneError(f"the shapes of points and normals must fit each other; given {shapes}") from None
-    shape = given[0].shape
-    points, normals = given[0].reshape(-1, 3), given[1].reshape(-1, 3)
+    shape = arrays[0].shape
+    points, normals = arrays[0].reshape(-1, 3), arrays[1].reshape(-1, 3)
     largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
     if (largest == 0.0).any():
         raise SceneError("normals must have a length; given a zero vector")
@@ -127,7 +132,7 @@ def _checked_points(points, normals, tangents, material):
     normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))
     if tangents is None and material.is_anisotropic and material.tangent == "u":
         raise SceneError("a material brushed along u needs tangents, (..., 3); or give its tangent as an axis")
-    return points, normals, given[2].reshape(-1, 3) if tangents is not None else np.zeros_like(points), shape
+    return points, normals, arrays[2].reshape(-1, 3) if tangents is not None else np.zeros_like(points), shape
 
 
 def _vectors(value, name) -> np.ndarray:
@@ -164,3 +169,91 @@ def _checked_lights(lights, has_camera):
     return tuple(
         replace(light, shadow=None) if getattr(light, "shadow", None) is not None else light for light in lights
     )
+
+
+# ---------------------------------------------------------------- one light, and one reflection model
+#
+# What arrives of a light at points, and what a material reflects there, by the compiled functions alone and in either
+# floating-point type: so registration compares them with the reference (agreement.py).
+
+
+def light_at(
+    part: Any, points: NDArray, normals: NDArray, view: View, dtype: np.dtype
+) -> tuple[NDArray | None, NDArray]:
+    """Return what arrives of a light that has a function, computed in `dtype`.
+
+    Parameters
+    ----------
+    part : one of what `LightEntry.expand` returns
+    points, normals : (n, 3) float64, world space, n <= BATCH_SIZE; the normals are unit vectors
+
+    Returns
+    -------
+    light_dirs : (n, 3) float64, unit vectors to the light; None of an ambient share
+    strength : (n,) float64
+
+    Raises
+    ------
+    SceneError : the function can't be compiled
+    """
+    entry, row = light_table.entry_of(part), np.zeros(N_LIGHT_COEFFICIENT)
+    function = entry.function(part)
+    entry.write(row, part, view, dtype)
+    # A function that says it needs no position, and reads it, gets no number.
+    position = points - view.eye if function.needs_position else np.full(points.shape, np.nan)
+    light_dir = [f.LIGHT_DIR + k * f.NEXT for k in range(3)]
+    found = _evaluate(
+        function.evaluate, dtype, row, {f.NORMAL: normals, f.POSITION: position}, [f.STRENGTH, *light_dir]
+    )
+    return None if entry.is_share else found[:, 1:], found[:, 0]
+
+
+def reflected_at(
+    material: Any, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray, dtype: np.dtype
+) -> NDArray[np.float64]:
+    """Return D and S (n, 2) of a material for a light of strength 1, computed in `dtype`; the vectors are (n, 3)
+    float64, unit length.
+
+    Raises
+    ------
+    SceneError : the function can't be compiled
+    """
+    function, row = reflection_table.entry_of(material).function(material), np.zeros(m.N_MATERIAL_COEFFICIENT)
+    row[m.SHININESS], row[m.ROUGHNESS], row[m.TOON_LEVELS] = material.shininess, material.roughness, material.levels
+    put = {
+        f.NORMAL: normals,
+        f.LIGHT_DIR: light_dirs,
+        # A function that says it needs no direction to the viewer, and reads it, gets no number.
+        f.VIEW_DIR: view_dirs if function.needs_view else np.full(view_dirs.shape, np.nan),
+        f.N_DOT_L: (normals * light_dirs).sum(axis=1),
+        f.N_DOT_V: (normals * view_dirs).sum(axis=1),
+        f.STRENGTH: np.ones(len(normals)),
+        f.SPECULAR: np.zeros(len(normals)),  # stays where there is no highlight
+    }
+    return _evaluate(function.evaluate, dtype, row, put, [f.DIFFUSE, f.SPECULAR])
+
+
+def _evaluate(
+    function: Any, dtype: np.dtype, row: NDArray, put: dict[int, NDArray], asked: list[int]
+) -> NDArray[np.float64]:
+    """Call a batch function, and return the quantities that are asked for, (n, n_asked).
+
+    Parameters
+    ----------
+    row : the coefficients that it reads
+    put : by quantity numbers (n,), or vectors (n, 3), that it finds in its batch
+    """
+    from numba.core.errors import NumbaError
+
+    batch, row, n = f.make_batch(dtype), row.astype(dtype), len(put[f.NORMAL])
+    for quantity, values in put.items():
+        for k, column in enumerate(values.T if values.ndim == 2 else [values]):
+            batch[int(quantity + k * f.NEXT) :][:n] = column
+    try:
+        compiled = batch_function(function, dtype)
+    except NumbaError as fault:
+        lines = [line.strip() for line in str(fault).splitlines() if line.strip()]
+        what = f"{function.__module__}.{function.__name__}"
+        raise SceneError(f"{what} can't be compiled for {dtype}: {' '.join(lines[:4])}") from fault
+    compiled(batch.ctypes.data, n, row.ctypes.data)
+    return np.stack([batch[int(quantity) :][:n] for quantity in asked], axis=1).astype(np.float64)

@@ -36,13 +36,11 @@ from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import NO_CLOCK, Counts, draw
-from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
+from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
 from .plan import Plan, ViewPlan, ViewPlans
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
 from .uniforms import light_view, list_materials, with_functions
-
-NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 
 
 class DrawnPicture(NamedTuple):
@@ -61,7 +59,6 @@ class PlanParts(NamedTuple):
     """What follows from a plan alone: kept until a view needs another one."""
 
     plan: Plan
-    dtypes: tuple[np.dtype, ...]  # that materials are lit in
     coding: Coding  # without depths
     encoding: Encoding
     summary: PlanSummary
@@ -127,7 +124,7 @@ class PreparedScene:
 
     def _plan_on(self, view: View, screen: Screen) -> ViewPlan:
         """The plan for a view, on the screen of its picture."""
-        return self.view_plans.plan_for(view, screen, lambda: self._shadows.shift(view))
+        return self.view_plans.plan_for(view, screen, lambda: self._shadows.precision.shift(view))
 
     def summary_of(self, plan: Plan, paths: PathCounts | None = None) -> PlanSummary:
         """Return a plan in words, with how many triangles took which path."""
@@ -164,11 +161,11 @@ class PreparedScene:
     def color_pass(self, view: View, screen, plan: Plan, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
         options, parts = self.options, self._parts_of(plan)
-        maps: dict[np.dtype, Any] = dict.fromkeys(parts.dtypes, ())
+        maps: dict[np.dtype, Any] = dict.fromkeys(plan.dtypes, ())
         if plan.has_shadows:
-            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in parts.dtypes}
+            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
-        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in parts.dtypes}
+        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in plan.dtypes}
         shared = {
             "coding": parts.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
@@ -182,11 +179,11 @@ class PreparedScene:
         }
         if plan.is_lit_per_sample:
             attributes = self._normals.of(plan)
-            face_table = FaceTable(self._shadows.shapes if plan.has_shadows else NO_SHAPES)
+            face_table = FaceTable(self._shadows.shapes) if plan.has_shadows else NO_TABLE
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
-        return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
+        return InterpolatedPass(attributes=attributes, **shared)
 
     def _lighting_in(self, plan: Plan, dtype: np.dtype) -> Lighting:
         """The illumination in one type, but for what a view says of it."""
@@ -202,7 +199,7 @@ class PreparedScene:
             step = lookup_step(options.factor, options.antialias == "shade-once")
             coding = make_coding(plan, options.tolerance, step)
             encoding = make_encoding(plan, self.tables.background, options.color_range)
-            self._plan_parts = PlanParts(plan, plan.dtypes, coding, encoding, summarize(plan))
+            self._plan_parts = PlanParts(plan, coding, encoding, summarize(plan))
         return self._plan_parts
 
     def _light_points(self, plan: Plan, lightings, screen) -> Attributes:

@@ -2,25 +2,34 @@
 
 Who asks, and for what:
 
-    material_plans      which models need float64
-    bounds              how bright a highlight is at most, how far rounding and turns of directions move it, its steps
-    uniforms            the pipeline's functions, and the coefficients that these read
-    spectral_products   whether a highlight is two sums, because its F0 has a colour
+    scene_tables    whether a highlight is two sums, because its F0 has a colour
+    plan            why a material needs float64
+    bounds          how bright a highlight is at most, how far rounding and turns of directions move it, where it jumps
+    uniforms        the pipeline's functions, and the coefficients that these read
 
 A model of one's own is a class that derives from `registries.CustomReflection`; CustomEntry says here what it says.
-The bounds of a highlight are those of one whose largest value is 1: see the
-table at the head of bounds.py.
+The bounds of a highlight are those of one whose largest value is 1: see the table at the head of bounds.py.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
-from .rounding import DOUBLE, SINGLE, Step, step_cosine
+from .rounding import DOUBLE, SINGLE, Discontinuity, step_cosine
 
-# ----------------------------------------------------------------
-# What the engine asks of every reflection model; the models are in reflections.py.
+
+class ReflectionBound(NamedTuple):
+    """How far a reflection model magnifies errors. D is at most 1.
+
+    Parameters
+    ----------
+    turn : what D and S change by, at most, for each radian that the normal or the direction to the light turns
+    highlight : the largest S
+    """
+
+    turn: float = 1.0
+    highlight: float = 1.0
 
 
 class ReflectionEntry:
@@ -72,10 +81,10 @@ class ReflectionEntry:
         return self.turn_slope(material)
 
     def weight(self, material: Any, u: float) -> float:
-        """Return the share of its height that a highlight has at most where these bounds hold, see `steps`."""
+        """Return the share of its height that a highlight has at most beside its `discontinuities`."""
         return 1.0
 
-    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """Return where the model jumps."""
         return ()
 
@@ -142,16 +151,16 @@ class PowerEntry(ReflectionEntry):
         n = material.shininess
         return power_slope(n) * self.error(u) + (1.5 * n + 4.0) * u + 16.0 * u * weight_slope(material)
 
-    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """A classic highlight ends with a step; one that is normalised falls to 0 there. An exponent below 1 makes its
         beginning one."""
         steps = []
         if not material.normalized:
             cause = "a highlight ends where its light grazes the surface, N·L = 0"
-            steps.append(Step(cause, step_cosine(u), "cosine of an angle"))
+            steps.append(Discontinuity(cause, step_cosine(u), "cosine of an angle"))
         if material.shininess < 1.0:
             cause = "a highlight with an exponent below 1 begins, R·V = 0 or N·H = 0"
-            steps.append(Step(cause, LEAST_BASE, "cosine of an angle"))
+            steps.append(Discontinuity(cause, LEAST_BASE, "cosine of an angle"))
         return tuple(steps)
 
 
@@ -190,10 +199,10 @@ class BlinnEntry(PowerEntry):
         """Return the factor of Blinn's highlight."""
         return blinn_scale(material)
 
-    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """Add that of the half vector, which a normalised highlight hides behind N·L = 0."""
-        steps = super().steps(material, u)
-        half = Step("Blinn's half vector, where the light is opposite to the viewer", LEAST_SUM[u], "|L + V|")
+        steps = super().discontinuities(material, u)
+        half = Discontinuity("Blinn's half vector, where the light is opposite to the viewer", LEAST_SUM[u], "|L + V|")
         return steps if material.normalized else (*steps, half)
 
 
@@ -261,17 +270,17 @@ class CookTorranceEntry(ReflectionEntry):
         f0 = first_fresnel(material)
         return f0 + (1.0 - f0) * (1.0 - LEAST_SUM[u] / 2.0) ** 5
 
-    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """GGX mirrors that are tilted by more than a right angle count as none. What the half vector errs by has no
         bound where the light is opposite to the viewer."""
         if material.is_anisotropic:
             return ()
         opposite = "Cook-Torrance where the viewer looks towards the light, which is opposite to him"
-        steps = (Step(opposite, LEAST_SUM[u], "|L + V|"),)
+        steps = (Discontinuity(opposite, LEAST_SUM[u], "|L + V|"),)
         if material.distribution != "ggx":
             return steps
         cause = "Cook-Torrance where a normal looks away from the viewer, N·H = 0"
-        return (Step(cause, step_cosine(u), "cosine of an angle"), *steps)
+        return (Discontinuity(cause, step_cosine(u), "cosine of an angle"), *steps)
 
 
 class ToonEntry(ReflectionEntry):
@@ -290,12 +299,12 @@ class ToonEntry(ReflectionEntry):
         than it need be where a material has both."""
         return max(blinn_scale(material), 1.0)
 
-    def steps(self, material: Any, u: float) -> tuple[Step, ...]:
+    def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """Every level ends with a step, the highlight too."""
-        return (Step("a toon's levels", step_cosine(u), "cosine of an angle"),)
+        return (Discontinuity("a toon's levels", step_cosine(u), "cosine of an angle"),)
 
 
-UNKNOWN_SLOPE = 1e30  # of a model that states no bound: no error is small enough for float32
+UNKNOWN = ReflectionBound(turn=1e30)  # of a model that states none: no error is small enough for float32
 
 
 class CustomEntry(ReflectionEntry):
@@ -305,31 +314,31 @@ class CustomEntry(ReflectionEntry):
     """
 
     def __init__(self, model: Any) -> None:
-        self._model = model
         self._function = pipeline.ReflectionFunction(
             pipeline.function_of_reflection(type(model).reflect), model.needs_view, model.has_highlight
         )
         self.has_bound = model.bound is not None
+        self._bound = model.bound or UNKNOWN
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the formula."""
         return self._function
 
     def brightest_highlight(self, material: Any) -> float:
-        """Return the largest S that the model states, else 1."""
-        return self._model.bound.highlight if self.has_bound else 1.0
+        """Return the largest S that the model states."""
+        return self._bound.highlight
 
     def diffuse_slope(self, material: Any) -> float:
         """Return what the model states beyond Lambert's slope of 1."""
-        return max(self._model.bound.turn - 1.0, 0.0) if self.has_bound else UNKNOWN_SLOPE
+        return max(self._bound.turn - 1.0, 0.0)
 
     def turn_slope(self, material: Any) -> float:
         """Return what the model states, for a highlight of height 1."""
-        return self._model.bound.turn / max(self._model.bound.highlight, 1e-30) if self.has_bound else UNKNOWN_SLOPE
+        return self._bound.turn / max(self._bound.highlight, 1e-30)
 
     def highlight_rounding(self, material: Any, u: float) -> float:
         """N, L and V err by 8 u at most, which turns the model by three times that; and its own operations."""
-        return (24.0 * self._model.bound.turn + 16.0) * u if self.has_bound else 1.0
+        return (24.0 * self._bound.turn + 16.0) * u
 
 
 # By the words of scene.material.REFLECTION_MODELS.

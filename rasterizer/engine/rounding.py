@@ -1,4 +1,4 @@
-"""What all bounds of rounding share: the unit roundoffs, the steps of a picture, products with infinity."""
+"""What all bounds of rounding share: the unit roundoffs, where a picture jumps, products with infinity."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 SINGLE, DOUBLE = 2.0**-24, 2.0**-53  # u, the unit roundoff, of float32 and float64
 
 
-class Step(NamedTuple):
-    """Where a picture may jump, so that no error is small: points on the other side of it by rounding are no part of
-    the bound."""
+class Discontinuity(NamedTuple):
+    """Where a picture may jump, so that no error is small: what rounding carries across is no part of the bound."""
 
     cause: str
-    near: float  # how near to the step the bound doesn't hold
+    near: float  # how near to that the bound doesn't hold
     unit: str  # of `near`
 
 

@@ -311,14 +311,14 @@ def multiply_colors(
         np.array([_channels_of(getattr(material, field), n) for material in materials]) for field in fields
     )
     around = sum((_channels_of(light.color, n) for light in ambient_lights), np.zeros(n or 3))
-    given = np.array([_channels_of(light.color, n) for light in lights]).reshape(-1, n or 3)
+    of_lights = np.array([_channels_of(light.color, n) for light in lights]).reshape(-1, n or 3)
     first, rest = split_fresnel(materials, n)
-    directed = np.where(is_share[:, None], 0.0, given)
+    directed = np.where(is_share[:, None], 0.0, of_lights)
     return Products(
         is_spectral,
         emissive @ weights,
         (ambient * around) @ weights,
-        np.where(is_share[:, None], ambient[:, None] * given, diffuse[:, None] * given) @ weights,
+        np.where(is_share[:, None], ambient[:, None] * of_lights, diffuse[:, None] * of_lights) @ weights,
         ((specular * first)[:, None] * directed) @ weights,
         ((specular * rest)[:, None] * directed) @ weights,
     )

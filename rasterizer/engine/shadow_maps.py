@@ -69,7 +69,7 @@ class Shadows:
         maps: list[ShadowMap | None] = []
         room = MAX_TEXELS
         for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+            if self._casters is None or not self._is_asked(plan, k):
                 maps.append(None)
                 continue
             key = k, dtype
@@ -83,11 +83,15 @@ class Shadows:
             maps.append(shadow_map)
         return maps
 
+    def _is_asked(self, plan: Plan, k: int) -> bool:
+        """Tell whether a light casts shadows, and some material reflects it."""
+        return shadow_of(plan.lights[k]) is not None and bool(plan.is_lit[:, k].any())
+
     def list_bounds(self, plan: Plan, view: View) -> tuple[ShadowBound, ...]:
-        """List what the maps of each kind of light that casts shadows in a view can't tell, see `ShadowBound`."""
+        """List what the maps of each type of light that casts shadows in a view can't tell, see `ShadowBound`."""
         found: dict[str, ShadowBound] = {}
         for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+            if self._casters is None or not self._is_asked(plan, k):
                 continue
             if k not in self._texels or is_carried(light):
                 beam = entry_of(light).beam(light, view)
@@ -100,13 +104,9 @@ class Shadows:
                 found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
         return tuple(found.values())
 
-    def shift(self, view: View) -> float:
-        """Return how far float32 moves what shadows are asked for in a view, scene units; see `Precision`."""
-        return self._precision.shift(view)
-
     @cached_property
-    def _precision(self) -> "Precision":
-        """Made for the first view that may be drawn in float32."""
+    def precision(self) -> "Precision":
+        """How far float32 moves what shadows are asked for; made for the first view that may be drawn in float32."""
         return Precision(self._plan, self._bounds)
 
     @cached_property
@@ -307,6 +307,17 @@ class MapViews(NamedTuple):
     views: list[tuple[View, Projection]]
     is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
 
+    def texels(self, corners: NDArray[np.float64]) -> list[tuple[float, float]]:
+        """Return the shorter and the longer side of a texel of each map that is needed, scene units, on a surface that
+        faces the light where the scene is furthest from it; `corners` are those of `choose_views`."""
+        points, found = (corners - self.origin).reshape(-1, 3), []
+        for (view, projection), is_needed in zip(self.views, self.is_needed, strict=True):
+            furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
+            if is_needed and furthest > 0.0:
+                scales = projection.scale_x, projection.scale_y
+                found.append((furthest / max(scales), furthest / min(scales)))
+        return found
+
 
 def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapViews:
     """Choose the views that a light's maps show of the scene.
@@ -399,13 +410,7 @@ def map_side(shadow: Any) -> int:
 def widest_texel(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> float:
     """Return the largest side of a texel of a light's maps, scene units, on a surface that faces the light where the
     scene is furthest from it; arguments as `choose_views` takes them."""
-    maps, widest = choose_views(beam, corners, shadow), 0.0
-    points = (corners - maps.origin).reshape(-1, 3)
-    for (view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-        furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
-        if is_needed and furthest > 0.0:
-            widest = max(widest, furthest / min(projection.scale_x, projection.scale_y))
-    return widest
+    return max((longer for _, longer in choose_views(beam, corners, shadow).texels(corners)), default=0.0)
 
 
 # ---------------------------------------------------------------- what a light reaches, and what its maps leave out
@@ -523,10 +528,5 @@ class Precision:
         if beam is None:
             return np.zeros(3), 0.0, math.inf
         maps = choose_views(beam, self._corners, shadow_of(light))
-        points = (self._corners - maps.origin).reshape(-1, 3)
-        texel = math.inf
-        for (map_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-            furthest = float((points @ map_view.forward).max()) if projection.is_perspective else 1.0
-            if is_needed and furthest > 0.0:
-                texel = min(texel, furthest / max(projection.scale_x, projection.scale_y))
-        return maps.origin, float(np.abs(points).sum(axis=1).max()), texel
+        extent = float(np.abs(self._corners - maps.origin).sum(axis=2).max())
+        return maps.origin, extent, min((shorter for shorter, _ in maps.texels(self._corners)), default=math.inf)

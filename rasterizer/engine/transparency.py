@@ -69,7 +69,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
 
     Returns
     -------
-    what was found, with the needs of transparent surfaces, too; None where something opaque is behind all of them
+    what was found, with the features of transparent surfaces, too; None where something opaque is behind all of them
     """
     band, drawn, render_pass, (workspace, *_) = task
     in_front = deferred.counts

@@ -47,7 +47,7 @@ def list_materials(plan: Plan, dtype) -> Lighting:
 
     The coefficients of lights and the addresses of functions are zeros, and no light casts shadows.
     """
-    material = _list_materials(plan, dtype)
+    material = _material_rows(plan, dtype)
     highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
@@ -72,16 +72,18 @@ def list_materials(plan: Plan, dtype) -> Lighting:
     )
 
 
-def is_lit_in(plan: Plan, dtype) -> np.ndarray:
-    """Tell which materials are lit in a type, and by which lights: (n_material, n_light) bool; with two terms a light
-    (see `is_parted`) there are twice as many."""
-    is_lit = plan.is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
+def is_lit_in(plan: Plan, dtype=None) -> np.ndarray:
+    """Tell which materials are lit in a type, None = any, and by which lights: (n_material, n_light) bool; with two
+    terms a light (see `is_parted`) there are twice as many."""
+    is_lit = plan.is_lit
+    if dtype is not None:
+        is_lit = is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
     return np.repeat(is_lit, 2, axis=1) if is_parted(plan) else is_lit
 
 
-def used_functions(plan: Plan, dtype) -> list[list]:
-    """The batch functions that light in a type, None where nothing is lit: a row of those of the lights, and one for
-    each material."""
+def used_functions(plan: Plan, dtype=None) -> list[list]:
+    """The batch functions that light in a type, None = any; or None in the place of one that lights nothing: a row of
+    those of the lights, and one for each material."""
     of_lights, of_materials = batch_functions_of(plan)
     is_lit = is_lit_in(plan, dtype)
     rows = zip([of_lights, *of_materials], [is_lit.any(axis=0), *is_lit], strict=True)
@@ -102,7 +104,7 @@ def _list_shadows(shadows, dtype) -> ShadowMaps:
     return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
 
 
-def _list_materials(plan, dtype) -> np.ndarray:
+def _material_rows(plan, dtype) -> np.ndarray:
     """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of
     them."""
     material = np.zeros((len(plan.materials), m.N_MATERIAL_COEFFICIENT))

@@ -100,12 +100,12 @@ def test_black_is_no_light():
 def test_only_sharp_cones_have_steps():
     sharp = replace(LIGHTS["spot"], inner=40.0)
     for u in (SINGLE, DOUBLE):
-        (step,) = entry_of(sharp).steps(sharp, u)
+        (step,) = entry_of(sharp).discontinuities(sharp, u)
         assert step.cause == "the edge of a sharp spot light" and step.near > u
-        assert not any(entry_of(light).steps(light, u) for light in LIGHTS.values())
+        assert not any(entry_of(light).discontinuities(light, u) for light in LIGHTS.values())
     assert entry_of(sharp).steepness(sharp) == 2.0, "beside the step the exponent alone counts"
     steep = replace(LIGHTS["spot"], inner=40.0 - 1e-5)
-    assert entry_of(steep).steps(steep, DOUBLE) and entry_of(steep).steepness(steep) < 1e3
+    assert entry_of(steep).discontinuities(steep, DOUBLE) and entry_of(steep).steepness(steep) < 1e3
 
 
 def test_the_strength_is_no_steeper_than_the_table_says():

@@ -163,7 +163,7 @@ def test_the_slope_of_the_fall_is_bounded():
     for falloff in (0.1, 0.3, 0.49):  # where that has no end, from a thousandth of the fall on
         light = rz.SpotLight((0, 0, 1), (0, 0, -1), inner=10, outer=40, falloff=falloff)
         inner, outer = cone_cosines(light)
-        (step,) = entry_of(light).steps(light, 2.0**-53)
+        (step,) = entry_of(light).discontinuities(light, 2.0**-53)
         t = np.linspace(step.near / (inner - outer), 1, 200_001)
         slope = np.abs(np.diff((t**2 * (3 - 2 * t)) ** falloff)).max() / (t[1] - t[0])
         bound = entry_of(light).steepness(light) * (inner - outer)

@@ -89,12 +89,12 @@ def slab_light(**fields):
 
 
 def test_the_picture_is_the_references_within_the_stated_bound(toys):
-    """Each shading, tolerance and material with each of the sets of lights once."""
+    """Each shading, tolerance and material with each group of lights once."""
     materials = moon(), rz.Material(), rz.Material(reflection="blinn", shininess=9)
     lights = rz.AmbientLight(0.1), slab_light(), rz.PointLight((3, 2, 1), 0.4, "1/(d+1)")
-    sets = lights, lights[1:2], [slab_light(attached="camera", position=(0, 0, -3.5), direction=(1, -1, -1))]
+    groups = lights, lights[1:2], [slab_light(attached="camera", position=(0, 0, -3.5), direction=(1, -1, -1))]
     for k, (shading, tolerance) in enumerate(zip(SHADINGS, (0.01, DEFAULT_TOLERANCE, 0.0), strict=True)):
-        for j, lit in enumerate(sets):
+        for j, lit in enumerate(groups):
             scene = scene_of(materials[(j + k) % 3], *lit)
             frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1)
             error = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance).color
@@ -196,9 +196,9 @@ def test_the_command_line_draws_it(toys, folder):
 # ---------------------------------------------------------------- what is not registered is an error
 
 
-def listed(kinds, text) -> bool:
-    """Tell whether a message lists all built-in kinds."""
-    return all(kind in text for kind in kinds)
+def listed(names, text) -> bool:
+    """Tell whether a message lists all built-in types."""
+    return all(name in text for name in names)
 
 
 CLASSES = [cls.__name__ for cls in LIGHT_TYPES.values()]
@@ -219,7 +219,7 @@ def test_a_stranger_is_no_light_of_a_scene():
 
 
 def after_the_registration(scene, tmp_path):
-    """What can be done with a scene that was made while its kinds were known."""
+    """What can be done with a scene that was made while its types were known."""
     frame = rz.render(
         scene_of(rz.Material(), rz.AmbientLight()), SIZE, outputs=("color", "face"), shading="gouraud", samples=1
     )
@@ -248,7 +248,7 @@ def test_what_is_taken_back_is_refused_everywhere(tmp_path):
         assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value), f"{name}: {fault.value}"
 
 
-def test_an_unknown_kind_is_refused_by_materials_and_flags(folder, capsys):
+def test_an_unknown_type_is_refused_by_materials_and_flags(folder, capsys):
     with pytest.raises(rz.SceneError) as fault:
         moon()
     assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value)
@@ -504,7 +504,7 @@ def test_models_and_buffers_that_disagree_are_refused_with_the_place():
         (registries.add_reflection, Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),
         (registries.add_reflection, Flat, r"the bound says turn=0.5; at N = "),
         (registries.add_buffer, Twice, r"on a tetrahedron, face 0, corner 0, at \(1, 1, 1\): values gives"),
-        (registries.add_buffer, Eight, r"disagree at pixel \(\d+, \d+\) of a ball: 7 by the engine, 8 by"),
+        (registries.add_buffer, Eight, r"disagree at pixel \(\d+, \d+\) of a torus: 7 by the engine, 8 by"),
     ):
         with pytest.raises(rz.SceneError, match=match):
             add("odd", cls)
@@ -514,7 +514,7 @@ def test_models_and_buffers_that_disagree_are_refused_with_the_place():
 # ---------------------------------------------------------------- light that depends on the normal
 
 
-def test_a_hemisphere_light_is_the_references_in_every_way_of_shading():
+def test_a_hemisphere_light_is_the_references_in_every_shading():
     """Each shading with colours, grey, spectra; textured, transparent, several samples; also beside other lights."""
     ball = octasphere(2)
     globe = rz.load(ROOT / "models" / "globe.obj").meshes[0]
