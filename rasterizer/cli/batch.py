@@ -68,5 +68,5 @@ def run(arguments, messages) -> tuple[list, int]:
     summary.skipped, summary.seconds = n_left_out, perf_counter() - start
     messages.notice(str(summary))
     if arguments.json:
-        messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)}, False)
+        messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)})
     return failures, n_model

@@ -12,7 +12,7 @@ from ..errors import SceneError, counted
 from ..options import Options
 from . import values
 from .flags import add_camera, add_json, add_look, add_messages, add_models, add_size
-from .messages import QUIET, Bar, print_record, print_text
+from .messages import QUIET, Bar, print_text
 
 IMPORTS = ("drawing",)
 _OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
@@ -118,9 +118,9 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
-            print_record(_record(target, arguments, scene, seconds, machine, warned, found), False)
+            messages.record(_record(target, arguments, scene, seconds, machine, warned, found))
         elif arguments.level > QUIET:
-            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n", False)
+            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n")
 
 
 def _measure(scene, arguments, messages):

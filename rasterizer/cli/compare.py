@@ -14,7 +14,7 @@ from ..errors import SceneError, counted
 from ..options import Options
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
-from .messages import QUIET, STDIO, print_record, print_text
+from .messages import QUIET, STDIO, print_text
 
 IMPORTS = ("drawing",)
 SIZE = (320, 240)  # four pictures beside each other, one of them by the reference, which is slow
@@ -149,7 +149,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
                 "scale": scale,
                 "methods": {method: of_method._asdict() for method, of_method in figures.items()},
             }
-            print_record(record, target.output == STDIO)
+            messages.record(record, target.output == STDIO)
         elif arguments.level > QUIET:
             print_text(_table(target, figures), target.output == STDIO)
 

@@ -12,7 +12,7 @@ from time import perf_counter
 from ..errors import counted
 from ..io import formats
 from .flags import add_json, add_messages, add_models
-from .messages import STDIO, Failures, byte_words, print_record, print_text
+from .messages import STDIO, Failures, byte_words, print_text
 
 IMPORTS = ("models",)
 _MANY = 12  # materials that are listed by name
@@ -54,7 +54,7 @@ class _ListFormats(argparse.Action):
         for entry in formats.formats():
             suffixes, packages = " ".join(entry["suffixes"]), ", ".join(entry["needs"])
             line = f"{entry['name']:<6} {suffixes:<14} {entry['reads']:<6} read by {entry['by']}"
-            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n", False)
+            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n")
         parser.exit()
 
 
@@ -68,9 +68,9 @@ def run(arguments, messages) -> tuple[list, int]:
         with failures.caught(model):
             facts = _describe(model, arguments, messages)
             if arguments.json:
-                print_record(facts, False)
+                messages.record(facts)
             else:
-                print_text(("\n" if number else "") + _text(facts), False)
+                print_text(("\n" if number else "") + _text(facts))
     return failures, len(models)
 
 

@@ -47,9 +47,14 @@ class Messages:
         if self.level >= VERBOSE:
             self.say(text)
 
-    def record(self, record: dict, is_stdout_taken: bool) -> None:
-        """Print a line of JSON, as `print_record` does."""
-        print_record(record, is_stdout_taken)
+    def record(self, record: dict, is_stdout_taken: bool = False) -> None:
+        """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
+
+        A number that is not finite, which JSON doesn't have, becomes null; the field NAME_reason says what it was.
+        """
+        import json
+
+        print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
 
     def traceback(self, error) -> None:
         """Show where a fault of the program's own happened, if verbose."""
@@ -190,17 +195,6 @@ def byte_words(n_byte: int) -> str:
     return f"{n_byte} bytes"
 
 
-def print_record(record: dict, is_stdout_taken: bool) -> None:
-    """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
-
-    A number that is not finite, which JSON doesn't have, becomes null, and the field NAME_reason beside it says what it
-    was.
-    """
-    import json
-
-    print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
-
-
 def _finite(value):
     """Replace what JSON can't say."""
     if isinstance(value, (list, tuple)):
@@ -220,7 +214,7 @@ def _is_not_finite(value) -> bool:
     return isinstance(value, float) and not math.isfinite(value)
 
 
-def print_text(text: str, is_stdout_taken: bool) -> None:
+def print_text(text: str, is_stdout_taken: bool = False) -> None:
     """Print lines that were asked for: on stdout, or on stderr where a picture goes to stdout."""
     if not is_stdout_taken:
         write_stdout(_bytes_of(text))

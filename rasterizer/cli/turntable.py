@@ -13,7 +13,7 @@ from ..choices import AXES
 from ..errors import SceneError, counted
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
-from .messages import STDIO, Bar, print_record
+from .messages import STDIO, Bar
 
 IMPORTS = ("drawing",)
 _SIZE, _FRAMES, _SECONDS = (512, 512), 36, 3.0
@@ -228,4 +228,4 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
             "seconds": round(seconds, 4),
             "warnings": loaded.warnings + warnings,
         }
-        print_record(record, targets[0].output == STDIO)
+        messages.record(record, targets[0].output == STDIO)

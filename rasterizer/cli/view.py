@@ -67,7 +67,7 @@ def run(arguments, messages) -> tuple[list, int]:
     session = _open_session(model, view, arguments, settings, messages)
     server = Server(session, arguments.port, is_once=arguments.is_once, note=messages.warn)
     try:
-        print_text(f"{server.url}\n", False)
+        print_text(f"{server.url}\n")
         end = "close the page or press Ctrl-C" if arguments.is_once else "press Ctrl-C"
         messages.notice(f"{model} is shown at this address, to this machine alone; {end} to end")
         if arguments.is_opened:
