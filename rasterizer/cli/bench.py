@@ -45,11 +45,9 @@ def add_flags(parser) -> None:
     add_models(parser)
     output = parser.add_topic("output")
     output.add_argument(
-        "--plot",
-        dest="output",
-        metavar="OUT",
+        "--plot", dest="output", metavar="OUT",
         help="draw time against error, as .png, .svg or .pdf; with {stem} or {view} for several (needs matplotlib)",
-    )
+    )  # fmt: skip
     add_size(output, Options.size)
     add_json(output, "print a line of JSON for each model instead of the table")
     add_messages(output)
@@ -103,10 +101,9 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
     from .models import load_scene, with_options
 
     start = perf_counter()
-    loaded, warned, own_options, framing = load_scene(
-        targets[0].model, arguments, settings, messages, output.files_read
-    )
-    arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
+    model = targets[0].model
+    loaded, warned, own_options, framing = load_scene(model, arguments, settings, messages, output.files_read)
+    arguments = with_options(arguments, own_options, _OPTIONS, model)
     machine = describe_machine()
     if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
@@ -139,9 +136,8 @@ def _measure(scene, arguments, messages):
         messages.notice("there is no ΔE without scikit-image: pip install scikit-image")
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
-        messages.notice(
-            f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
-        )
+        n = len(found.left_out)
+        messages.notice(f"{n} methods are left out for want of time or memory ({names}); see --seconds")
     return found
 
 
@@ -155,8 +151,7 @@ _LEGEND = (
 
 def _title(target, scene, arguments, machine) -> str:
     width, height = arguments.size
-    n_thread = arguments.threads or machine["cores"]
-    threads = counted(n_thread, "thread")
+    threads = counted(arguments.threads or machine["cores"], "thread")
     view = f", {target.view}" if target.view else ""
     return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
 
@@ -186,11 +181,8 @@ def _winner(row, front) -> int:
     """The number of the nearest row of the front that isn't slower."""
     from ..analysis.speed_error import printed
 
-    return max(
-        k + 1
-        for k, other in enumerate(front)
-        if other.ms <= row.ms and printed(other.error.rms) <= printed(row.error.rms)
-    )
+    rms = printed(row.error.rms)
+    return max(k for k, other in enumerate(front, 1) if other.ms <= row.ms and printed(other.error.rms) <= rms)
 
 
 def _aligned(lines, n_left) -> list[str]:

@@ -243,8 +243,7 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     ModelError : the file can't be read, or a mesh can't take the texture
     SceneError : a value that the file or one of its materials can't take
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with noted_warnings() as texts:
         with _reading_shown(messages):
             scene, options, framing, unshadowed = _read(model, arguments.input_format, settings, messages, files_read)
         if settings.is_on_tabletop and settings.load["lights"] is None:
@@ -253,9 +252,18 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
         if settings.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
             name = next(iter(settings.shadow_fields))
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
-    texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
     messages.warn(*texts)
     return Loaded(scene, texts, options, framing)
+
+
+@contextmanager
+def noted_warnings():
+    """Yield a list that holds what was warned of inside the block, once that has ended: each text once."""
+    texts = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield texts
+    texts += dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning))
 
 
 @contextmanager

@@ -30,9 +30,8 @@ def add_flags(parser) -> None:
     page = parser.add_topic("page", _PAGE, is_own=True)
     page.add_argument("--open", dest="is_opened", action="store_true", help="open the page in a browser")
     page.add_argument("--once", dest="is_once", action="store_true", help="end when the page is closed")
-    page.add_argument(
-        "--port", type=values.whole, default=0, metavar="N", help="where the page is served (default: one that is free)"
-    )
+    page.add_argument("--port", type=values.whole, default=0, metavar="N",
+        help="where the page is served (default: one that is free)")  # fmt: skip
     add_messages(page)
     add_camera(parser)
     add_look(parser)
