@@ -102,20 +102,20 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
 
     start = perf_counter()
     model = targets[0].model
-    loaded, warned, own_options, framing = load_scene(model, arguments, settings, messages, output.files_read)
-    arguments = with_options(arguments, own_options, _OPTIONS, model)
+    loaded = load_scene(model, arguments, settings, messages, output.files_read)
+    arguments = with_options(arguments, loaded.options, _OPTIONS, model)
     machine = describe_machine()
     if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
-        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
+        scene = replace(loaded.scene, camera=camera_of(arguments, target.view, loaded.scene, loaded.framing))
         found = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
         if target.output is not None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
-            messages.record(_record(target, arguments, scene, seconds, machine, warned, found))
+            messages.record(_record(target, arguments, scene, seconds, machine, loaded.warnings, found))
         elif arguments.level > QUIET:
             print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n")
 
@@ -195,7 +195,7 @@ def _aligned(lines, n_left) -> list[str]:
     return ["  ".join(cell(text, k) for k, text in enumerate(line)).rstrip() for line in lines]
 
 
-def _record(target, arguments, scene, seconds, machine, warned, found) -> dict:
+def _record(target, arguments, scene, seconds, machine, warnings, found) -> dict:
     """What --json says of a model."""
     return {
         "path": target.model,
@@ -211,5 +211,5 @@ def _record(target, arguments, scene, seconds, machine, warned, found) -> dict:
         ],
         "left_out": [str(method) for method in found.left_out],
         "advice": found.advice,
-        "warnings": warned,
+        "warnings": warnings,
     }

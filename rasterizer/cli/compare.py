@@ -102,12 +102,12 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
 
     start = perf_counter()
     model = targets[0].model
-    loaded, of_model, own_options, framing = load_scene(model, arguments, settings, messages, output.files_read)
-    arguments = with_options(arguments, own_options, _OPTIONS, model)
+    loaded = load_scene(model, arguments, settings, messages, output.files_read)
+    arguments = with_options(arguments, loaded.options, _OPTIONS, model)
     for target in targets:
-        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
+        scene = replace(loaded.scene, camera=camera_of(arguments, target.view, loaded.scene, loaded.framing))
         drawn, times, frame = _draw_methods(scene, arguments)
-        warnings = picture_warnings(frame, loaded, arguments, scene.camera, model)
+        warnings = picture_warnings(frame, loaded.scene, arguments, scene.camera, model)
         messages.warn(*warnings)
         against = "phong" if "phong" in drawn else next(reversed(drawn))
         if arguments.has_reference:
@@ -133,7 +133,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
                 "size": list(arguments.size),
                 "faces": scene.n_face,
                 "seconds": round(seconds, 4),
-                "warnings": of_model + warnings,
+                "warnings": loaded.warnings + warnings,
                 "against": against,
                 "scale": scale,
                 "methods": {method: of_method._asdict() for method, of_method in figures.items()},

@@ -10,8 +10,12 @@ from ..errors import OutputError, error_of
 QUIET, NORMAL, VERBOSE = -1, 0, 1
 STDIO = "-"  # what stands for stdin or stdout
 BAR_WIDTH = 24
-_LINES = 20  # the most about one compilation, where there is no bar
+_MAX_LINES = 20  # about one compilation, where there is no bar
 _MANY = 5  # pictures from which on there is a bar
+_EVERY_RUN = (
+    "compiling kernels takes some seconds in every run, as there is no folder that could keep them (-v says why); "
+    "RASTER_STORE names one"
+)
 
 
 class Messages:
@@ -312,10 +316,10 @@ class Progress:
         self.n_shown += 1
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
-        part = n_done * _LINES // n_kernel
+        part = n_done * _MAX_LINES // n_kernel
         if self._bar.is_shown:
             self._bar.show(n_done, n_kernel, f"compiling {name}")
-        elif n_kernel <= _LINES or part > self._last:
+        elif n_kernel <= _MAX_LINES or part > self._last:
             self._last = part
             self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
 
@@ -342,9 +346,3 @@ def _details_told(messages):
     finally:
         log.setLevel(before)
         log.removeHandler(teller)
-
-
-_EVERY_RUN = (
-    "compiling kernels takes some seconds in every run, as there is no folder that could keep them (-v says why); "
-    "RASTER_STORE names one"
-)
