@@ -143,7 +143,6 @@ class _Work:
         self._arguments.threads = arguments.threads or 1
         self._failed = {}  # the first error of each model that failed, by its number
         self._summary = RenderSummary()
-        self._n_target = sum(map(len, plan))
 
     def run(self) -> tuple[list, int, RenderSummary]:
         """Draw everything; return what `draw_in_processes` does."""
@@ -160,7 +159,7 @@ class _Work:
 
     def _jobs(self):
         """Yield the views of each model, in several jobs where there are fewer models than processes."""
-        longest = pictures_per_job(self._pool, self._n_target)
+        longest = pictures_per_job(self._pool, sum(map(len, self._plan)))
         for number, targets in enumerate(self._plan):
             for first in range(0, len(targets), longest):
                 yield self._job(number, targets[first : first + longest])

@@ -379,14 +379,10 @@ def _switched(state: State, orbit: Orbit, name: str, value: str) -> State:
     if name == "projection":
         is_other = orbit.lens.is_perspective != (value == PROJECTIONS[0])
         return state._replace(orbit=orbit.with_other_projection() if is_other else state.orbit, said=said)
-    if name == "shading":
-        return state._replace(said=said, shading=value)
-    return state._replace(said=said, lights=value)
+    return state._replace(said=said, **{name: value})  # type: ignore[arg-type]  # shading or lights
 
 
 def _framing(scene: Scene, azimuth: float, elevation: float, lens: Camera, size: Size) -> Camera:
     """Return the camera that shows all of a scene from a side."""
-    aspect = size[0] / size[1]
-    if lens.fov is None:
-        return Camera.framing(scene, azimuth, elevation, up=scene.up, orthographic=True, aspect=aspect)
-    return Camera.framing(scene, azimuth, elevation, lens.fov, scene.up, aspect=aspect)
+    of_lens: dict[str, Any] = {"orthographic": True} if lens.fov is None else {"fov": lens.fov}
+    return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=size[0] / size[1], **of_lens)
