@@ -228,14 +228,15 @@ def picture_of(source: Frame | ArrayLike) -> _Picture:
     is_linear = np.issubdtype(array.dtype, np.floating)
     if not (is_shaped and array.size and (is_linear or array.dtype == np.uint8)):
         legal = "a Frame, or a uint8 or floating-point array (height, width) with 3 or 4 channels or none"
-        raise SceneError(f"a picture must be {legal}; given {_described(source, array)}")
+        given = f"{array.dtype} of the shape {array.shape}" if array.ndim else type(source).__name__
+        raise SceneError(f"a picture must be {legal}; given {given}")
     if is_linear and not np.isfinite(array).all():
         raise SceneError("a picture's values must be finite; compare depths where both are")
     array = array[..., None] if array.ndim == 2 else array
     alpha = array[..., 3] if array.shape[2] == 4 else None
     array = array[..., :3]
     if not is_linear:
-        return _Picture(None, array, _share(alpha))
+        return _Picture(None, array, None if alpha is None else alpha / np.float32(255))  # as in a Frame
     return _Picture(array, levels_from_linear(array), alpha)
 
 
@@ -247,17 +248,6 @@ def levels_from_linear(linear: NDArray) -> NDArray[np.uint8]:
 def root_mean_square(values: NDArray) -> float:
     """Compute the root of the mean of the squares; 0 without values."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _share(alpha: NDArray | None) -> NDArray | None:
-    """8-bit alpha as the covered share of a pixel, float32 as in a Frame."""
-    return None if alpha is None else alpha / np.float32(255)
-
-
-def _described(source: object, array: NDArray) -> str:
-    if array.ndim == 0:
-        return type(source).__name__
-    return f"{array.dtype} of the shape {array.shape}"
 
 
 def _linear(source: Frame | ArrayLike) -> NDArray:

@@ -66,7 +66,7 @@ class MachBands(NamedTuple):
 class _Surface(NamedTuple):
     """A scene's faces, and the edges across which they are smooth."""
 
-    pairs: NDArray[np.uint64]  # (n,) ascending: lower face << 32 | higher face
+    pairs: NDArray[np.uint64]  # (n,) lower face << 32 | higher face
     corners: NDArray[np.float64]  # (n_face, 3, 3) world
     normals: NDArray[np.float64]  # (n_face, 3, 3) unit shading normals of the corners
     is_plain: NDArray[np.bool_]  # (n_face,) whether a face is opaque, and has no texture
@@ -124,10 +124,8 @@ def _buffers(picture: Any, scene: Scene) -> tuple[NDArray, NDArray]:
     except AttributeError:
         raise SceneError(f"a picture with color and face is needed; given {type(picture).__name__}") from None
     if face.ndim != 2 or face.dtype.kind not in "iu" or color.shape != (*face.shape, 3) or color.dtype.kind != "f":
-        raise SceneError(
-            "color must be (height, width, 3) linear and face (height, width) integers; "
-            f"given {color.dtype} {color.shape} and {face.dtype} {face.shape}"
-        )
+        legal = "color must be (height, width, 3) linear and face (height, width) integers"
+        raise SceneError(f"{legal}; given {color.dtype} {color.shape} and {face.dtype} {face.shape}")
     if face.size and face.max() >= scene.n_face:
         raise SceneError(f"the picture shows face {face.max()}; the scene has {scene.n_face} faces")
     return color, face
@@ -144,9 +142,7 @@ def _gather(scene: Scene) -> _Surface:
         is_plain.append(_plain_faces(mesh))
         values = part.normals if part.albedo is None else np.concatenate([part.normals, part.albedo], axis=1)
         pairs.append(_mesh_pairs(_by_position(mesh), values[part.corner]) + np.uint64(offset) * np.uint64(2**32 + 1))
-    return _Surface(
-        np.sort(np.concatenate(pairs)), np.concatenate(corners), np.concatenate(normals), np.concatenate(is_plain)
-    )
+    return _Surface(*map(np.concatenate, (pairs, corners, normals, is_plain)))
 
 
 def _plain_faces(mesh: Mesh) -> NDArray[np.bool_]:
@@ -229,7 +225,7 @@ def _jumps(luminance: NDArray, face: NDArray, pairs: NDArray, key: NDArray) -> t
     rows, columns = np.nonzero(is_place)
     a, b = a[rows, columns].astype(np.uint64), b[rows, columns].astype(np.uint64)
     is_seen = (key[a] == key[b]) & (key[a] >= 0)
-    is_seen &= _is_in(np.minimum(a, b) << np.uint64(32) | np.maximum(a, b), pairs)
+    is_seen &= np.isin(np.minimum(a, b) << np.uint64(32) | np.maximum(a, b), pairs)
     rows, columns = rows[is_seen], columns[is_seen]
     intensities = [luminance[rows, columns + k] for k in range(8)]
     value_a, slope_a, change_a = _at_edge(intensities[:4])
@@ -251,11 +247,3 @@ def _at_edge(pixels: Sequence[NDArray]) -> tuple[NDArray, NDArray, NDArray]:
     furthest, far, middle, near = pixels
     d, c = near - middle, near - 2.0 * middle + far
     return near + 0.5 * d + 0.375 * c, d + c, np.abs(near - 3.0 * middle + 3.0 * far - furthest)
-
-
-def _is_in(keys: NDArray[np.uint64], table: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """Tell which keys are in an ascending table."""
-    if not len(table):
-        return np.zeros(len(keys), bool)
-    place = np.minimum(np.searchsorted(table, keys), len(table) - 1)
-    return table[place] == keys

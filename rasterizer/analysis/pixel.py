@@ -1,4 +1,4 @@
-"""Why a pixel is what it is: the reference's account of it, and the way that the renderer draws it."""
+"""Why a pixel is what it is: the reference's account of it, and the path by which the renderer draws it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -45,7 +45,7 @@ def explain(
     shading, samples, antialias, cull, color_range, exposure, spectral : the options of the picture, as for `render`. Of
         several samples each is explained, and the pixel's value is their mean. "global" takes the largest value of the
         whole picture, which is then drawn, slowly
-    tolerance : decides the way that the renderer takes; the values are the reference's, which has no tolerance
+    tolerance : decides the path that the renderer takes; the values are the reference's, which has no tolerance
     outputs, threads : of no effect. They are taken so that the options of a picture can be handed on as they are
 
     Returns

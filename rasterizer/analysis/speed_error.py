@@ -181,7 +181,7 @@ def study(
         if finer is None or not (is_first or 2.0 * cost * len(group) < left):
             left_out += group
             continue
-        begin, drawn = perf_counter(), dict[Method, _Compared]()
+        begin, drawn = perf_counter(), dict[Method, tuple[Errors, float, float]]()
         for method in group:
             progress(len(rows) + len(drawn), len(methods), str(method))
             drawn[method] = truths.compare(method, finer)
@@ -313,14 +313,6 @@ class _Work(NamedTuple):
         return draw_light(scene, self.size, **self.options | method.options)
 
 
-class _Compared(NamedTuple):
-    """What one picture's errors are; fields as in `Row`."""
-
-    error: Errors
-    of_method: float
-    of_sampling: float
-
-
 class _Truths:
     """Draw what pictures are compared with, each once."""
 
@@ -329,12 +321,12 @@ class _Truths:
         self._truth = draw_ground_truth(work.scene, work.size, **work.options)
         self._of_samples: dict[int, tuple[Light, float]] = {}
 
-    def compare(self, method: Method, finer: Scene) -> _Compared:
-        """Draw a method's picture, and compare it."""
+    def compare(self, method: Method, finer: Scene) -> tuple[Errors, float, float]:
+        """Draw a method's picture; return its error, and what the method and the sampling make of it, as in `Row`."""
         found = self._work.draw(finer, method)
         same_samples, of_sampling = self._phong(method.samples)
         error = measure_errors(found, self._truth, self._with_flip)
-        return _Compared(error, rms_error(found, same_samples), of_sampling)
+        return error, rms_error(found, same_samples), of_sampling
 
     def _phong(self, samples: int) -> tuple[Light, float]:
         """Phong's picture with tolerance 0, and how far it is from the ground truth."""

@@ -87,12 +87,12 @@ def _draw(run: Run, task: RenderTask, options: Options, shared: Any, kept: dict[
         content = encode(frame, task, options)
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
-        content, stats, error = None, None, make_error(run.name, fault)
+        content, stats, error = None, None, plain_error(run.name, fault)
     of_model = ((), ()) if model is None else (model.warnings, model.files_read)
     return Drawn(content, error, perf_counter() - start, stats, *of_model)
 
 
-def make_error(name: str, fault: Exception) -> RasterizerError:
+def plain_error(name: str, fault: Exception) -> RasterizerError:
     """Return what is said of a fault, without its traceback: that would hold on to what was being drawn."""
     return error_of(name, fault).with_traceback(None)
 

@@ -31,6 +31,7 @@ from ..scene.validate import whole
 from .worker import MAX_SHARED, READY, read_message, write_message
 
 MAX_PROCESSES = 1024
+LONGEST_RUN = 8  # pictures of a job
 
 
 def make_pool(executor: Any, n_process: int | None) -> "Pool":
@@ -87,6 +88,7 @@ class Job:
         self.argument: Any = argument
         self.shared: SharedObject | None = shared
         self.note: Any = None  # the caller's own; it isn't sent
+        self.is_alone = False  # one picture, drawn once more because a process died of some
         self.n_lost = 0  # how often it had to be sent again because of others
 
 
@@ -158,6 +160,40 @@ def work_through(
         again.extend(instead)
         if not instead:
             yield done, outcome
+
+
+def replace_job(
+    job: Job, outcome: Done | Died | Failed, divide: Callable[[Job], list[Job]], load: Callable[[Job], list[Job]]
+) -> list[Job]:
+    """Return what takes the place of a job of some pictures: the pictures one by one where something went wrong, or the
+    same job with its model where the function returned None, as it doesn't see the model's file; none else.
+
+    Parameters
+    ----------
+    divide : returns a job for each picture of one
+    load : returns a job that has its model; none where it can't be loaded
+    """
+    if isinstance(outcome, Done):
+        return [] if outcome.value is not None else load(job)
+    parts = [] if job.is_alone else divide(job)
+    if isinstance(outcome, Failed) and len(parts) == 1:
+        return []
+    for part in parts:
+        part.is_alone = isinstance(outcome, Died)
+    return parts
+
+
+def make_error(name: str, outcome: Died | Failed) -> RasterizerError:
+    """Return what is said of a model that no process has drawn."""
+    if isinstance(outcome, Died):
+        return RasterizerError(f"{name}: the process that drew it {outcome.how}, twice")
+    fault = outcome.error
+    return SceneError(f"{name}: can't be drawn by another process: {type(fault).__name__}: {fault}")
+
+
+def pictures_per_job(pool: Pool, n_picture: int) -> int:
+    """Return how many pictures of a model one job draws: fewer where few are left, so that all processes have some."""
+    return max(1, min(LONGEST_RUN, n_picture // pool.n_slot))
 
 
 # ---------------------------------------------------------------- processes of this machine

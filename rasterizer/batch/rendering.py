@@ -19,11 +19,23 @@ from ..options import Options
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
-from .draw_run import Drawn, Run, draw_run, identify, load_model_of, make_error
-from .pools import Died, Done, Failed, Job, Pool, SharedObject, make_pool, work_through
+from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error
+from .pools import (
+    LONGEST_RUN,
+    Died,
+    Done,
+    Failed,
+    Job,
+    Pool,
+    SharedObject,
+    make_error,
+    make_pool,
+    pictures_per_job,
+    replace_job,
+    work_through,
+)
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
-LONGEST_RUN = 8  # pictures
 _MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them
 _MAX_OBJECTS = 8  # models given as objects that are recognised when they come again
 
@@ -94,7 +106,6 @@ class Note(NamedTuple):
 
     items: list[Item]
     run: Run
-    is_alone: bool = False  # drawn once more, because its process died
     warnings: tuple[str, ...] = ()  # of a model that was loaded here
     files_read: tuple[str, ...] = ()
     error: RasterizerError | None = None  # where it could not be loaded here
@@ -179,7 +190,7 @@ class Batch:
             try:
                 item = self._check(index, task)
             except Exception as fault:  # noqa: BLE001  whatever it is, one that is not legal doesn't stop the others
-                yield _failed(index, task, make_error(task.name, fault))
+                yield _failed(index, task, plain_error(task.name, fault))
                 continue
             if item is None:
                 yield RenderRecord(index, os.fspath(task.output), "skipped", source=source_of(task))
@@ -222,41 +233,36 @@ class Batch:
 
     def _next_job(self) -> Job:
         """Return what is drawn next, of what waits."""
-        # Shorter runs where few tasks are left, so that all processes have some.
-        n = max(1, min(LONGEST_RUN, len(self._waiting) // self._pool.n_slot))
+        n = pictures_per_job(self._pool, len(self._waiting))
         items = [self._waiting.popleft()]
         while self._waiting and len(items) < n and self._waiting[0].has_model_of(items[0]):
             items.append(self._waiting.popleft())
         return self._job_of(items)
 
-    def _job_of(self, items: list[Item], is_alone: bool = False) -> Job:
+    def _job_of(self, items: list[Item]) -> Job:
         """Return the job that draws some items of one model."""
         task, path = items[0].task, items[0].path
         identity = None if path is None or self._pool.is_here else identify(path)
         tasks = tuple((replace(item.task, source=None), item.options) for item in items)
         run = Run(task.name, path, identity, dict(task.load), tasks)
         job = Job(draw_run, run, items[0].shared)
-        job.note = Note(items, run, is_alone)
+        job.note = Note(items, run)
         return job
 
     # --- outcomes to records
 
     def _follow_up(self, job: Job, outcome: Done | Died | Failed) -> list[Job]:
-        """Return what takes the place of a job: its tasks one by one, or the same with its model."""
-        note: Note = job.note
-        if isinstance(outcome, Done):
-            return [] if outcome.value is not None else self._send_model(job)
-        if note.is_alone or (isinstance(outcome, Failed) and len(note.items) == 1):
-            return []
-        return [self._job_of([item], isinstance(outcome, Died)) for item in note.items]
+        return replace_job(
+            job, outcome, lambda job: [self._job_of([item]) for item in job.note.items], self._send_model
+        )
 
     def _send_model(self, job: Job) -> list[Job]:
-        """Load a model that the machine that should draw it doesn't see; return the job that has it, or nothing."""
+        """Load a model that the machine that should draw it doesn't see; return the job that has it, if any."""
         note: Note = job.note
         try:
             model = load_model_of(note.run, None, {})
         except Exception as fault:  # noqa: BLE001  whatever it is, one that can't be read doesn't stop the rest
-            job.note = note._replace(error=make_error(note.run.name, fault))
+            job.note = note._replace(error=plain_error(note.run.name, fault))
             return []
         run = note.run._replace(path=None, identity=None, load={})
         again = Job(draw_run, run, self._share(model.scene, {}))
@@ -269,12 +275,7 @@ class Batch:
             for item, drawn in zip(note.items, outcome.value, strict=True):
                 yield self._write(item, drawn, note)
             return
-        error = note.error
-        if isinstance(outcome, Died):
-            error = RasterizerError(f"{note.run.name}: the process that drew it {outcome.how}, twice")
-        elif isinstance(outcome, Failed):
-            what = f"{type(outcome.error).__name__}: {outcome.error}"
-            error = SceneError(f"{note.run.name}: can't be drawn by another process: {what}")
+        error = note.error if isinstance(outcome, Done) else make_error(note.run.name, outcome)
         yield from (_failed(item.number, item.task, error) for item in note.items)
 
     def _write(self, item: Item, drawn: Drawn, note: Note) -> RenderRecord:

@@ -72,32 +72,26 @@ class RenderTask:
             raise SceneError("a task takes a view or a camera, not both")
         if isinstance(self.view, str) and self.view not in VIEWS:
             raise SceneError(f"view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {self.view!r}")
-        return self._options()
+        options = self.options
+        if isinstance(options, Options):
+            values = dict(vars(options))
+        elif isinstance(options, Mapping) and all(isinstance(name, str) for name in options):
+            values = self._default_outputs() | dict(options)
+        else:
+            raise SceneError(f"options must be Options or a dict of some; given {shown(options)}")
+        if values.get("threads") is None:
+            values["threads"] = 1
+        return Options(**values)
 
     @property
     def is_array(self) -> bool:
         """Whether its file holds an array."""
         return os.fspath(self.output).lower().endswith(".npy")
 
-    def _defaults(self, options: Mapping[str, Any]) -> dict[str, Any]:
-        """What is an option's default where a dict doesn't have it: that of a picture, or of an array."""
-        if not self.is_array:
-            return {} if "outputs" in options else {"outputs": "rgb"}
-        name = self.array or "color"
+    def _default_outputs(self) -> dict[str, Any]:
+        """The outputs where a dict of options doesn't name them: those of a picture, or of an array."""
+        name = (self.array or "color") if self.is_array else "rgb"
         return {"outputs": {"rgba": "rgb", "alpha": "color"}.get(name, name)}
-
-    def _options(self) -> Options:
-        """The options, with one thread where none are asked for."""
-        options = self.options
-        if isinstance(options, Options):
-            values = dict(vars(options))
-        elif isinstance(options, Mapping) and all(isinstance(name, str) for name in options):
-            values = self._defaults(options) | dict(options)
-        else:
-            raise SceneError(f"options must be Options or a dict of some; given {shown(options)}")
-        if values.get("threads") is None:
-            values["threads"] = 1
-        return Options(**values)
 
 
 @dataclass(frozen=True)

@@ -32,17 +32,11 @@ def add_flags(parser) -> None:
     add_arrays(parser)
     group = parser.add_topic("work", is_own=True)
     add_processes(group)
-    group.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="draw on the workers of this scheduler of Dask, tcp://HOST:PORT (extra distributed)",
-    )
-    group.add_argument(
-        "--resume",
-        dest="is_resumed",
-        action="store_true",
-        help="leave out pictures whose file is there and no older than the model's",
-    )
+    add = group.add_argument
+    add("--scheduler", metavar="ADDRESS",
+        help="draw on the workers of this scheduler of Dask, tcp://HOST:PORT (extra distributed)")  # fmt: skip
+    add("--resume", dest="is_resumed", action="store_true",
+        help="leave out pictures whose file is there and no older than the model's")  # fmt: skip
     add_camera(parser)
     add_look(parser)
 
@@ -68,5 +62,5 @@ def run(arguments, messages) -> tuple[list, int]:
     summary.skipped, summary.seconds = n_left_out, perf_counter() - start
     messages.notice(str(summary))
     if arguments.json:
-        messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)}, False)
+        messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)})
     return failures, n_model

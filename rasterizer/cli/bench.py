@@ -12,7 +12,7 @@ from ..errors import SceneError, counted
 from ..options import Options
 from . import values
 from .flags import add_camera, add_json, add_look, add_messages, add_models, add_size
-from .messages import QUIET, Bar, print_record, print_text
+from .messages import QUIET, Bar, print_text
 
 IMPORTS = ("drawing",)
 _OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
@@ -45,11 +45,9 @@ def add_flags(parser) -> None:
     add_models(parser)
     output = parser.add_topic("output")
     output.add_argument(
-        "--plot",
-        dest="output",
-        metavar="OUT",
+        "--plot", dest="output", metavar="OUT",
         help="draw time against error, as .png, .svg or .pdf; with {stem} or {view} for several (needs matplotlib)",
-    )
+    )  # fmt: skip
     add_size(output, Options.size)
     add_json(output, "print a line of JSON for each model instead of the table")
     add_messages(output)
@@ -103,24 +101,23 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
     from .models import load_scene, with_options
 
     start = perf_counter()
-    loaded, warned, own_options, framing = load_scene(
-        targets[0].model, arguments, settings, messages, output.files_read
-    )
-    arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
+    model = targets[0].model
+    loaded = load_scene(model, arguments, settings, messages, output.files_read)
+    arguments = with_options(arguments, loaded.options, _OPTIONS, model)
     machine = describe_machine()
     if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
-        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
+        scene = replace(loaded.scene, camera=camera_of(arguments, target.view, loaded.scene, loaded.framing))
         found = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
         if target.output is not None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
-            print_record(_record(target, arguments, scene, seconds, machine, warned, found), False)
+            messages.record(_record(target, arguments, scene, seconds, machine, loaded.warnings, found))
         elif arguments.level > QUIET:
-            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n", False)
+            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n")
 
 
 def _measure(scene, arguments, messages):
@@ -139,9 +136,8 @@ def _measure(scene, arguments, messages):
         messages.notice("there is no ΔE without scikit-image: pip install scikit-image")
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
-        messages.notice(
-            f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
-        )
+        n = len(found.left_out)
+        messages.notice(f"{n} methods are left out for want of time or memory ({names}); see --seconds")
     return found
 
 
@@ -155,8 +151,7 @@ _LEGEND = (
 
 def _title(target, scene, arguments, machine) -> str:
     width, height = arguments.size
-    n_thread = arguments.threads or machine["cores"]
-    threads = counted(n_thread, "thread")
+    threads = counted(arguments.threads or machine["cores"], "thread")
     view = f", {target.view}" if target.view else ""
     return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
 
@@ -186,11 +181,8 @@ def _winner(row, front) -> int:
     """The number of the nearest row of the front that isn't slower."""
     from ..analysis.speed_error import printed
 
-    return max(
-        k + 1
-        for k, other in enumerate(front)
-        if other.ms <= row.ms and printed(other.error.rms) <= printed(row.error.rms)
-    )
+    rms = printed(row.error.rms)
+    return max(k for k, other in enumerate(front, 1) if other.ms <= row.ms and printed(other.error.rms) <= rms)
 
 
 def _aligned(lines, n_left) -> list[str]:
@@ -203,7 +195,7 @@ def _aligned(lines, n_left) -> list[str]:
     return ["  ".join(cell(text, k) for k, text in enumerate(line)).rstrip() for line in lines]
 
 
-def _record(target, arguments, scene, seconds, machine, warned, found) -> dict:
+def _record(target, arguments, scene, seconds, machine, warnings, found) -> dict:
     """What --json says of a model."""
     return {
         "path": target.model,
@@ -219,5 +211,5 @@ def _record(target, arguments, scene, seconds, machine, warned, found) -> dict:
         ],
         "left_out": [str(method) for method in found.left_out],
         "advice": found.advice,
-        "warnings": warned,
+        "warnings": warnings,
     }

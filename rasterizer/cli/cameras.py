@@ -23,7 +23,7 @@ def check_camera(arguments) -> None:
 
     A file of --camera is read, and kept in the arguments.
     """
-    _check_given_camera(arguments)
+    _read_camera(arguments)
     if arguments.zoom <= 0.0:
         raise SceneError(f"--zoom must be above 0; given {arguments.zoom:g}")
     if arguments.eye is None and arguments.target is not None:
@@ -66,7 +66,7 @@ def camera_of(arguments, view, scene, framing=None, subject=None) -> Camera:
     return zoomed(own, arguments.zoom)
 
 
-def _check_given_camera(arguments) -> None:
+def _read_camera(arguments) -> None:
     """Read the file of --camera: a pair of a Camera and how to frame the model, one of them None.
 
     Raises
@@ -86,22 +86,9 @@ def _check_given_camera(arguments) -> None:
 
 
 def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
-    """Make the camera for a view.
+    """Make the camera for a view, as `camera_of` does, of a subject with a box `bounds` (2, 3) and an axis `up`.
 
-    Parameters
-    ----------
-    arguments : those of the command
-    view : name out of VIEWS, or None
-    subject : Scene or points (n, 3), what is framed
-    bounds : (2, 3) box round it, scene units
-    up : axis
-    framing : dict of the arguments of `Camera.framing` where the flags leave them out, or None
-
-    Returns
-    -------
-    Camera; orthographic at --eye, it shows of the target's plane what it would show with perspective
-
-    Raises SceneError for a value that is not legal.
+    An orthographic one at --eye shows of the target's plane what it would show with perspective.
     """
     if arguments.eye is not None:
         fov = _first(arguments.fov, (framing or {}).get("fov"), FOV)
@@ -117,7 +104,7 @@ def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
 
 
 def framing_settings(arguments, view, up, framing=None) -> dict:
-    """The arguments of `Camera.framing`, but for the subject; parameters are those of `make_camera`."""
+    """The arguments of `Camera.framing`, but for the subject: of flags, else of `framing`, else the defaults."""
     framing = framing or {}
     azimuth, elevation = VIEWS.get(view, (framing.get("azimuth", AZIMUTH), framing.get("elevation", ELEVATION)))
     width, height = arguments.size

@@ -14,7 +14,7 @@ from ..errors import SceneError, counted
 from ..options import Options
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
-from .messages import QUIET, STDIO, print_record, print_text
+from .messages import QUIET, STDIO, print_text
 
 IMPORTS = ("drawing",)
 SIZE = (320, 240)  # four pictures beside each other, one of them by the reference, which is slow
@@ -72,21 +72,12 @@ def add_flags(parser) -> None:
     parser.description = _DESCRIPTION
     add_models(parser)
     add_output(parser, "{stem}-compare", SIZE)
-    group = parser.add_topic("comparison", _TABLE, is_own=True)
-    group.add_argument(
-        "--methods",
-        type=values.list_of(values.shading_method),
-        default=("flat", "gouraud", "phong"),
-        metavar="LIST",
+    add = parser.add_topic("comparison", _TABLE, is_own=True).add_argument
+    add("--methods", type=values.list_of(values.shading_method), default=("flat", "gouraud", "phong"), metavar="LIST",
         help="what is compared, with commas between; gouraud+N cuts triangles in four N times before "
-        "(default flat,gouraud,phong)",
-    )
-    group.add_argument(
-        "--no-reference",
-        dest="has_reference",
-        action="store_false",
-        help="compare with Phong's shading as rendered, which is quicker",
-    )
+        "(default flat,gouraud,phong)")  # fmt: skip
+    add("--no-reference", dest="has_reference", action="store_false",
+        help="compare with Phong's shading as rendered, which is quicker")  # fmt: skip
     add_camera(parser)
     add_look(parser, is_compared=True)
 
@@ -110,22 +101,20 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
     from .outputs import encode_sheet
 
     start = perf_counter()
-    loaded, of_model, own_options, framing = load_scene(
-        targets[0].model, arguments, settings, messages, output.files_read
-    )
-    arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
+    model = targets[0].model
+    loaded = load_scene(model, arguments, settings, messages, output.files_read)
+    arguments = with_options(arguments, loaded.options, _OPTIONS, model)
     for target in targets:
-        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
+        scene = replace(loaded.scene, camera=camera_of(arguments, target.view, loaded.scene, loaded.framing))
         drawn, times, frame = _draw_methods(scene, arguments)
-        warnings = picture_warnings(frame, loaded, arguments, scene.camera, target.model)
+        warnings = picture_warnings(frame, loaded.scene, arguments, scene.camera, model)
         messages.warn(*warnings)
         against = "phong" if "phong" in drawn else next(reversed(drawn))
         if arguments.has_reference:
             against = "reference"
             if scene.n_face + arguments.size[0] * arguments.size[1] / 60 > _SLOW:
-                messages.notice(
-                    f"{target.model}: drawing the reference, which takes a while; --no-reference leaves it out"
-                )
+                wait = "drawing the reference, which takes a while; --no-reference leaves it out"
+                messages.notice(f"{model}: {wait}")
             drawn[against] = _draw_reference(scene, arguments)
         figures = {
             method: _measure(picture, drawn[against], _scene_of(method, scene), times.get(method))
@@ -135,21 +124,21 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         image, scale = _lay_out(drawn, against, figures, scene.background)
         output.write(encode_sheet(image, target.output), target.output)
         seconds, start = perf_counter() - start, perf_counter()
-        messages.detail(f"{target.model}: {target.output}, {counted(scene.n_face, 'face')}, {seconds:.2f} s in all")
+        messages.detail(f"{model}: {target.output}, {counted(scene.n_face, 'face')}, {seconds:.2f} s in all")
         if arguments.json:
             record = {
-                "path": target.model,
+                "path": model,
                 "view": target.view,
                 "output": target.output,
                 "size": list(arguments.size),
                 "faces": scene.n_face,
                 "seconds": round(seconds, 4),
-                "warnings": of_model + warnings,
+                "warnings": loaded.warnings + warnings,
                 "against": against,
                 "scale": scale,
                 "methods": {method: of_method._asdict() for method, of_method in figures.items()},
             }
-            print_record(record, target.output == STDIO)
+            messages.record(record, target.output == STDIO)
         elif arguments.level > QUIET:
             print_text(_table(target, figures), target.output == STDIO)
 
@@ -159,6 +148,8 @@ def _draw_methods(scene, arguments) -> tuple[dict, dict, Any]:
     tolerance, and the last one's frame."""
     from contextlib import ExitStack
 
+    import numpy as np
+
     from ..analysis.timing import take_turns
     from ..renderer import Renderer
 
@@ -167,24 +158,14 @@ def _draw_methods(scene, arguments) -> tuple[dict, dict, Any]:
     with ExitStack() as stack:
         for method in arguments.methods:
             finer = _scene_of(method, scene)
-            settings = options | {"shading": _shading_of(method)}
+            settings = options | {"shading": method.partition("+")[0]}
             with Renderer(finer, **settings, tolerance=0.0, outputs=("color", "face")) as renderer:
                 frame = renderer.render()
             drawn[method] = Drawn(frame.rgba, frame.color, frame.face)
             calls[method] = stack.enter_context(Renderer(finer, **settings, outputs=("rgb",))).render
             calls[method]()  # compiles and allocates
         taken = take_turns(calls, _SECONDS, _MAX_ROUNDS)
-    return drawn, {method: _median(times) for method, (times, _) in taken.items()}, frame
-
-
-def _median(times) -> float:
-    import numpy as np
-
-    return float(np.median(times))
-
-
-def _shading_of(method) -> str:
-    return method.partition("+")[0]
+    return drawn, {method: float(np.median(times)) for method, (times, _) in taken.items()}, frame
 
 
 def _scene_of(method, scene):
@@ -239,10 +220,8 @@ def _lay_out(drawn, against, figures, background):
     errors = {m: np.abs(drawn[m].color.astype(float) - drawn[against].color).max(axis=2) for m in drawn if m != against}
     is_covered = drawn[against].face >= 0
     # The largest error is often that of a few pixels at an outline; the rest would be black on its scale.
-    most_of_all = (
-        max(np.quantile(error[is_covered], _QUANTILE) for error in errors.values()) if is_covered.any() else 0.0
-    )
-    scale = _rounded_up(most_of_all)
+    quantiles = [np.quantile(error[is_covered], _QUANTILE) for error in errors.values() if is_covered.any()]
+    scale = _rounded_up(max(quantiles, default=0.0))
     pictures, labels = [picture.rgba for picture in drawn.values()], []
     for method, of_method in figures.items():
         name, jump = _name_of(method), of_method.slope_rms
@@ -250,9 +229,9 @@ def _lay_out(drawn, against, figures, background):
         labels.append(_label([*jumps, name, method, ""], shape))
     for method, error in errors.items():
         pictures.append(_heat(error / scale, is_covered))
-        most, rms = figures[method].max, figures[method].rms
-        figures_of = [f"error: rms {rms:.2g}, at most {most:.2g}", f"rms {rms:.2g}, max {most:.2g}", f"rms {rms:.2g}"]
-        labels.append(_label([*figures_of, f"{rms:.2g}", ""], shape))
+        largest, rms = figures[method].max, figures[method].rms
+        words = [f"error: rms {rms:.2g}, at most {largest:.2g}", f"rms {rms:.2g}, max {largest:.2g}", f"rms {rms:.2g}"]
+        labels.append(_label([*words, f"{rms:.2g}", ""], shape))
     ramp = np.linspace(0.0, 1.0, shape[1])[None].repeat(max(shape[0] // 12, 1), axis=0)
     pictures.append(_heat(ramp, np.ones(ramp.shape, bool)))
     labels.append(_label([f"0 to {scale:g} of linear intensity, and more", f"0 to {scale:g}", ""], shape))

@@ -47,5 +47,5 @@ def run(arguments, _messages) -> tuple[list, int]:
                 action.complete = shtab.FILE
             elif metavar == "TOPIC":
                 action.choices = command.topics()
-    print_text(shtab.complete(parser, arguments.shell) + "\n", False)
+    print_text(shtab.complete(parser, arguments.shell) + "\n")
     return [], 0

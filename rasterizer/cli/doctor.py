@@ -15,7 +15,7 @@ from .. import __version__
 from ..cores import n_core
 from ..errors import OutputError, SceneError
 from .flags import add_json, add_messages
-from .messages import print_record, print_text
+from .messages import print_text
 
 ENVIRONMENT = {  # all variables that are read
     "RASTER_STORE": "the only folder of compiled kernels; off: none are kept",
@@ -85,9 +85,9 @@ def run(arguments, messages) -> tuple[list, int]:
         facts["cleared"] = cleared
     problems = _list_problems(facts)
     if arguments.json:
-        print_record(facts | {"problems": problems}, False)
+        messages.record(facts | {"problems": problems})
     else:
-        print_text(_text(facts), False)
+        print_text(_text(facts))
     for problem in problems:
         messages.error(problem)
     return [SceneError(problem) for problem in problems], len(problems) + 1

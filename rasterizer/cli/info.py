@@ -6,13 +6,12 @@ load ─ facts ─┬─ lines on stdout
 
 import argparse
 import os
-import warnings
 from time import perf_counter
 
 from ..errors import counted
 from ..io import formats
 from .flags import add_json, add_messages, add_models
-from .messages import STDIO, Failures, byte_words, print_record, print_text
+from .messages import STDIO, Failures, byte_words, print_text
 
 IMPORTS = ("models",)
 _MANY = 12  # materials that are listed by name
@@ -54,7 +53,7 @@ class _ListFormats(argparse.Action):
         for entry in formats.formats():
             suffixes, packages = " ".join(entry["suffixes"]), ", ".join(entry["needs"])
             line = f"{entry['name']:<6} {suffixes:<14} {entry['reads']:<6} read by {entry['by']}"
-            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n", False)
+            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n")
         parser.exit()
 
 
@@ -68,9 +67,9 @@ def run(arguments, messages) -> tuple[list, int]:
         with failures.caught(model):
             facts = _describe(model, arguments, messages)
             if arguments.json:
-                print_record(facts, False)
+                messages.record(facts)
             else:
-                print_text(("\n" if number else "") + _text(facts), False)
+                print_text(("\n" if number else "") + _text(facts))
     return failures, len(models)
 
 
@@ -78,13 +77,12 @@ def _describe(model, arguments, messages) -> dict:
     """Load a model, and return what is known of it: a record that JSON can say."""
     from ..analysis.mesh_topology import compute_topology, guess_up
     from ..io.loader import load
-    from .models import source_of
+    from .models import noted_warnings, source_of
 
     start = perf_counter()
     source = source_of(model, arguments.input_format)
     said, files_read = [], []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with noted_warnings() as texts:
         scene = load(
             source,
             format=arguments.input_format,
@@ -95,7 +93,6 @@ def _describe(model, arguments, messages) -> dict:
         )
     for text in said:
         messages.detail(text)
-    texts = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
     entry = formats.format_of(model, arguments.input_format)
     points, faces = _gather(scene)
     topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces)
@@ -131,7 +128,7 @@ def _describe(model, arguments, messages) -> dict:
         "camera": scene.camera is not None,
         "files_read": list(dict.fromkeys(files_read)),
         "not_drawn": _list_not_drawn(scene, said),
-        "warnings": list(dict.fromkeys(texts)),
+        "warnings": texts,
         "seconds": round(perf_counter() - start, 4),
     }
 
@@ -158,14 +155,12 @@ def _count_polygons(scene) -> int:
 
 def _normals_of(scene) -> str:
     """Where normals come from: of the file, of its smoothing groups, or averaged; all that there are."""
-    found = []
-    for mesh in scene.meshes:
-        if mesh.normals is not None:
-            found.append("of the file")
-        elif mesh.smoothing is not None:
-            found.append("of smoothing groups")
-        else:
-            found.append("averaged")
+    found = (
+        "of the file" if mesh.normals is not None
+        else "of smoothing groups" if mesh.smoothing is not None
+        else "averaged"
+        for mesh in scene.meshes
+    )  # fmt: skip
     return ", ".join(dict.fromkeys(found))
 
 
@@ -213,10 +208,7 @@ def _text(facts) -> str:
         ("up", _up(facts)),
         ("normals", facts["normals"]),
         ("materials", _materials(facts["materials"])),
-        (
-            "textures",
-            ", ".join("'{}' {}x{}".format(each["name"], *each["size"]) for each in facts["textures"]) or "none",
-        ),
+        ("textures", _textures(facts["textures"])),
         ("not used", ", ".join(facts["not_drawn"]) or "nothing is left out"),
     ]
     lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
@@ -252,6 +244,10 @@ def _materials(materials) -> str:
     names = [f"'{each['name']}'" if each["name"] else "one without a name" for each in materials]
     more = len(names) - _MANY
     return f"{len(names)}: " + ", ".join(names[:_MANY]) + (f" and {more} more" if more > 0 else "")
+
+
+def _textures(textures) -> str:
+    return ", ".join("'{}' {}x{}".format(each["name"], *each["size"]) for each in textures) or "none"
 
 
 def _point(values) -> str:

@@ -10,8 +10,12 @@ from ..errors import OutputError, error_of
 QUIET, NORMAL, VERBOSE = -1, 0, 1
 STDIO = "-"  # what stands for stdin or stdout
 BAR_WIDTH = 24
-_LINES = 20  # the most about one compilation, where there is no bar
+_MAX_LINES = 20  # about one compilation, where there is no bar
 _MANY = 5  # pictures from which on there is a bar
+_EVERY_RUN = (
+    "compiling kernels takes some seconds in every run, as there is no folder that could keep them (-v says why); "
+    "RASTER_STORE names one"
+)
 
 
 class Messages:
@@ -47,9 +51,14 @@ class Messages:
         if self.level >= VERBOSE:
             self.say(text)
 
-    def record(self, record: dict, is_stdout_taken: bool) -> None:
-        """Print a line of JSON, as `print_record` does."""
-        print_record(record, is_stdout_taken)
+    def record(self, record: dict, is_stdout_taken: bool = False) -> None:
+        """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
+
+        A number that is not finite, which JSON doesn't have, becomes null; the field NAME_reason says what it was.
+        """
+        import json
+
+        print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
 
     def traceback(self, error) -> None:
         """Show where a fault of the program's own happened, if verbose."""
@@ -190,17 +199,6 @@ def byte_words(n_byte: int) -> str:
     return f"{n_byte} bytes"
 
 
-def print_record(record: dict, is_stdout_taken: bool) -> None:
-    """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
-
-    A number that is not finite, which JSON doesn't have, becomes null, and the field NAME_reason beside it says what it
-    was.
-    """
-    import json
-
-    print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
-
-
 def _finite(value):
     """Replace what JSON can't say."""
     if isinstance(value, (list, tuple)):
@@ -220,7 +218,7 @@ def _is_not_finite(value) -> bool:
     return isinstance(value, float) and not math.isfinite(value)
 
 
-def print_text(text: str, is_stdout_taken: bool) -> None:
+def print_text(text: str, is_stdout_taken: bool = False) -> None:
     """Print lines that were asked for: on stdout, or on stderr where a picture goes to stdout."""
     if not is_stdout_taken:
         write_stdout(_bytes_of(text))
@@ -318,10 +316,10 @@ class Progress:
         self.n_shown += 1
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
-        part = n_done * _LINES // n_kernel
+        part = n_done * _MAX_LINES // n_kernel
         if self._bar.is_shown:
             self._bar.show(n_done, n_kernel, f"compiling {name}")
-        elif n_kernel <= _LINES or part > self._last:
+        elif n_kernel <= _MAX_LINES or part > self._last:
             self._last = part
             self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
 
@@ -348,9 +346,3 @@ def _details_told(messages):
     finally:
         log.setLevel(before)
         log.removeHandler(teller)
-
-
-_EVERY_RUN = (
-    "compiling kernels takes some seconds in every run, as there is no folder that could keep them (-v says why); "
-    "RASTER_STORE names one"
-)

@@ -117,6 +117,7 @@ def make_settings(arguments) -> Settings:
         raise SceneError(f"--subdivide must be within 0..{_MAX_SUBDIVISIONS}; given {arguments.subdivide}")
     if arguments.crease_angle is not None and not 0.0 <= arguments.crease_angle <= 180.0:
         raise SceneError(f"--crease-angle must be within 0..180 degrees; given {arguments.crease_angle:g}")
+    shadow_fields = _shadow_fields(arguments)
     return Settings(
         load={
             "lights": make_lights(arguments),
@@ -128,8 +129,8 @@ def make_settings(arguments) -> Settings:
             "allow_outside": arguments.allow_outside,
         },
         material=_make_material(arguments),
-        shadow=_make_shadow(arguments) if arguments.shadows else None,
-        shadow_fields={} if arguments.shadows else _shadow_fields(arguments),
+        shadow=Shadow(**shadow_fields) if arguments.shadows else None,
+        shadow_fields={} if arguments.shadows else shadow_fields,
         is_transparent=background == "transparent",
         scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
         subdivide=arguments.subdivide,
@@ -138,12 +139,19 @@ def make_settings(arguments) -> Settings:
     )
 
 
-def _make_cue(settings):
-    """The cue of --depth-cue."""
+@contextmanager
+def _told_of(what):
+    """Begin the message of a fault inside the block with what it is about."""
     try:
+        yield
+    except (ModelError, SceneError) as fault:
+        raise type(fault)(f"{what}: {fault}") from fault
+
+
+def _make_cue(settings) -> DepthCue | None:
+    """The cue of --depth-cue."""
+    with _told_of("--depth-cue"):
         return None if settings is None else DepthCue(**settings)
-    except SceneError as fault:
-        raise SceneError(f"--depth-cue: {fault}") from fault
 
 
 def _make_material(arguments) -> dict:
@@ -157,14 +165,10 @@ def _make_material(arguments) -> dict:
     if "reflection" in settings:
         _checked_model(settings["reflection"], "--material: reflection")
     if settings.get("texture") is not None:
-        try:
+        with _told_of("--material texture"):
             settings["texture"] = Texture(settings["texture"])
-        except ModelError as fault:
-            raise ModelError(f"--material texture: {fault}") from fault
-    try:
+    with _told_of("--material"):
         Material(**settings)
-    except SceneError as fault:
-        raise SceneError(f"--material: {fault}") from fault
     return settings
 
 
@@ -179,11 +183,6 @@ def _checked_model(word: str, flag: str) -> str:
 # --- lights -----------------------------------------------------------------------------------------------------------
 
 
-def _make_shadow(arguments) -> Shadow:
-    """Make the shadow of lights that cast one and don't say its size and filter themselves."""
-    return Shadow(**_shadow_fields(arguments))
-
-
 def _shadow_fields(arguments) -> dict[str, int]:
     """Return the fields of Shadow that flags give."""
     given = {"size": arguments.shadow_size, "filter": arguments.shadow_filter}
@@ -193,7 +192,8 @@ def _shadow_fields(arguments) -> dict[str, int]:
 def make_lights(arguments) -> tuple | None:
     """Make the lights: those of a preset and those given, with shadows if asked for; None where neither is, so that a
     file's own, or else the studio's, are used."""
-    shadow = _make_shadow(arguments)
+    shadow_fields = _shadow_fields(arguments)
+    shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
     given = tuple(make_light(text, arguments.shadows, shadow) for text in arguments.lights)
     if arguments.preset is None:
         return given or None
@@ -201,7 +201,7 @@ def make_lights(arguments) -> tuple | None:
     if arguments.shadows:
         return _cast_shadows(without_shadows(lights), shadow) + given
     lights = lights if _takes_shadows(arguments) else without_shadows(lights)
-    return with_shadow_fields(lights, **_shadow_fields(arguments)) + given
+    return with_shadow_fields(lights, **shadow_fields) + given
 
 
 def _takes_shadows(arguments) -> bool:
@@ -224,12 +224,10 @@ def _cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:
     tuple of lights
     """
 
-    def with_shadow(place, light):
-        if place in unshadowed or getattr(light, "shadow", True) is not None:
-            return light
-        return replace(light, shadow=shadow)
-
-    return tuple(with_shadow(place, light) for place, light in enumerate(of_scene))
+    return tuple(
+        light if place in unshadowed or getattr(light, "shadow", True) is not None else replace(light, shadow=shadow)
+        for place, light in enumerate(of_scene)
+    )
 
 
 # --- models -----------------------------------------------------------------------------------------------------------
@@ -244,17 +242,27 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     ModelError : the file can't be read, or a mesh can't take the texture
     SceneError : a value that the file or one of its materials can't take
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with noted_warnings() as texts:
         with _reading_shown(messages):
             scene, options, framing, unshadowed = _read(model, arguments.input_format, settings, messages, files_read)
         if settings.is_on_tabletop and settings.load["lights"] is None:
             scene = replace(scene, lights=on_tabletop(scene.lights, settings.has_key_shadow))
         scene = _changed(scene, unshadowed, model, settings)
-        _check_shadows(scene, settings)
-    texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
+        if settings.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
+            name = next(iter(settings.shadow_fields))
+            raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
     return Loaded(scene, texts, options, framing)
+
+
+@contextmanager
+def noted_warnings():
+    """Yield a list that holds what was warned of inside the block, once that has ended: each text once."""
+    texts = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield texts
+    texts += dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning))
 
 
 @contextmanager
@@ -331,33 +339,20 @@ def _changed(scene, unshadowed, model, settings) -> Scene:
     return replace(scene, **changes) if changes else scene
 
 
-def _check_shadows(scene, settings) -> None:
-    """Refuse fields of shadows where there is none."""
-    if not any(getattr(light, "shadow", None) for light in scene.lights):
-        for name in settings.shadow_fields:
-            raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
-
-
 def _changed_mesh(mesh, model, settings):
     """Change a mesh's materials, and subdivide it."""
     if settings.material.get("texture") is not None and mesh.uv is None:
         which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
         raise ModelError(f"{model}: {which} has no texture coordinates (uv), which --material texture needs")
-    try:
+    with _told_of(model):
         if settings.material:
-            materials = tuple(with_fields(material, settings.material) for material in mesh.palette)
-            own = (
-                {"material": materials[0]}
-                if mesh.materials is None
-                else {"material": materials[0], "materials": materials}
-            )
-            mesh = replace(mesh, **own)
+            materials = tuple(_with_fields(material, settings.material) for material in mesh.palette)
+            of_faces = {} if mesh.materials is None else {"materials": materials}
+            mesh = replace(mesh, material=materials[0], **of_faces)
         return mesh.subdivide(settings.subdivide) if settings.subdivide else mesh
-    except (ModelError, SceneError) as fault:
-        raise type(fault)(f"{model}: {fault}") from fault
 
 
-def with_fields(material, changes) -> Material:
+def _with_fields(material, changes) -> Material:
     """A material with other fields; the ambient coefficient follows the diffuse one unless it is given too."""
     follows = {"ambient": None} if "diffuse" in changes else {}
     return replace(material, **follows | changes)
@@ -373,10 +368,8 @@ def with_options(arguments, options, names, model):
     changed = copy(arguments)
     if own:
         given = {field.name: getattr(arguments, field.name, None) for field in fields(Options)}
-        try:
+        with _told_of(f"{model}: options"):
             checked = Options(**{name: value for name, value in given.items() if value is not None} | own)
-        except SceneError as fault:
-            raise SceneError(f"{model}: options: {fault}") from fault
         for name in own:
             setattr(changed, name, getattr(checked, name))
     return changed

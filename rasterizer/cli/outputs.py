@@ -248,8 +248,11 @@ def _check_reads(targets, models, arguments) -> None:
         if identity in read:
             if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
                 formats.format_of(read[identity], arguments.input_format)
-            what = f"can't write {target.output}: it is {read[identity]}, which is read"
-            raise OutputError(f"{what}; give another name with -o")
+            raise _would_replace(target.output, read[identity])
+
+
+def _would_replace(output, path) -> OutputError:
+    return OutputError(f"can't write {output}: it is {path}, which is read; give another name with -o")
 
 
 # --- pictures and arrays ----------------------------------------------------------------------------------------------
@@ -404,8 +407,7 @@ class Outputs:
         if identity is None:
             return
         if identity in self.files_read:
-            what = f"can't write {output}: it is {self.files_read[identity]}, which is read"
-            raise OutputError(f"{what}; give another name with -o")
+            raise _would_replace(output, self.files_read[identity])
         if identity in self._written and os.path.isfile(output):
             raise OutputError(f"can't write {output}: it is {self._written[identity]}, which has just been written")
 

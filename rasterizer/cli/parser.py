@@ -212,6 +212,8 @@ class Parser(argparse.ArgumentParser):
         return formatter.format_help()
 
     def _add_first_help(self, formatter, topics):
+        import textwrap
+
         formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
         formatter.add_text(self.description)
         formatter.start_section("usual flags")
@@ -226,8 +228,9 @@ class Parser(argparse.ArgumentParser):
         width = max(map(len, (*topics, "examples"))) + 2
         lines = [f"all flags, by {self.prog} --help TOPIC:"]
         for title, group in topics.items():
-            names = " ".join(_title_of(each) for each in group._group_actions)
-            lines += _wrapped(f"  {title:<{width}}", names, formatter._width)
+            head, names = f"  {title:<{width}}", " ".join(_title_of(each) for each in group._group_actions)
+            indents = {"initial_indent": head, "subsequent_indent": " " * len(head)}
+            lines += textwrap.wrap(names, formatter._width, **indents, break_on_hyphens=False)
         lines += [f"  {'examples':<{width}}of commands, and remarks"] if self.epilog else []
         lines += [f"  {'all':<{width}}everything"]
         formatter.add_text("\n".join(lines))
@@ -277,13 +280,6 @@ def _title_of(action) -> str:
     """The first long flag of an argument, or what stands for it."""
     names = _names_of(action)
     return next((name for name in names if name.startswith("--")), names[0])
-
-
-def _wrapped(head, text, width) -> list[str]:
-    """Lines of a text behind a head, those after the first as far to the right."""
-    import textwrap
-
-    return textwrap.wrap(text, width, initial_indent=head, subsequent_indent=" " * len(head), break_on_hyphens=False)
 
 
 # --- what somebody probably meant who wrote a word that isn't there -------------------------------------------------

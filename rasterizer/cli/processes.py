@@ -14,10 +14,20 @@ from copy import copy
 from typing import Any, NamedTuple
 
 from ..batch.draw_run import identify
-from ..batch.pools import DaskPool, Died, Done, Failed, Job, Pool, ProcessPool, SharedObject, work_through
-from ..batch.rendering import LONGEST_RUN
+from ..batch.pools import (
+    DaskPool,
+    Done,
+    Job,
+    Pool,
+    ProcessPool,
+    SharedObject,
+    make_error,
+    pictures_per_job,
+    replace_job,
+    work_through,
+)
 from ..batch.tasks import RenderSummary
-from ..errors import RasterizerError, SceneError
+from ..errors import RasterizerError
 from .cameras import check_camera
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
 from .models import Settings, load_scene, make_settings
@@ -133,7 +143,6 @@ class _Work:
         self._arguments.threads = arguments.threads or 1
         self._failed = {}  # the first error of each model that failed, by its number
         self._summary = RenderSummary()
-        self._n_target = sum(map(len, plan))
 
     def run(self) -> tuple[list, int, RenderSummary]:
         """Draw everything; return what `draw_in_processes` does."""
@@ -150,32 +159,28 @@ class _Work:
 
     def _jobs(self):
         """Yield the views of each model, in several jobs where there are fewer models than processes."""
-        longest = max(1, min(LONGEST_RUN, self._n_target // self._pool.n_slot))
+        longest = pictures_per_job(self._pool, sum(map(len, self._plan)))
         for number, targets in enumerate(self._plan):
             for first in range(0, len(targets), longest):
                 yield self._job(number, targets[first : first + longest])
 
-    def _job(self, number, targets, is_alone=False) -> Job:
+    def _job(self, number, targets) -> Job:
         identity = None
         if not self._pool.is_here:
             targets = [target._replace(model=os.path.abspath(target.model)) for target in targets]
             identity = identify(targets[0].model)
         job = Job(draw_job, ModelWork(self._draw, targets, self._arguments, self._settings, identity))
-        job.note = number, is_alone
+        job.note = number
         return job
 
     def _follow_up(self, job, outcome) -> list[Job]:
-        """Return what takes the place of a job: its views one by one, or the same with its model."""
-        number, is_alone = job.note
-        if isinstance(outcome, Done):
-            return [] if outcome.value is not None else self._send_model(job)
-        targets = job.argument.targets
-        if is_alone or (isinstance(outcome, Failed) and len(targets) == 1):
-            return []
-        return [self._job(number, [target], isinstance(outcome, Died)) for target in targets]
+        def divide(job) -> list[Job]:
+            return [self._job(job.note, [target]) for target in job.argument.targets]
+
+        return replace_job(job, outcome, divide, self._send_model)
 
     def _send_model(self, job) -> list[Job]:
-        """Load a model that the machine that should draw it doesn't see; return the job that has it, or nothing."""
+        """Load a model that the machine that should draw it doesn't see; return the job that has it, if any."""
         model, found = job.argument.targets[0].model, []
         failures = Failures(self._messages, self._arguments.json)
         with failures.caught(model):
@@ -203,19 +208,11 @@ class _Work:
             failures += done.failures
         elif not isinstance(outcome, Done):
             with failures.caught(model):
-                raise _error_of(model, outcome)
+                raise make_error(model, outcome)
         self._summary.drawn += n_written
         self._summary.failed += len(job.argument.targets) - n_written
         self._note_failures(job, failures)
 
     def _note_failures(self, job, failures) -> None:
         for failure in failures:
-            self._failed.setdefault(job.note[0], failure)
-
-
-def _error_of(model, outcome: Died | Failed) -> RasterizerError:
-    """What is said of a job that nothing came back of."""
-    if isinstance(outcome, Died):
-        return RasterizerError(f"{model}: the process that drew it {outcome.how}, twice")
-    fault = outcome.error
-    return SceneError(f"{model}: can't be drawn by another process: {type(fault).__name__}: {fault}")
+            self._failed.setdefault(job.note, failure)

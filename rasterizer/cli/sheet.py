@@ -11,7 +11,7 @@ from time import perf_counter
 from ..errors import SceneError
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
-from .messages import STDIO, Bar, Failures, Results, compilation_shown, print_record
+from .messages import STDIO, Bar, Failures, Results, compilation_shown
 
 IMPORTS = ("drawing",)
 _SIZE = (320, 240)  # of one picture on a sheet
@@ -89,7 +89,7 @@ def run(arguments, messages) -> tuple[list, int]:
         failures += outputs.finish(messages)
     if arguments.json and len(failures) < len(plan):
         record = {"output": plan[0][0].output, "models": records, "seconds": round(perf_counter() - start, 4)}
-        print_record(record, plan[0][0].output == STDIO)
+        messages.record(record, plan[0][0].output == STDIO)
     return failures, len(plan)
 
 

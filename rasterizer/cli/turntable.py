@@ -13,7 +13,7 @@ from ..choices import AXES
 from ..errors import SceneError, counted
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
-from .messages import STDIO, Bar, print_record
+from .messages import STDIO, Bar
 
 IMPORTS = ("drawing",)
 _SIZE, _FRAMES, _SECONDS = (512, 512), 36, 3.0
@@ -152,13 +152,10 @@ class _Frames:
     def __init__(self, renderer, cameras, show):
         self._renderer, self._cameras, self._show = renderer, cameras, show
         width, height = renderer.options.size
-        self._is_kept, self._kept = 4 * width * height * len(cameras) <= _IN_MEMORY, []
+        self._is_kept, self._kept = 4 * width * height * len(cameras) <= _IN_MEMORY, {}
 
     def __len__(self):
         return len(self._cameras)
-
-    def __contains__(self, frame):
-        return any(frame is each for each in self._kept)
 
     @cached_property
     def first(self):
@@ -173,12 +170,9 @@ class _Frames:
     def __iter__(self):
         """Yield the pictures, (height, width, 4) uint8."""
         for number in range(len(self)):
-            if number < len(self._kept):
-                yield self._kept[number]
-                continue
-            picture = self.draw(number).rgba
-            if self._is_kept and number == len(self._kept):
-                self._kept.append(picture)
+            picture = self._kept[number] if number in self._kept else self.draw(number).rgba
+            if self._is_kept:
+                self._kept[number] = picture
             yield picture
 
 
@@ -228,4 +222,4 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
             "seconds": round(seconds, 4),
             "warnings": loaded.warnings + warnings,
         }
-        print_record(record, targets[0].output == STDIO)
+        messages.record(record, targets[0].output == STDIO)

@@ -1,4 +1,4 @@
-"""What is written behind flags, as values: numbers, colours, materials `NAME,KEY=VALUE,...`, lights `KIND:...`.
+"""What is written behind flags, as values: numbers, colours, materials `NAME,KEY=VALUE,...`, lights `TYPE:...`.
 
 Each function is the type of an argument: text to value, ArgumentTypeError where it is none. Nothing heavy is imported
 before a light is made.
@@ -10,6 +10,8 @@ import re
 from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
 from .parser import did_you_mean
+
+_MAX_PROCESSES = 1024
 
 
 def number(text) -> float:
@@ -46,9 +48,8 @@ def whole(text) -> int:
 
 def processes(text) -> int:
     """How many processes."""
-    most = 1024
-    if not text.isdecimal() or not 1 <= int(text[:9]) <= most:
-        raise argparse.ArgumentTypeError(f"1 to {most} processes are legal; given {text!r}")
+    if not text.isdecimal() or not 1 <= int(text[:9]) <= _MAX_PROCESSES:
+        raise argparse.ArgumentTypeError(f"1 to {_MAX_PROCESSES} processes are legal; given {text!r}")
     return int(text)
 
 
@@ -227,13 +228,12 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
 
 
 def make_light(text, casts, shadow):
-    """Make a light of what follows --light.
+    """Make a light of what follows --light: its type, then the values of its class's fields.
 
         point:1,2,3,color=#f80,shadow=512/3
-        kind  first names and values, as each field of the kind's class is written
-              field
+        type  first field, then NAME=VALUE
 
-    The kinds and their fields are those of the scene's table, so one that is added there can be written here at once.
+    Types and fields are those of the scene's table, so one that is added there can be written here at once.
 
     Parameters
     ----------
@@ -242,47 +242,48 @@ def make_light(text, casts, shadow):
 
     Returns
     -------
-    an object of the kind's class
+    a light
 
     Raises
     ------
-    SceneError : an unknown kind or name, or a value that is not legal; the message lists what is
+    SceneError : an unknown type or name, or a value that is not legal; the message lists what is
     """
     from ..scene.lights import LIGHT_TYPES, Shadow, describe_fields
 
-    kind, _, rest = text.partition(":")
-    if kind not in LIGHT_TYPES:
-        legal = ", ".join(f"{word}:..." for word in LIGHT_TYPES)
-        meant = did_you_mean(kind, LIGHT_TYPES)
+    word, _, rest = text.partition(":")
+    if word not in LIGHT_TYPES:
+        legal = ", ".join(f"{each}:..." for each in LIGHT_TYPES)
+        meant = did_you_mean(word, LIGHT_TYPES)
         raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}{meant}")
-    described = describe_fields(LIGHT_TYPES[kind])
+    described = describe_fields(LIGHT_TYPES[word])
     try:
-        settings = _read_light(kind, rest, described)
+        settings = _read_light(rest, described, f"a {word} light")
     except argparse.ArgumentTypeError as fault:
         raise SceneError(f"argument --light: {fault}") from None
     for name, field in described.items():
         if field.is_needed and name not in settings:
             form = _FORMS.get(field.holds, "VALUE")
-            raise SceneError(f"argument --light: a {kind} light needs {name}={form}; given {text!r}")
+            raise SceneError(f"argument --light: a {word} light needs {name}={form}; given {text!r}")
     if "shadow" in described:
         own = settings.get("shadow", casts)  # yes, no, or (size, filter)
         settings["shadow"] = Shadow(*own) if isinstance(own, tuple) else shadow if own else None
-    return LIGHT_TYPES[kind](**settings)
+    return LIGHT_TYPES[word](**settings)
 
 
-def _read_light(kind, rest, described) -> dict:
-    """Read the values behind the kind, by the names of the class' fields."""
+def _read_light(text, described, what) -> dict:
+    """Read the values of a light, by the names of its class's fields; the first may stand without its name."""
     readers = {name: _READERS.get(field.holds, str) for name, field in described.items()}
-    first, needed = next((name, field.is_needed) for name, field in described.items())
-    head, *parts = re.split(_NEXT, rest)
+    first = next(iter(described))
+    head, *parts = re.split(_NEXT, text)
     if "=" in head:
-        return _read_settings([head, *parts], readers, f"a {kind} light")
+        return _read_settings([head, *parts], readers, what)
     settings = {}
-    if (head or needed) and described[first].holds == "vector":
-        settings[first] = vector(head)  # written with commas, as for --eye
-    elif head or needed:
-        settings = _read_settings([f"{first}={head}"], readers, f"a {kind} light")
-    return settings | _read_settings(parts, readers, f"a {kind} light")
+    if head or described[first].is_needed:
+        if described[first].holds == "vector":
+            settings[first] = vector(head)  # written with commas, as for --eye
+        else:
+            settings = _read_settings([f"{first}={head}"], readers, what)
+    return settings | _read_settings(parts, readers, what)
 
 
 def _attenuation(text):

@@ -30,9 +30,8 @@ def add_flags(parser) -> None:
     page = parser.add_topic("page", _PAGE, is_own=True)
     page.add_argument("--open", dest="is_opened", action="store_true", help="open the page in a browser")
     page.add_argument("--once", dest="is_once", action="store_true", help="end when the page is closed")
-    page.add_argument(
-        "--port", type=values.whole, default=0, metavar="N", help="where the page is served (default: one that is free)"
-    )
+    page.add_argument("--port", type=values.whole, default=0, metavar="N",
+        help="where the page is served (default: one that is free)")  # fmt: skip
     add_messages(page)
     add_camera(parser)
     add_look(parser)
@@ -67,7 +66,7 @@ def run(arguments, messages) -> tuple[list, int]:
     session = _open_session(model, view, arguments, settings, messages)
     server = Server(session, arguments.port, is_once=arguments.is_once, note=messages.warn)
     try:
-        print_text(f"{server.url}\n", False)
+        print_text(f"{server.url}\n")
         end = "close the page or press Ctrl-C" if arguments.is_once else "press Ctrl-C"
         messages.notice(f"{model} is shown at this address, to this machine alone; {end} to end")
         if arguments.is_opened:
@@ -86,17 +85,17 @@ def _open_session(model, view, arguments, settings, messages):
     from .drawing import OPTIONS, picture_warnings
     from .models import load_scene, with_options
 
-    loaded, _, own_options, framing = load_scene(model, arguments, settings, messages)
-    names = OPTIONS - {"size", "outputs"}
-    arguments = with_options(arguments, own_options, names, model)
+    loaded = load_scene(model, arguments, settings, messages)
+    scene, framing, names = loaded.scene, loaded.framing, OPTIONS - {"size", "outputs"}
+    arguments = with_options(arguments, loaded.options, names, model)
     options = {name: getattr(arguments, name) for name in names}
-    is_own = loaded.camera is None and framing is None and not is_camera_given(arguments) and arguments.zoom == 1.0
-    camera = None if is_own else camera_of(arguments, view, loaded, framing)
-    session = Session(loaded, camera=camera, title=os.path.basename(model), **options)
+    is_own = scene.camera is None and framing is None and not is_camera_given(arguments) and arguments.zoom == 1.0
+    camera = None if is_own else camera_of(arguments, view, scene, framing)
+    session = Session(scene, camera=camera, title=os.path.basename(model), **options)
     with compilation_shown(messages):
         for is_rest in (False, True):
             session.answer({"size": list(_SIZE), "background": PAPER, "is_rest": is_rest, "events": []})
-    messages.warn(*picture_warnings(session.frame, loaded, arguments, session.camera, model))
+    messages.warn(*picture_warnings(session.frame, scene, arguments, session.camera, model))
     return session
 
 

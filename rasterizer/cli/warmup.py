@@ -1,4 +1,4 @@
-"""`raster warmup`: compile the kernels of pictures of every kind.
+"""`raster warmup`: compile the kernels of all pictures.
 
 Which kernels that are is kept in the store, too: where all of them are there, nothing is listed.
 """
@@ -17,9 +17,6 @@ from ..options import DEFAULT_TOLERANCE, Options
 from .flags import add_messages
 from .messages import compilation_shown
 
-_VERTICES = ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.5), (0.0, 0.0, 9.0))
-_FACES = ((0, 1, 2), (0, 2, 3), (2, 3, 4))
-_SIZE = 4  # pixels
 _LIST = "list-of-kernels"  # how it is called in the store
 _EXAMPLES = """\
 examples:
@@ -46,7 +43,7 @@ def add_flags(parser) -> None:
 
 
 def run(arguments, messages) -> tuple[list, int]:
-    """Compile the kernels of all ways to shade, on all cores, and put them into the store.
+    """Compile all kernels, on all cores, and put them into the store.
 
     Raises OutputError where there is no folder for them, and says why. Nothing else fails.
     """
@@ -98,10 +95,10 @@ def _fill(store, messages) -> list:
 
 
 def has_all(store) -> bool:
-    """Tell whether a store is known to have the kernels of all kinds of pictures: these sources have listed them, and
-    each is there."""
+    """Tell whether a store is known to have the kernels of all pictures: these sources have listed them, and each is
+    there."""
     listed = next(store.find(_LIST, (hash_package(),)), None)
-    return listed is not None and all(any(store.find(*need)) for need in ast.literal_eval(listed.decode()))
+    return listed is not None and all(any(store.find(*kernel)) for kernel in ast.literal_eval(listed.decode()))
 
 
 def hash_package() -> str:
@@ -122,102 +119,86 @@ def _store_in(folder):
 
 
 def list_all_kernels() -> list:
-    """List the kernels of all kinds of pictures, each once."""
+    """List the kernels of all pictures, each once: those of every option on a table of small scenes."""
     from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
     from ..engine.scene_tables import SceneTables
 
     found = dict.fromkeys(list_mesh_kernels())
     for scene, settings in _pictures():
         for tolerance in (0.0, DEFAULT_TOLERANCE):
-            options = Options(size=_SIZE, tolerance=tolerance, threads=1, **settings)
+            options = Options(size=4, tolerance=tolerance, threads=1, **settings)
             found |= dict.fromkeys(list_kernels(SceneTables(scene, options), options, scene.camera_for(options.size)))
     return list(found)
 
 
 def _pictures():
-    """Yield scenes of all kinds, each with how it is drawn, in all ways that have kernels of their own."""
-    from ..scene.mesh import Mesh
-
-    plain = [_scene(reflection, is_colored) for reflection in ("phong", "blinn") for is_colored in (False, True)]
-    polygons = replace(plain[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])])
-    for scene in (*plain, polygons, *_rarer_scenes()):
-        for shading in ("flat", "gouraud", "phong"):
-            for samples in (1, 4, 9, 16):
-                for output in ("rgb", "color"):
-                    yield scene, {"shading": shading, "samples": samples, "outputs": output}
-                if samples > 1:
-                    yield scene, {"shading": shading, "samples": samples, "antialias": "shade-once"}
-    yield plain[0], {"color_range": "global"}
-    yield plain[0], {"edges": "all"}
-    for shading in ("flat", "phong"):
-        yield plain[0], {"shading": shading, "outputs": tuple(BUFFERS)}
+    """Yield scenes, each with options; together they need every kernel, which a test holds."""
+    shadings = ("flat", "gouraud", "phong")
+    samplings = [{"samples": 1}, *({"samples": n, "antialias": "shade-once"} for n in (4, 9, 16))]
+    scenes = _scenes()
+    yield scenes[0], {"color_range": "global"}
+    yield scenes[0], {"edges": "all"}
+    for shading in shadings:
+        yield scenes[0], {"shading": shading, "outputs": tuple(BUFFERS)}
+        for scene in scenes:
+            for sampling in samplings:
+                yield scene, {"shading": shading, **sampling}
 
 
-def _rarer_scenes():
-    """Transparent, textured and shadowed scenes, and lights and reflection models that not every scene has."""
-    from numpy import eye
+def _scenes() -> list:
+    """Make scenes of all surfaces in all light."""
+    import numpy as np
 
     from ..scene.camera import Camera
     from ..scene.lights import AmbientLight, DirectionalLight, PointLight, Shadow, SpotLight
     from ..scene.material import Material
-
-    plain = _scene("phong", False)
-    colored, checks = _scene("phong", True), eye(4)
-    shadow = Shadow(size=16)
-    sun, lamp = DirectionalLight((0, -1, -1), 0.5, shadow=shadow), PointLight((0, 0, 1), 0.5, shadow=shadow)
-    for scene in (plain, colored):
-        clear = [replace(mesh, material=replace(mesh.material, opacity=0.5)) for mesh in scene.meshes]
-        yield replace(scene, meshes=[*clear, scene.meshes[0]])
-        yield replace(scene, lights=[sun, lamp])
-        yield replace(scene, lights=[sun])  # float32 will do
-    for opacity in (0.5, 1.0):
-        look = Material(texture=checks, opacity=opacity)
-        papered = [replace(mesh, uv=mesh.vertices[:, :2], material=look) for mesh in plain.meshes]
-        yield replace(plain, meshes=papered)
-        yield replace(plain, meshes=papered, lights=[sun])
-    models = [Material(reflection=name, **extra) for name in REFLECTIONS for extra in ({}, {"fresnel": 0.1})]
-    models += [Material(reflection="cook-torrance", distribution="beckmann")]
-    models += [Material(reflection=name, fresnel=(0.9, 0.5, 0.1), roughness=0.5) for name in ("phong", "cook-torrance")]
-    models += [Material(reflection="cook-torrance", roughness=(0.2, 0.5), tangent=(0, 1, 0))]
-    meshes = [replace(plain.meshes[0], material=model) for model in models]
-    spot = SpotLight((50, 50, 50), (-1, -1, -1), 0.5)
-    far_away = Camera.orthographic((0, 0, 5))
-    lights = [spot, replace(spot, falloff=2.0), DirectionalLight((0, -1, -1), 0.5)]
-    yield replace(plain, meshes=meshes, lights=lights, camera=far_away, depth_cue=10.0)
-    yield replace(plain, meshes=meshes, lights=[AmbientLight(0.1), *lights])
-    brushed = replace(papered[0], material=Material(reflection="cook-torrance", roughness=(0.2, 0.5)))
-    yield replace(plain, meshes=[brushed])
-    yield replace(plain, meshes=[brushed], lights=[sun])
-    # Float64 for some surfaces of a picture in float32: without tangents and with them; and without a texture, with one
-    # in float32, or in float64 alone.
-    smooth, smooth_papered = (
-        replace(mesh, material=replace(mesh.material, reflection="toon")) for mesh in (plain.meshes[0], papered[0])
-    )
-    clear = replace(plain.meshes[0], material=replace(plain.meshes[0].material, opacity=0.5))
-    for double in (smooth, brushed):
-        for others in ([double], [double, papered[0]], [double, smooth_papered]):
-            for behind in ([], [clear]):
-                yield replace(plain, meshes=[*plain.meshes, *others, *behind])
-                yield replace(plain, meshes=[*plain.meshes, *others, *behind], lights=[sun])
-
-
-def _scene(reflection, is_colored):
-    """A mesh with a crease that reaches behind the camera, so that it is clipped, in all kinds of light."""
-    import numpy as np
-
-    from ..scene.camera import Camera
-    from ..scene.lights import AmbientLight, DirectionalLight, PointLight
-    from ..scene.material import Material
     from ..scene.mesh import Mesh
     from ..scene.scene import Scene
 
-    colors = np.linspace(0.0, 1.0, 3 * len(_VERTICES)).reshape(-1, 3) if is_colored else None
-    material = Material(reflection=reflection)
-    meshes = [
-        Mesh(_VERTICES, _FACES, colors=colors, material=material),
-        Mesh(_VERTICES, _FACES, smoothing=np.ones(len(_FACES), np.int32), material=Material(specular=0.0)),
-        Mesh(_VERTICES, _FACES, normals=np.tile((0.0, 0.0, 1.0), (len(_VERTICES), 1)), material=material),
+    # A square with a crease; one corner lies behind the camera, so that it is clipped.
+    points = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.5), (0.0, 0.0, 9.0)])
+    faces = [(0, 1, 2), (0, 2, 3), (2, 3, 4)]
+
+    def surface(colors=None, uv=None, **of_material):
+        return Mesh(points, faces, colors=colors, uv=uv, material=Material(**of_material))
+
+    def papered(**of_material):
+        return surface(uv=points[:, :2], **of_material)
+
+    plain, clear = surface(), surface(opacity=0.5)
+    normals = replace(plain, normals=np.tile((0.0, 0.0, 1.0), (len(points), 1)))
+    colored = surface(colors=np.linspace(0.0, 1.0, 15).reshape(5, 3))
+    checks, brushed = np.eye(4), papered(reflection="cook-torrance", roughness=(0.2, 0.5))
+    models = [surface(reflection=name, **more) for name in REFLECTIONS for more in ({}, {"fresnel": 0.1})]
+    models += [surface(reflection="cook-torrance", distribution="beckmann")]
+    models += [surface(reflection=name, fresnel=(0.9, 0.5, 0.1), roughness=0.5) for name in ("phong", "cook-torrance")]
+    models += [surface(reflection="cook-torrance", roughness=(0.2, 0.5), tangent=(0, 1, 0))]
+    surfaces = [
+        [plain, replace(plain, smoothing=np.ones(3, np.int32)), normals],
+        [Mesh(points, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])],
+        [colored],
+        [colored, clear],
+        [plain, clear],
+        [papered(texture=checks)],
+        [papered(texture=checks, opacity=0.5)],
+        [brushed],
+        models,
     ]
+    # Float64 for some surfaces of a picture in float32: without tangents and with them; and without a texture, with one
+    # in float32, or in float64 alone.
+    for double in (surface(reflection="toon"), brushed):
+        for others in ([], [papered(texture=checks)], [papered(texture=checks, reflection="toon")]):
+            surfaces += [[plain, double, *others], [plain, double, *others, clear]]
+    shadow = Shadow(size=16)
+    sun, lamp = DirectionalLight((0, -1, -1), 0.5, shadow=shadow), PointLight((0, 0, 1), 0.5, shadow=shadow)
     far_away = (50, 50, 50)  # float32 will do
-    lights = [AmbientLight(0.1), DirectionalLight((0, -1, -1), 0.5), PointLight(far_away, 0.5, (1, 0.1, 0))]
-    return Scene(meshes, lights, Camera.perspective((0, 0, 5)))
+    spot = SpotLight(far_away, (-1, -1, -1), 0.5)
+    lights = [
+        [AmbientLight(0.1), DirectionalLight((0, -1, -1), 0.5), PointLight(far_away, 0.5, (1, 0.1, 0))],
+        [sun],
+        [sun, lamp],
+        [spot, replace(spot, falloff=2.0)],
+    ]
+    camera = Camera.perspective((0, 0, 5))
+    scenes = [Scene(meshes, each, camera) for meshes in surfaces for each in lights]
+    return [*scenes, Scene(models, lights[0], Camera.orthographic((0, 0, 5)), depth_cue=10.0)]

@@ -12,6 +12,7 @@ Positions are in pixels of a picture of that size, from its upper left corner.
 
 import math
 import re
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -115,37 +116,11 @@ def read_message(value: object) -> Message:
 def _read_event(value: object) -> Event:
     """Return one event; its type says which fields it has."""
     name = value.get("type") if isinstance(value, dict) else None
-    if not isinstance(name, str) or name not in _READERS:
-        raise SceneError(f"an event's type must be one of {', '.join(_READERS)}; given {shown(name)}")
-    fields, read = _READERS[name]
-    return read(_object(value, {"type", *fields}, f"an event {name!r}"))
-
-
-def _read_drag(fields: dict[str, Any]) -> Drag:
-    if fields["action"] not in DRAGS:
-        raise SceneError(f"a drag's action must be one of {', '.join(DRAGS)}; given {shown(fields['action'])}")
-    return Drag(fields["action"], _number(fields["dx"], "dx"), _number(fields["dy"], "dy"))
-
-
-def _read_zoom(fields: dict[str, Any]) -> Zoom:
-    factor = _number(fields["factor"], "factor")
-    if not 0.01 <= factor <= 100.0:
-        raise SceneError(f"a zoom's factor must be within 0.01..100; given {shown(factor)}")
-    return Zoom(factor, _number(fields["x"], "x"), _number(fields["y"], "y"))
-
-
-def _read_click(fields: dict[str, Any]) -> Click:
-    is_double = _flag(fields["is_double"], "is_double")
-    return Click(_number(fields["x"], "x"), _number(fields["y"], "y"), is_double)
-
-
-_READERS: dict[str, tuple[tuple[str, ...], Any]] = {
-    "drag": (("action", "dx", "dy"), _read_drag),
-    "zoom": (("factor", "x", "y"), _read_zoom),
-    "key": (("key", "is_shift"), lambda f: Key(_text(f["key"], "key"), _flag(f["is_shift"], "is_shift"))),
-    "click": (("x", "y", "is_double"), _read_click),
-    "switch": (("name", "value"), lambda f: Switch(_text(f["name"], "name"), _text(f["value"], "value"))),
-}
+    if not isinstance(name, str) or name not in _EVENTS:
+        raise SceneError(f"an event's type must be one of {', '.join(_EVENTS)}; given {shown(name)}")
+    make, readers = _EVENTS[name]
+    fields = _object(value, {"type", *readers}, f"an event {name!r}")
+    return make(*(read(fields[field], field) for field, read in readers.items()))
 
 
 def _object(value: object, names: set[str], what: str) -> dict[str, Any]:
@@ -183,6 +158,29 @@ def _text(value: object, name: str) -> str:
     if not isinstance(value, str) or len(value) > 40:
         raise SceneError(f"{name} must be text of at most 40 characters; given {shown(value)}")
     return value
+
+
+def _action(value: object, _: str) -> str:
+    if value not in DRAGS:
+        raise SceneError(f"a drag's action must be one of {', '.join(DRAGS)}; given {shown(value)}")
+    return str(value)
+
+
+def _factor(value: object, name: str) -> float:
+    factor = _number(value, name)
+    if not 0.01 <= factor <= 100.0:
+        raise SceneError(f"a zoom's factor must be within 0.01..100; given {shown(factor)}")
+    return factor
+
+
+# An event's type as JSON has it: its class, and how each of its fields is read.
+_EVENTS: dict[str, tuple[Callable[..., Event], dict[str, Callable[[object, str], Any]]]] = {
+    "drag": (Drag, {"action": _action, "dx": _number, "dy": _number}),
+    "zoom": (Zoom, {"factor": _factor, "x": _number, "y": _number}),
+    "key": (Key, {"key": _text, "is_shift": _flag}),
+    "click": (Click, {"x": _number, "y": _number, "is_double": _flag}),
+    "switch": (Switch, {"name": _text, "value": _text}),
+}
 
 
 # ---------------------------------------------------------------- what is picked: which face, of which mesh, and where
@@ -302,12 +300,6 @@ class Aim(NamedTuple):
     is_pivot: bool
 
 
-def home_camera(scene: Scene, size: Size, camera: Camera | None = None) -> Camera:
-    """Return the camera that a scene is looked at with at first: one that is given, the scene's own, or one that shows
-    all of it."""
-    return camera or scene.camera_for(size)
-
-
 def apply(event: Event, state: State, scene: Scene, home: Camera, size: Size) -> tuple[State, Aim | None]:
     """Do what an event says.
 
@@ -387,14 +379,10 @@ def _switched(state: State, orbit: Orbit, name: str, value: str) -> State:
     if name == "projection":
         is_other = orbit.lens.is_perspective != (value == PROJECTIONS[0])
         return state._replace(orbit=orbit.with_other_projection() if is_other else state.orbit, said=said)
-    if name == "shading":
-        return state._replace(said=said, shading=value)
-    return state._replace(said=said, lights=value)
+    return state._replace(said=said, **{name: value})  # type: ignore[arg-type]  # shading or lights
 
 
 def _framing(scene: Scene, azimuth: float, elevation: float, lens: Camera, size: Size) -> Camera:
     """Return the camera that shows all of a scene from a side."""
-    aspect = size[0] / size[1]
-    if lens.fov is None:
-        return Camera.framing(scene, azimuth, elevation, up=scene.up, orthographic=True, aspect=aspect)
-    return Camera.framing(scene, azimuth, elevation, lens.fov, scene.up, aspect=aspect)
+    of_lens: dict[str, Any] = {"orthographic": True} if lens.fov is None else {"fov": lens.fov}
+    return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=size[0] / size[1], **of_lens)

@@ -199,7 +199,10 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(self._post)
 
     def _refuse_method(self) -> None:
-        self._answer(self._no_method)
+        def refuse(_: str) -> None:
+            raise _Refusal(HTTPStatus.METHOD_NOT_ALLOWED, f"{self.command} is not answered", Allow="GET, POST")
+
+        self._answer(refuse)
 
     do_HEAD = do_PUT = do_DELETE = do_OPTIONS = do_PATCH = do_TRACE = do_CONNECT = _refuse_method
 
@@ -258,9 +261,6 @@ class _Handler(BaseHTTPRequestHandler):
             raise _Refusal(HTTPStatus.INTERNAL_SERVER_ERROR, str(error)) from fault
         self._send(HTTPStatus.OK, pack_reply(reply), "application/octet-stream")
 
-    def _no_method(self, _: str) -> None:
-        raise _Refusal(HTTPStatus.METHOD_NOT_ALLOWED, f"{self.command} is not answered", Allow="GET, POST")
-
     def _read_body(self) -> bytes:
         """Return the message; refuse one without a length, or a long one, before it is read."""
         if self.headers.get("Transfer-Encoding"):
@@ -279,11 +279,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _hold(self) -> None:
         """Keep the connection open, so that either side notices when the other one ends."""
-        self.close_connection = True
-        self.send_response(HTTPStatus.OK)
-        for name, value in (_HEADERS | {"Content-Type": "text/plain", "Connection": "close"}).items():
-            self.send_header(name, value)
-        self.end_headers()
+        self._send_head(HTTPStatus.OK, {"Content-Type": "text/plain"}, is_last=True)
         self.connection.settimeout(None)
         self.server.hold(self.connection)
 
@@ -297,14 +293,17 @@ class _Handler(BaseHTTPRequestHandler):
         is_last: bool = False,
     ) -> None:
         """Send an answer; the connection is closed after one that refuses, whose body may not have been read."""
-        self.close_connection = self.close_connection or is_last
-        self.send_response(status)
         own = {"Content-Type": media_type, "Content-Length": str(len(content))}
-        for name, value in (_HEADERS | own | (headers or {}) | ({"Connection": "close"} if is_last else {})).items():
-            self.send_header(name, value)
-        self.end_headers()
+        self._send_head(status, own | (headers or {}), is_last)
         if self.command != "HEAD":
             self.wfile.write(content)
+
+    def _send_head(self, status: HTTPStatus, headers: dict[str, str], is_last: bool) -> None:
+        self.close_connection = self.close_connection or is_last
+        self.send_response(status)
+        for name, value in (_HEADERS | headers | ({"Connection": "close"} if is_last else {})).items():
+            self.send_header(name, value)
+        self.end_headers()
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Refuse what is no request; the base class calls this."""

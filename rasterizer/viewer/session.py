@@ -25,7 +25,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import PRESETS, studio
 from ..scene.scene import Scene
-from .controls import LIGHTS, SHADINGS, Aim, Picked, State, apply, home_camera, pick, projection_of, read_message
+from .controls import LIGHTS, SHADINGS, Aim, Picked, State, apply, pick, projection_of, read_message
 from .orbit import Orbit, camera_flags
 
 PAPER = "#ffffff"  # behind the scene until a page says what its own is
@@ -145,7 +145,7 @@ class Session:
             return reply
 
     def _home(self) -> Camera:
-        return home_camera(self.scene, self._size, self._camera)
+        return self._camera or self.scene.camera_for(self._size)
 
     def _pick(self, aim: Aim) -> None:
         """Pick what is seen at a pixel, and turn about it from now on if that is asked for."""

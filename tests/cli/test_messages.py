@@ -12,7 +12,7 @@ import pytest
 from helpers.command import CUBE, GEAR, SMALL, errors, raster, run
 from helpers.stores import LIGHT, TINY, environment_with
 
-from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown, print_record
+from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown
 
 COMPILES = f"""
 from rasterizer.cli.messages import Messages, compilation_shown
@@ -153,7 +153,7 @@ def test_each_kind_of_message_is_said_from_its_level_on(capsys):
 
 
 def test_json_is_json_also_where_a_number_is_not_finite(capsys):
-    print_record({"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": 1}, False)
+    Messages().record({"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": 1}, False)
 
     def refuse(word):
         raise AssertionError(word)

@@ -15,14 +15,13 @@ from rasterizer.viewer.controls import (
     Switch,
     Zoom,
     apply,
-    home_camera,
     read_message,
 )
 from rasterizer.viewer.orbit import Orbit
 
 SIZE = (80, 60)
 SCENE = rz.Scene(rz.Mesh([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], [[0, 1, 3], [4, 6, 7]]))
-HOME = home_camera(SCENE, SIZE)  # azimuth 35, elevation 25
+HOME = SCENE.camera_for(SIZE)  # azimuth 35, elevation 25
 FIRST = State(None, "phong", "own")
 
 
