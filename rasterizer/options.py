@@ -221,15 +221,15 @@ def _checked_count(name: str, value: object, low: int, high: int, unit: str = ""
 
 
 def _checked_edges(edges: object) -> tuple:
-    """Return the types of edges as a tuple; a type alone is one, None is none."""
+    """Return the kinds of edges as a tuple; a kind alone is one, None is none."""
     try:
-        types = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
+        kinds = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
     except TypeError:
         raise SceneError(f"edges must be one or several of {', '.join(EDGE_TYPES)}; given {shown(edges)}") from None
-    for edge_type in types:
-        _check_choice("edges", edge_type, EDGE_TYPES)
-    every = tuple(edge_type for edge_type in EDGE_TYPES if edge_type != "all")
-    return every if "all" in types else tuple(edge_type for edge_type in every if edge_type in types)
+    for kind in kinds:
+        _check_choice("edges", kind, EDGE_TYPES)
+    every = tuple(kind for kind in EDGE_TYPES if kind != "all")
+    return every if "all" in kinds else tuple(kind for kind in every if kind in kinds)
 
 
 def _checked_width(width: object) -> float:
