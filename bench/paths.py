@@ -52,20 +52,14 @@ PATHS = (
         (
             (
                 "engine/plan.py",
-                "needs = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION",
-                "is_double = True; needs = g.DOUBLE_PRECISION",
+                "features = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION",
+                "is_double, features = True, g.DOUBLE_PRECISION",
             ),
         ),
     ),
     Variant(
         "one channel",
-        (
-            (
-                "engine/scene_tables.py",
-                "(self.products is not None and self.products.is_spectral) or self.materials[k].texture is not None",
-                "True",
-            ),
-        ),
+        (("engine/scene_tables.py", "(self.products is not None and self.products.is_spectral) or", "True or"),),
     ),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),

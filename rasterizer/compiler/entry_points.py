@@ -85,8 +85,8 @@ def build_batch_entry_point(context, module, fndesc) -> None:
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_LONG, _LONG, _LONG]), NAME)
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     arguments = [
-        builder.inttoptr(given, context.get_value_type(numba_type)) if isinstance(numba_type, types.CPointer) else given
-        for given, numba_type in zip(function.args, fndesc.argtypes, strict=True)
+        builder.inttoptr(value, context.get_value_type(numba_type)) if isinstance(numba_type, types.CPointer) else value
+        for value, numba_type in zip(function.args, fndesc.argtypes, strict=True)
     ]
     context.call_conv.call_function(builder, callee, fndesc.restype, fndesc.argtypes, arguments)
     builder.ret_void()

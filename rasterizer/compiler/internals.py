@@ -250,10 +250,10 @@ def _compile(function, argument_types, pipeline) -> Code:
         if was_collecting:
             gc.enable()
     library = result.library
-    strange = [name for name in library.needs if not _is_of_system(name)]
+    strange = [name for name in library.undefined if not _is_of_system(name)]
     if strange:
         raise NotStandalone(f"it calls {', '.join(strange)}")
-    return Code(library.object_code, library.needs)
+    return Code(library.object_code, library.undefined)
 
 
 def _is_of_system(name: str) -> bool:
@@ -306,10 +306,10 @@ if IS_SEEN:
     class KernelLibrary(HelperLibrary):
         """The instructions of a kernel, which become an object file; nothing is loaded into this process.
 
-        object_code : the content of the file · needs : the functions that it calls and doesn't hold
+        object_code : the content of the file · undefined : the functions that it calls and doesn't hold
         """
 
-        object_code, needs = b"", ()
+        object_code, undefined = b"", ()
 
         def finalize(self):
             """Put all that it calls into one module, and make object code of it."""
@@ -341,7 +341,7 @@ if IS_SEEN:
             self._finalized = True
             functions = self._final_module.functions
             names = {f.name for f in functions if f.is_declaration and not f.name.startswith("llvm.")}
-            self.needs = tuple(sorted(names))
+            self.undefined = tuple(sorted(names))
             self.object_code = self._codegen._tm.emit_object(self._final_module)
 
     _register = compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)

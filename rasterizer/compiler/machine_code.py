@@ -22,17 +22,17 @@ class Code(NamedTuple):
     """What the compiler made of a kernel."""
 
     content: bytes  # an object file, with an entry point NAME
-    needs: tuple[str, ...]  # names of the functions that it calls and doesn't hold
+    undefined: tuple[str, ...]  # names of the functions that it calls and doesn't hold
 
     def as_bytes(self) -> bytes:
         """Return it in one piece, as a file of the store has it."""
-        return " ".join(self.needs).encode() + b"\n" + self.content
+        return " ".join(self.undefined).encode() + b"\n" + self.content
 
     @classmethod
     def of_bytes(cls, content: bytes) -> "Code":
         """Return the code that `as_bytes` made a piece of."""
-        needs, _, rest = content.partition(b"\n")
-        return cls(rest, tuple(needs.decode().split()))
+        names, _, rest = content.partition(b"\n")
+        return cls(rest, tuple(names.decode().split()))
 
 
 class LoadedCode:
@@ -45,8 +45,8 @@ class LoadedCode:
     def __init__(self, code: Code, name: str):
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
-        defined, needed = read_names(code.content)
-        missing = [need for need in sorted({*code.needs, *needed} - IN_EVERY_FILE) if not is_found(need)]
+        defined, undefined = read_names(code.content)
+        missing = [other for other in sorted({*code.undefined, *undefined} - IN_EVERY_FILE) if not is_found(other)]
         if missing:
             raise LookupError(f"no function {', '.join(missing)}")
         if defined and name not in defined:
@@ -71,7 +71,7 @@ def is_found(name: str) -> bool:
     return True
 
 
-# ---------------------------------------------------------------- what an object file needs and offers
+# ---------------------------------------------------------------- which names an object file defines
 
 # Source: Tool Interface Standard, Executable and Linking Format, version 1.2; its 64 bit form.
 ELF, MACH_O, COFF = b"\x7fELF\x02", b"\xcf\xfa\xed\xfe", b"\x64\x86"  # ELF of 64 bit; COFF for x86-64
@@ -82,7 +82,7 @@ _HEADER, _SECTION, _SYMBOL = "16sHHIQQQIHHHHHH", "IIQQQQIIQQ", "IBBHQQ"
 
 
 def read_names(content: bytes) -> tuple[set[str], set[str]]:
-    """Return the names that an object file defines, and those that it needs; none where the format isn't ELF.
+    """Return the names that an object file defines, and those that it doesn't; none where the format isn't ELF.
 
     Raises ValueError for what is no object file, or is cut off.
     """
@@ -93,16 +93,16 @@ def read_names(content: bytes) -> tuple[set[str], set[str]]:
     try:
         sections = _read_sections(content)
         tables = [section for section in sections if section[1] == SYMBOL_TABLE]
-        defined, needed = set(), set()
+        defined, undefined = set(), set()
         for _, _, _, _, offset, size, link, *_ in tables:
             _, _, _, _, text_offset, text_size, *_ = sections[link]
             text = content[text_offset : text_offset + text_size]
             for name, _, _, section, _, _ in struct.iter_unpack(_order() + _SYMBOL, content[offset : offset + size]):
                 if name:
-                    (needed if section == UNDEFINED else defined).add(text[name : text.index(b"\0", name)].decode())
+                    (undefined if section == UNDEFINED else defined).add(text[name : text.index(b"\0", name)].decode())
     except (struct.error, IndexError, ValueError) as fault:
         raise ValueError(f"it is no whole object file ({fault})") from fault
-    return defined, needed
+    return defined, undefined
 
 
 def _read_sections(content):

@@ -63,7 +63,6 @@ class LightEntry:
     """
 
     is_ambient = False  # it comes from all sides alike, and only its colour counts
-    is_distant = False  # the direction to it is the same everywhere
     is_share = False  # it comes from all sides, and how much of it a point gets depends on the normal or the position
 
     def has_bound(self, light: Any) -> bool:
@@ -139,8 +138,6 @@ class AmbientEntry(LightEntry):
 
 class DirectionalEntry(LightEntry):
     """Light from infinitely far away."""
-
-    is_distant = True
 
     def function(self, light: Any) -> pipeline.LightFunction:
         """Return the function of parallel rays."""

@@ -477,8 +477,8 @@ def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:
         double /= np.maximum(lit.of_materials, 1.0)  # of full scale
     double[lit.undirected + lit.diffuse.sum(axis=1) > b.MAX_LIGHT] = np.inf
     if plan.opacity is not None:
-        single += 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/a_buffer.py
-        double += 2.0 * plan.opacity.least
+        single += 2.0 * plan.opacity.min_transmittance * plan.bound  # of layers that are left out: pipeline/a_buffer.py
+        double += 2.0 * plan.opacity.min_transmittance
     places = distances.clearances[plan.is_lit & np.isfinite(distances.clearances)]
     is_lost = not are_single([*distances.furthest.tolist(), *places.tolist()]) or not np.isfinite(
         distances.shadow_shift

@@ -111,9 +111,9 @@ class OrenNayarEntry(ReflectionEntry):
         return pipeline.reflection_function_of("oren-nayar")
 
     def diffuse_slope(self, material: Any) -> float:
-        """Return that of tan β, which is cut off at LEAST_COSINE."""
+        """Return that of tan β, which is cut off at MIN_COSINE."""
         square = material.roughness**2
-        return 0.45 * square / (square + 0.09) / pipeline.LEAST_COSINE
+        return 0.45 * square / (square + 0.09) / pipeline.MIN_COSINE
 
 
 class PowerEntry(ReflectionEntry):

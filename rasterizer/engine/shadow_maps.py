@@ -242,7 +242,7 @@ def _write_header(block, maps: "MapViews", shadow, dtype) -> None:
     block[header] = len(maps.views), map_side(shadow), shadow.filter, maps.views[0][1].is_perspective
     block[lookup.POSITION_ROUNDING] = lookup.ROUNDINGS * u if u == SINGLE else DOUBLE_ROUNDING
     coarsest = min(min(projection.scale_x, projection.scale_y) for _, projection in maps.views)  # texels a unit
-    block[lookup.REACH] = (shadow.filter + 2) / coarsest
+    block[lookup.FILTER_RANGE] = (shadow.filter + 2) / coarsest
 
 
 def _slack(projection, size, dtype) -> float:

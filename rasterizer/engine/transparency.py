@@ -191,7 +191,7 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
     )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0
-    while show_layer(number, layer, lists, a_buffer.transmittance, opacity.least):
+    while show_layer(number, layer, lists, a_buffer.transmittance, opacity.min_transmittance):
         render_pass.shade(shaded, of_picture, counts, drawn.face_table)
         composite(layer, surfaces.records, a_buffer, opacity)
         number += 1

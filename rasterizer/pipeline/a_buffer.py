@@ -40,7 +40,7 @@ o = 1 - t. Both s/o and r/a are at most B, so the colour s/o is off by
 
     |(s + r)/(o + a) - s/o| = |r/a - s/o| · a/(o + a) <= B·t/(1 - t) <= 2 B t     for t <= 1/2,
 
-and the opacity by t. `Opacity.least` says which t that is.
+and the opacity by t. `Opacity.min_transmittance` says which t that is.
 """
 
 import math
@@ -309,7 +309,7 @@ class Opacity(NamedTuple):
     opacity: np.ndarray  # (n_material,) float64
     is_opaque: np.ndarray  # (n_material,) bool: also the texture is
     is_textured: np.ndarray  # (n_material,) bool
-    least: float  # when no more is transmitted, what lies behind is left out
+    min_transmittance: float  # when no more is transmitted, what lies behind is left out
 
 
 class Layer(NamedTuple):
@@ -358,7 +358,7 @@ def make_layer(room, extents, rows, radiance, texels) -> Layer:
 
 
 @kernel
-def show_layer(number, layer, lists, transmittance, least):
+def show_layer(number, layer, lists, transmittance, min_transmittance):
     """Make fragment `number` of each list the layer that is shaded, of samples that aren't done; return whether there
     is any.
 
@@ -367,7 +367,7 @@ def show_layer(number, layer, lists, transmittance, least):
     layer : Layer, whose extents are narrowed; samples that are not in `lists` show nothing
     lists : FragmentLists, with a fragment at least
     transmittance : (n_sample,) float64
-    least : see Opacity
+    min_transmittance : see Opacity
     """
     visibility, is_any = layer.visibility, False
     for strip in range(index(len(visibility.left))):
@@ -380,7 +380,7 @@ def show_layer(number, layer, lists, transmittance, least):
             if left < right:
                 for k in range(start + index(right - left), start + index(right - left + PLANE_GROUP)):
                     visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
-            show_row(entries, lists.columns[index(row)] + left, number, lists, transmittance, least)
+            show_row(entries, lists.columns[index(row)] + left, number, lists, transmittance, min_transmittance)
             first, end = shown_extent(entries)
             next_left = min(next_left, left + first if first < end else NO_START)
             next_right = max(next_right, left + end if first < end else NO_END)
@@ -390,7 +390,7 @@ def show_layer(number, layer, lists, transmittance, least):
 
 
 @helper
-def show_row(entries, first_sample, number, lists, transmittance, least):
+def show_row(entries, first_sample, number, lists, transmittance, min_transmittance):
     """Fill the entries of a row with fragment `number` of each list; CLEAR where there is none, or none is seen."""
     n = np.int64(len(entries))
     first, end = max(lists.first - first_sample, 0), min(lists.end - first_sample, n)
@@ -406,7 +406,7 @@ def show_row(entries, first_sample, number, lists, transmittance, least):
     arriving = transmittance[start : start + n]
     for k in range(n):
         fragment = starts[k] + skipped
-        is_shown = (fragment < ends[k] - lists.base) & (arriving[k] > least)
+        is_shown = (fragment < ends[k] - lists.base) & (arriving[k] > min_transmittance)
         entry = fragments[index(fragment if is_shown else np.int64(0))]
         out[k] = entry if is_shown else CLEAR
 
@@ -452,7 +452,7 @@ def composite(layer, records, a_buffer, opacity):
 
 @helper
 def fill_alphas(layer, strip, start, left, right, records, opacity):
-    """Fill the shares with the opacities of the fragments in columns left..right of a row; 0 where there is none.
+    """Fill the weights with the opacities of the fragments in columns left..right of a row; 0 where there is none.
 
     `start` is the row's entry in column `left`.
     """

@@ -64,8 +64,8 @@ class VisibleSurfaces(NamedTuple):
 
 # ---------------------------------------------------------------- masks, faces and labels
 
-# Common parameters of kernels that write a buffer
-# ------------------------------------------------
+# What all kernels that write a buffer take:
+#
 # surfaces : VisibleSurfaces
 # band : Rows or Band, the rows of the picture that are written
 # out : the whole buffer, height rows of width pixels; where nothing is visible it comes in with what is to stand there

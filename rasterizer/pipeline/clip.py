@@ -344,13 +344,13 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
 @helper
 def find_topmost(polygon, n, screen):
     """Find the corner of a polygon that is topmost on the screen, then leftmost, once rounded; of equal ones any."""
-    topmost, least_x, least_y = index(0), np.inf, np.inf
+    topmost, min_x, min_y = index(0), np.inf, np.inf
     for k in range(index(n)):
         w = polygon[k, W] if screen.is_perspective else 1.0
         x, y = project(polygon[k, ACROSS], polygon[k, UPWARD], w, screen)
         x, y = np.rint(x), np.rint(y)
-        if y < least_y or (y == least_y and x < least_x):
-            topmost, least_x, least_y = k, x, y
+        if y < min_y or (y == min_y and x < min_x):
+            topmost, min_x, min_y = k, x, y
     return topmost
 
 

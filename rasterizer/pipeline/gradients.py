@@ -253,8 +253,8 @@ def shortest_normal(k, block):
         is_flat &= (n0 == n1) & (n0 == n2)
         s0, s1, s2 = s0 + n0 * n0, s1 + n1 * n1, s2 + n2 * n2
         c0, c1, c2 = c0 + n1 * n2, c1 + n2 * n0, c2 + n0 * n1
-    least_square = min(s0, s1, s2)
-    square = (least_square + 2.0 * min(c0, c1, c2, least_square)) / 3.0
+    min_square = min(s0, s1, s2)
+    square = (min_square + 2.0 * min(c0, c1, c2, min_square)) / 3.0
     return is_flat, np.sqrt(max(square, 0.0))
 
 

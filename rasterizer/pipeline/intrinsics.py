@@ -164,17 +164,17 @@ def _record_number(builder, entry, mask):
 
 
 def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
-    """Build `texel_blend.fetch_texels`."""
+    """Build `texture_lookup.fetch_texels`."""
     return _build_texels(_fetch, (0,), 1.0, texels, batch, rows, out)
 
 
 def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
-    """Build `texel_blend.blend_texels`."""
+    """Build `texture_lookup.blend_texels`."""
     return _build_texels(_means, (0, 1), -(2.0**-15), texels, batch, rows, out)
 
 
 def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
-    """Build `texel_blend.blend_mip_levels`."""
+    """Build `texture_lookup.blend_mip_levels`."""
     return _build_texels(_mixed_means, (0, 1, 4, 5), -(2.0**-15), texels, batch, rows, out)
 
 
@@ -267,13 +267,13 @@ def _means(reader, four):
 
 
 def _mixed_means(reader, four):
-    """The mixtures of the means of two mip levels, of four samples; that of one level where all shares are 0."""
+    """The mixtures of the means of two mip levels, of four samples; that of one level where all fractions are 0."""
     builder = reader.builder
-    shares = reader.load_row(8, four[0], FLOATS)
-    bits = builder.bitcast(shares, ir.IntType(32 * PLANE_GROUP))
+    fractions = reader.load_row(8, four[0], FLOATS)
+    bits = builder.bitcast(fractions, ir.IntType(32 * PLANE_GROUP))
     with builder.if_else(builder.icmp_unsigned("!=", bits, bits.type(0))) as (are_some, are_none):
         with are_some:
-            mixed, of_mixed = _mix_levels(reader, four, shares), builder.block
+            mixed, of_mixed = _mix_levels(reader, four, fractions), builder.block
         with are_none:
             means, of_means = _means(reader, four), builder.block
     found = [builder.phi(FLOATS) for _ in four]
@@ -283,14 +283,14 @@ def _mixed_means(reader, four):
     return found
 
 
-def _mix_levels(reader, four, shares):
-    """The means of two mip levels, mixed by shares of the second one."""
+def _mix_levels(reader, four, fractions):
+    """The means of two mip levels, mixed by fractions of the second one."""
     builder, mixed = reader.builder, []
     for j in range(PLANE_GROUP):
         pair = _weighted_sums(reader, four, ((0, j), (4, j)))
         a, b = (half(builder, pair, side) for side in (0, 1))
-        share = shuffle(builder, shares, shares, [j] * PLANE_GROUP)
-        mixed.append(builder.fadd(a, builder.fmul(share, builder.fsub(b, a))))
+        fraction = shuffle(builder, fractions, fractions, [j] * PLANE_GROUP)
+        mixed.append(builder.fadd(a, builder.fmul(fraction, builder.fsub(b, a))))
     return mixed
 
 

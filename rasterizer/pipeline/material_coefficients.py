@@ -1,7 +1,7 @@
 """Where the coefficients of a material stand in its row: those of its reflection function, then its colours.
 
-A row is written by engine/uniforms.py and read by the reflection functions (reflection.py and its neighbours) and by
-lighting.py. Import it qualified: `from . import material_coefficients as m`, then `material[m.SHININESS]`.
+A row is written by engine/uniforms.py, and read by the reflection functions (reflection.py) and by lighting.py. Import
+it qualified: `from . import material_coefficients as m`, then `material[m.SHININESS]`.
 """
 
 SHININESS = 0

@@ -27,261 +27,7 @@ from . import material_coefficients as m
 from .fragments import get_vector, read_vector, set_vector
 from .power import exponential, grazing, power
 
-# ----------------------------------------------------------------
-# The specular reflection function W(θ) of highlights, and its second term where F0 is a colour or a spectrum.
-# W = F0 + (1 - F0)·s with s = (1 - cos θ)^5 is affine in F0, so
-#
-#     ks·Ip·W·h = (ks·Ip·F0)·h + (ks·Ip·(1 - F0))·(s·h)
-#
-# in every channel and for every wavelength: two sums whose colours geometry has no part in. The first is what the
-# material's reflection function writes with W = 1. The functions here follow it, as if the light were there once more,
-# and make s·h of the h that still stands in SPECULAR. With F0 within 0..1 neither term is negative, so nothing
-# cancels.
-#
-# Source: Schlick 1994, Computer Graphics Forum 13(3), 233-246.
-
-LEAST_SINK = 2.0**-12  # the fifth power of less is taken for 0: invisible, and never a denormal number
-
-
-@helper
-def schlick(fresnel, cosine):
-    """Return the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5."""
-    real = type(cosine)
-    sink = real(1) - cosine
-    sink = sink if sink > real(LEAST_SINK) else real(0)
-    square = sink * sink
-    return fresnel + (real(1) - fresnel) * (square * square * sink)
-
-
-def grazing_term(batch, n, material):
-    """The second term of Phong's and Blinn's highlights: times s with cos θ = N·L."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    zero = batch.dtype.type(0)
-    for k in range(index(n)):
-        share = schlick(zero, max(batch[f.N_DOT_L + k], zero))
-        # No product where nothing is left: the highlight may be infinite in the light itself.
-        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
-        batch[f.DIFFUSE + k] = zero
-
-
-def grazing_term_of_mirrors(batch, n, material):
-    """The second term of Cook-Torrance's: θ is the angle of incidence on the mirrors, cos θ = |L + V|/2."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    zero, two = batch.dtype.type(0), batch.dtype.type(2)
-    for k in range(index(n)):
-        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
-        share = schlick(zero, length(half) / two)
-        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
-        batch[f.DIFFUSE + k] = zero
-
-
-def no_second_term(batch, n, material):
-    """The second term of a material whose F0 has no colour, in a scene where another one's has: nothing."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    zero = batch.dtype.type(0)
-    for k in range(index(n)):
-        batch[f.DIFFUSE + k] = batch[f.SPECULAR + k] = zero
-
-
-# ----------------------------------------------------------------
-# Highlights of microscopic mirrors, tilted at random (Cook & Torrance 1981): the reflection functions.
-# SPECULAR = strength · N·L · π D F G / (4 (N·L) (N·V))       DIFFUSE = strength · N·L
-#
-# D says how many mirrors look along the half vector, G how many of these see both light and viewer, F = W(θ) what a
-# mirror reflects, cos θ = |L + V|/2. At a silhouette N·V may come out below 0, by a rounding error or an interpolated
-# normal: it is taken for 0, where the formula has a finite limit. Mirrors whose tilt depends on a direction in the
-# surface: reflection.py.
-#
-# Sources: Cook & Torrance 1981, Proc. SIGGRAPH, 307-316; Walter, Marschner, Li & Torrance 2007, EGSR, 195-206.
-
-STEEP = 2.0**-20  # square of the cosine of a tilt of 89.94 degrees: Beckmann's D is exp(-2^20) there
-BECKMANN_LIMIT = 1.6  # from this a on, G1 of Beckmann's distribution is 1
-
-
-def ggx(batch, n, material):
-    """Mirrors tilted as GGX says.
-
-    D and G: Walter et al. 2007, equations 33, 34 and 23 (Smith's G, the two directions masked independently). With
-    s = |N×H|, c = N·H: D = α² / (π (α² c² + s²)²); s by the cross product, because 1 - c² loses its digits in the
-    highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at N·V = 0, unlike with the V-shaped grooves
-    of 1981.
-    """
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
-    alpha_square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
-    rest = one - alpha_square
-    for k in range(index(n)):
-        half_square, along, across_square = half_vector_parts(batch, k)
-        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
-        spread = alpha_square * along * along + across_square
-        ratio = half_square / spread if (along > zero) & (spread > zero) else zero
-        mirrors = alpha_square * ratio * ratio
-        masked = n_dot_l / (n_dot_l + np.sqrt(alpha_square + rest * n_dot_l * n_dot_l))
-        masked = masked / (n_dot_v + np.sqrt(alpha_square + rest * n_dot_v * n_dot_v))
-        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
-        set_reflection(batch, k, n_dot_l, reflected)
-
-
-def beckmann(batch, n, material):
-    """Mirrors tilted as Beckmann says: D = exp(-tan²θh / m²) / (π m² cos⁴θh).
-
-    Cook & Torrance 1981; Smith's G in the approximation of Walter et al. 2007, section 5.2. Mirrors tilted by more than
-    89.9° count as none: exp(-2^20).
-    """
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    real, roughness = batch.dtype.type, material[m.ROUGHNESS]
-    zero, one, two, four, steep = real(0), real(1), real(2), real(4), real(STEEP)
-    scale = one / (roughness * roughness)
-    for k in range(index(n)):
-        half_square, along, across_square = half_vector_parts(batch, k)
-        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
-        square = along * along
-        inverse = one / square if (along > zero) & (square > steep * half_square) else zero
-        ratio = half_square * inverse  # 1 / cos²θh
-        mirrors = exponential(-scale * across_square * inverse) * scale * ratio * ratio
-        masked = n_dot_l * beckmann_visible(n_dot_l, roughness) * beckmann_visible(n_dot_v, roughness) / four
-        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
-        set_reflection(batch, k, n_dot_l, reflected)
-
-
-@helper
-def set_reflection(batch, k, n_dot_l, reflected):
-    """Write what fragment k reflects; nothing where the light is behind the surface, also of infinite strength."""
-    zero, strength = batch.dtype.type(0), batch[f.STRENGTH + k]
-    batch[f.DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
-    batch[f.SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
-
-
-@helper
-def half_vector_parts(batch, k):
-    """Return |L + V|², the part of L + V along N, and the square of its part across N."""
-    half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
-    normal = get_vector(batch, f.NORMAL, k)
-    across = cross(normal, half)
-    return dot(half, half), dot(normal, half), dot(across, across)
-
-
-@helper
-def beckmann_visible(cosine, roughness):
-    """Return G1(θ) / cos θ of Beckmann's distribution (Walter et al. 2007, equation 27).
-
-    With a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a + 2.577 a²), else 1. The fraction exceeds 1 by
-    less than 1e-4 from a = 1.55 on; cut off at 1, it is continuous.
-    """
-    real = type(cosine)
-    slope = roughness * np.sqrt(max(real(1) - cosine * cosine, real(1e-12)))  # cos θ / a
-    a = cosine / slope
-    fraction = (real(3.535) + real(2.181) * a) / (real(1) + a * (real(2.276) + a * real(2.577))) / slope
-    whole = real(1) / max(cosine, real(1e-12))
-    return min(fraction, whole) if a < real(BECKMANN_LIMIT) else whole
-
-
-# ----------------------------------------------------------------
-# Mirrors that are tilted more across a direction T in the surface than along it: brushed metal, wood, hair.
-# Burley 2012, "Physically-based shading at Disney", appendix B; Heitz 2014, JCGT 3(2), equations 85 and 99. With B =
-# N×T,
-# and the roughnesses αx along T and αy across it:
-#
-#     D  = 1 / (π αx αy ((H·T)²/αx² + (H·B)²/αy² + (N·H)²)²)
-#     G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²))
-#     G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² + αy²(V·B)²))
-#
-# The last two terms under the root are 1 - (N·V)² times the square of the roughness in the plane of N and V:
-# `masking`.
-# So it is the isotropic formula (reflection.py) where αx = αy.
-
-SHORT = 2.0**-80  # square of a projected tangent that is too short to be one: see `tangent_in_surface`
-
-
-def anisotropic_ggx(batch, n, material):
-    """Cook-Torrance with GGX whose mirrors' tilt depends on a direction: TANGENT, of any length, in the surface or not.
-
-    The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and
-    all that depends on it, has no bound in float32.
-    """
-    reflect_anisotropically(as_array(batch, f.BATCH_SHAPE), n, as_array(material, m.REFLECTION_SHAPE))
-
-
-def anisotropic_ggx_by_axis(batch, n, material):
-    """The same, the direction being an axis of the world: TANGENT_AXIS."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    axis = read_vector(material, m.TANGENT_AXIS)
-    for k in range(index(n)):
-        set_vector(batch, f.TANGENT, k, axis)
-    reflect_anisotropically(batch, n, material)
-
-
-@helper
-def reflect_anisotropically(batch, n, material):
-    """Fill DIFFUSE and SPECULAR."""
-    two, roughnesses = batch.dtype.type(2), (material[m.ROUGHNESS], material[m.ROUGHNESS_ACROSS])
-    for k in range(index(n)):
-        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
-        reflected = anisotropic_mirrors(batch, k, half, roughnesses)
-        reflected = reflected * schlick(material[m.FRESNEL], length(half) / two)
-        set_reflection(batch, k, batch[f.N_DOT_L + k], reflected)
-
-
-@helper
-def anisotropic_mirrors(batch, k, half, roughnesses):
-    """Return N·L · π D G / (4 (N·L) (N·V)) of fragment k, without W; `half` is L + V, `roughnesses` are αx and αy."""
-    zero, (roughness_along, roughness_across) = batch.dtype.type(0), roughnesses
-    normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
-    view_dir = get_vector(batch, f.VIEW_DIR, k)
-    tangent, is_tangent = tangent_in_surface(normal, get_vector(batch, f.TANGENT, k))
-    bitangent = cross(normal, tangent)
-    mean = np.sqrt(roughness_along * roughness_across)
-    alpha_x, alpha_y = roughness_along if is_tangent else mean, roughness_across if is_tangent else mean
-    along = dot(normal, half)
-    h_t, h_b = dot(half, tangent) / alpha_x, dot(half, bitangent) / alpha_y
-    spread = h_t * h_t + h_b * h_b + along * along
-    ratio = dot(half, half) / spread if (along > zero) & (spread > zero) else zero
-    n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
-    masked = n_dot_l / masking(n_dot_l, dot(light_dir, tangent), dot(light_dir, bitangent), alpha_x, alpha_y)
-    masked = masked / masking(n_dot_v, dot(view_dir, tangent), dot(view_dir, bitangent), alpha_x, alpha_y)
-    return ratio * ratio / (alpha_x * alpha_y) * masked
-
-
-@helper
-def tangent_in_surface(normal, tangent):
-    """Return the unit vector along the tangent's part in the surface, and whether there is one; else any one there.
-
-    With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an
-    axis that stands upright on the surface has no direction there, but rounding would make one up.
-    """
-    real = type(normal[0])
-    zero, one = real(0), real(1)
-    whole_square = dot(tangent, tangent)
-    tangent = subtract(tangent, scale(normal, dot(normal, tangent)))
-    square = dot(tangent, tangent)
-    is_tangent = square > real(SHORT) * whole_square
-    if not is_tangent:
-        # The shortest of the axes' parts along N has the longest one across: never shorter than √(2/3).
-        nx, ny, nz = abs(normal[0]), abs(normal[1]), abs(normal[2])
-        is_x = (nx <= ny) & (nx <= nz)
-        is_y = (not is_x) & (ny <= nz)
-        axis = (one if is_x else zero, one if is_y else zero, zero if is_x | is_y else one)
-        tangent = subtract(axis, scale(normal, dot(normal, axis)))
-        square = dot(tangent, tangent)
-    return scale(tangent, one / np.sqrt(square)), is_tangent
-
-
-@helper
-def masking(cosine, along, across, alpha_x, alpha_y):
-    """Return c + √(c² + α²(1 - c²)) of a direction D, c its cosine with N: the denominator of G1(D) / (2 N·D).
-
-    α² = (αx²(D·T)² + αy²(D·B)²) / ((D·T)² + (D·B)²) with D·T = `along` and D·B = `across`. Where D is N itself, α has
-    no part in it. Where c was below 0 and is taken for 0, this is the limit at the horizon.
-    """
-    one, square = type(cosine)(1), along * along + across * across
-    x, y = alpha_x * along, alpha_y * across
-    alpha_square = (x * x + y * y) / square if square > type(cosine)(0) else alpha_x * alpha_y
-    return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
-
-
-MAX_SQUARED = 4096  # integer exponents up to this are raised by squaring
-SMALLEST_SQUARED = 28.0  # results of that below 2^-28 become 0: invisible, and no denormal number on the way there
-LEAST_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
+MIN_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
 
 
 class ReflectionFunction(NamedTuple):
@@ -290,8 +36,7 @@ class ReflectionFunction(NamedTuple):
     evaluate: Callable
     needs_view: bool  # it reads N_DOT_V and VIEW_DIR
     has_highlight: bool  # it writes SPECULAR
-    needs_tangent: bool = False  # it reads TANGENT, which nobody else fills for it
-    second_term: Callable | None = None  # follows `evaluate` where F0 has a colour, see reflection.py
+    second_term: Callable | None = None  # follows `evaluate` where F0 is a colour
 
 
 def lambert(batch, n, material):
@@ -302,25 +47,6 @@ def lambert(batch, n, material):
         n_dot_l = batch[f.N_DOT_L + k]
         # No product where nothing is lit: the strength may be infinite in the light itself.
         batch[f.DIFFUSE + k] = batch[f.STRENGTH + k] * n_dot_l if n_dot_l > zero else zero
-
-
-def phong(batch, n, material):
-    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975).
-
-    The highlight is times W(θ), normalised, or both, where the material asks for it.
-    """
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    fill_r_dot_v(batch, n)
-    finish_highlights(batch, n, material)
-    weight_highlights(batch, n, material)
-
-
-def blinn(batch, n, material):
-    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); weighted as Phong's."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    fill_n_dot_h(batch, n)
-    finish_highlights(batch, n, material)
-    weight_highlights(batch, n, material)
 
 
 def oren_nayar(batch, n, material):
@@ -336,7 +62,7 @@ def oren_nayar(batch, n, material):
     """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     real = batch.dtype.type
-    zero, least = real(0), real(LEAST_COSINE)
+    zero, least = real(0), real(MIN_COSINE)
     square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
     a = real(1) - real(0.5) * square / (square + real(0.33))
     b = real(0.45) * square / (square + real(0.09))
@@ -373,8 +99,7 @@ def toon(batch, n, material):
 
 
 def ambient_share(batch, n, material):
-    """Reflect an ambient share, whatever the model: as much to all sides, and no highlight; see
-    lights.py:function_of_share."""
+    """Reflect an ambient share (`function_of_share`), whatever the model: as much to all sides, and no highlight."""
     batch = as_array(batch, f.BATCH_SHAPE)
     zero = batch.dtype.type(0)
     for k in range(index(n)):
@@ -382,75 +107,29 @@ def ambient_share(batch, n, material):
         batch[f.SPECULAR + k] = zero
 
 
-REFLECTION_FUNCTIONS = {
-    "lambert": ReflectionFunction(lambert, needs_view=False, has_highlight=False),
-    "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
-    "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
-    "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
-    "anisotropic ggx": ReflectionFunction(
-        anisotropic_ggx,
-        needs_view=True,
-        has_highlight=True,
-        needs_tangent=True,
-        second_term=grazing_term_of_mirrors,
-    ),
-    "anisotropic ggx by axis": ReflectionFunction(
-        anisotropic_ggx_by_axis, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors
-    ),
-    "toon": ReflectionFunction(toon, needs_view=True, has_highlight=True),
-}
-
-
-def reflection_function_of(model: str) -> ReflectionFunction:
-    """Return what the pipeline knows of a reflection model.
-
-    Raises SceneError where it knows none of this name.
-    """
-    if model not in REFLECTION_FUNCTIONS:
-        legal = ", ".join(sorted(REFLECTION_FUNCTIONS))
-        raise SceneError(f"no reflection function is called {model!r}; there are {legal}")
-    return REFLECTION_FUNCTIONS[model]
-
-
-class Coefficients(NamedTuple):
-    """What the formula of a reflection model of one's own reads of its material, of the type of the batch."""
-
-    shininess: float
-    roughness: float
-    levels: float
-
-
-@cache  # what is compiled of a formula is kept for good, as all batch functions are
-def function_of_reflection(reflect: Callable) -> Callable:
-    """Return the reflection function of a formula.
-
-    Parameters
-    ----------
-    reflect : (normal, light_dir, view_dir, coefficients) -> D, S; for one point, see `registries.CustomReflection`
-    """
-    formula = helper(reflect)
-
-    def evaluate(batch, n, material):
-        batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-        zero = batch.dtype.type(0)
-        coefficients = Coefficients(material[m.SHININESS], material[m.ROUGHNESS], material[m.TOON_LEVELS])
-        for k in range(index(n)):
-            normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
-            diffuse, specular = formula(normal, light_dir, get_vector(batch, f.VIEW_DIR, k), coefficients)
-            strength, is_lit = batch[f.STRENGTH + k], batch[f.N_DOT_L + k] > zero
-            batch[f.DIFFUSE + k] = strength * diffuse if is_lit else zero
-            batch[f.SPECULAR + k] = strength * specular if is_lit else zero
-
-    evaluate.__module__, evaluate.__name__ = (
-        reflect.__module__,
-        reflect.__name__,
-    )  # the store keeps what is of this package
-    return evaluate
-
-
 # ---------------------------------------------------------------- Phong's and Blinn's highlights
+
+MAX_SQUARED = 4096  # integer exponents up to this are raised by squaring
+SMALLEST_SQUARED = 28.0  # results of that below 2^-28 become 0: invisible, and no denormal number on the way there
+
+
+def phong(batch, n, material):
+    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975).
+
+    The highlight is times W(θ), normalised, or both, where the material asks for it.
+    """
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    fill_r_dot_v(batch, n)
+    finish_highlights(batch, n, material)
+    weight_highlights(batch, n, material)
+
+
+def blinn(batch, n, material):
+    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); weighted as Phong's."""
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    fill_n_dot_h(batch, n)
+    finish_highlights(batch, n, material)
+    weight_highlights(batch, n, material)
 
 
 @helper
@@ -541,3 +220,316 @@ def square_and_multiply(batch, n, exponent):
             batch[f.DIFFUSE + k] = square * square
         exponent >>= 2
         is_first = False
+
+
+# ---------------------------------------------------------------- microscopic mirrors, tilted at random
+
+# SPECULAR = strength · N·L · π D F G / (4 (N·L) (N·V))       DIFFUSE = strength · N·L
+#
+# D says how many mirrors look along the half vector, G how many of these see both light and viewer, F = W(θ) what a
+# mirror reflects, cos θ = |L + V|/2. An N·V below 0 is taken for 0: the formula has a finite limit there.
+#
+# Sources: Cook & Torrance 1981, Proc. SIGGRAPH, 307-316; Walter, Marschner, Li & Torrance 2007, EGSR, 195-206.
+
+STEEP = 2.0**-20  # square of the cosine of a tilt of 89.94 degrees: Beckmann's D is exp(-2^20) there
+BECKMANN_LIMIT = 1.6  # from this a on, G1 of Beckmann's distribution is 1
+
+
+def ggx(batch, n, material):
+    """Mirrors tilted as GGX says.
+
+    D and G: Walter et al. 2007, equations 33, 34 and 23 (Smith's G, the two directions masked independently). With
+    s = |N×H|, c = N·H: D = α² / (π (α² c² + s²)²); s by the cross product, because 1 - c² loses its digits in the
+    highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at N·V = 0, unlike with the V-shaped grooves
+    of 1981.
+    """
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
+    alpha_square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
+    rest = one - alpha_square
+    for k in range(index(n)):
+        half_square, along, across_square = half_vector_parts(batch, k)
+        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+        spread = alpha_square * along * along + across_square
+        ratio = half_square / spread if (along > zero) & (spread > zero) else zero
+        mirrors = alpha_square * ratio * ratio
+        masked = n_dot_l / (n_dot_l + np.sqrt(alpha_square + rest * n_dot_l * n_dot_l))
+        masked = masked / (n_dot_v + np.sqrt(alpha_square + rest * n_dot_v * n_dot_v))
+        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
+        set_reflection(batch, k, n_dot_l, reflected)
+
+
+def beckmann(batch, n, material):
+    """Mirrors tilted as Beckmann says: D = exp(-tan²θh / m²) / (π m² cos⁴θh).
+
+    Cook & Torrance 1981; Smith's G in the approximation of Walter et al. 2007, section 5.2. Mirrors tilted by more than
+    89.9° count as none: exp(-2^20).
+    """
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    real, roughness = batch.dtype.type, material[m.ROUGHNESS]
+    zero, one, two, four, steep = real(0), real(1), real(2), real(4), real(STEEP)
+    scale = one / (roughness * roughness)
+    for k in range(index(n)):
+        half_square, along, across_square = half_vector_parts(batch, k)
+        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+        square = along * along
+        inverse = one / square if (along > zero) & (square > steep * half_square) else zero
+        ratio = half_square * inverse  # 1 / cos²θh
+        mirrors = exponential(-scale * across_square * inverse) * scale * ratio * ratio
+        masked = n_dot_l * beckmann_visible(n_dot_l, roughness) * beckmann_visible(n_dot_v, roughness) / four
+        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
+        set_reflection(batch, k, n_dot_l, reflected)
+
+
+@helper
+def set_reflection(batch, k, n_dot_l, reflected):
+    """Write what fragment k reflects; nothing where the light is behind the surface, also of infinite strength."""
+    zero, strength = batch.dtype.type(0), batch[f.STRENGTH + k]
+    batch[f.DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
+    batch[f.SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
+
+
+@helper
+def half_vector_parts(batch, k):
+    """Return |L + V|², the part of L + V along N, and the square of its part across N."""
+    half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+    normal = get_vector(batch, f.NORMAL, k)
+    across = cross(normal, half)
+    return dot(half, half), dot(normal, half), dot(across, across)
+
+
+@helper
+def beckmann_visible(cosine, roughness):
+    """Return G1(θ) / cos θ of Beckmann's distribution (Walter et al. 2007, equation 27).
+
+    With a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a + 2.577 a²), else 1. The fraction exceeds 1 by
+    less than 1e-4 from a = 1.55 on; cut off at 1, it is continuous.
+    """
+    real = type(cosine)
+    slope = roughness * np.sqrt(max(real(1) - cosine * cosine, real(1e-12)))  # cos θ / a
+    a = cosine / slope
+    fraction = (real(3.535) + real(2.181) * a) / (real(1) + a * (real(2.276) + a * real(2.577))) / slope
+    whole = real(1) / max(cosine, real(1e-12))
+    return min(fraction, whole) if a < real(BECKMANN_LIMIT) else whole
+
+
+# ---------------------------------------------------------------- mirrors of brushed metal, wood and hair
+
+# They are tilted more across a direction T in the surface than along it. With B = N×T, and the roughnesses αx along T
+# and αy across it:
+#
+#     D  = 1 / (π αx αy ((H·T)²/αx² + (H·B)²/αy² + (N·H)²)²)
+#     G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²))
+#     G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² + αy²(V·B)²))
+#
+# The last two terms under the root are 1 - (N·V)² times the square of the roughness in the plane of N and V: `masking`.
+# So it is `ggx` where αx = αy.
+#
+# Sources: Burley 2012, "Physically-based shading at Disney", appendix B; Heitz 2014, JCGT 3(2), equations 85 and 99.
+
+SHORT = 2.0**-80  # square of a projected tangent that is too short to be one: see `tangent_in_surface`
+
+
+def anisotropic_ggx(batch, n, material):
+    """Cook-Torrance with GGX whose mirrors' tilt depends on a direction: TANGENT, of any length, in the surface or not.
+
+    The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and
+    all that depends on it, has no bound in float32.
+    """
+    reflect_anisotropically(as_array(batch, f.BATCH_SHAPE), n, as_array(material, m.REFLECTION_SHAPE))
+
+
+def anisotropic_ggx_by_axis(batch, n, material):
+    """The same, the direction being an axis of the world: TANGENT_AXIS."""
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    axis = read_vector(material, m.TANGENT_AXIS)
+    for k in range(index(n)):
+        set_vector(batch, f.TANGENT, k, axis)
+    reflect_anisotropically(batch, n, material)
+
+
+@helper
+def reflect_anisotropically(batch, n, material):
+    """Fill DIFFUSE and SPECULAR."""
+    two, roughnesses = batch.dtype.type(2), (material[m.ROUGHNESS], material[m.ROUGHNESS_ACROSS])
+    for k in range(index(n)):
+        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+        reflected = anisotropic_mirrors(batch, k, half, roughnesses)
+        reflected = reflected * schlick(material[m.FRESNEL], length(half) / two)
+        set_reflection(batch, k, batch[f.N_DOT_L + k], reflected)
+
+
+@helper
+def anisotropic_mirrors(batch, k, half, roughnesses):
+    """Return N·L · π D G / (4 (N·L) (N·V)) of fragment k, without W; `half` is L + V, `roughnesses` are αx and αy."""
+    zero, (roughness_along, roughness_across) = batch.dtype.type(0), roughnesses
+    normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
+    view_dir = get_vector(batch, f.VIEW_DIR, k)
+    tangent, is_tangent = tangent_in_surface(normal, get_vector(batch, f.TANGENT, k))
+    bitangent = cross(normal, tangent)
+    mean = np.sqrt(roughness_along * roughness_across)
+    alpha_x, alpha_y = roughness_along if is_tangent else mean, roughness_across if is_tangent else mean
+    along = dot(normal, half)
+    h_t, h_b = dot(half, tangent) / alpha_x, dot(half, bitangent) / alpha_y
+    spread = h_t * h_t + h_b * h_b + along * along
+    ratio = dot(half, half) / spread if (along > zero) & (spread > zero) else zero
+    n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+    masked = n_dot_l / masking(n_dot_l, dot(light_dir, tangent), dot(light_dir, bitangent), alpha_x, alpha_y)
+    masked = masked / masking(n_dot_v, dot(view_dir, tangent), dot(view_dir, bitangent), alpha_x, alpha_y)
+    return ratio * ratio / (alpha_x * alpha_y) * masked
+
+
+@helper
+def tangent_in_surface(normal, tangent):
+    """Return the unit vector along the tangent's part in the surface, and whether there is one; else any one there.
+
+    With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an
+    axis that stands upright on the surface has no direction there, but rounding would make one up.
+    """
+    real = type(normal[0])
+    zero, one = real(0), real(1)
+    whole_square = dot(tangent, tangent)
+    tangent = subtract(tangent, scale(normal, dot(normal, tangent)))
+    square = dot(tangent, tangent)
+    is_tangent = square > real(SHORT) * whole_square
+    if not is_tangent:
+        # The shortest of the axes' parts along N has the longest one across: never shorter than √(2/3).
+        nx, ny, nz = abs(normal[0]), abs(normal[1]), abs(normal[2])
+        is_x = (nx <= ny) & (nx <= nz)
+        is_y = (not is_x) & (ny <= nz)
+        axis = (one if is_x else zero, one if is_y else zero, zero if is_x | is_y else one)
+        tangent = subtract(axis, scale(normal, dot(normal, axis)))
+        square = dot(tangent, tangent)
+    return scale(tangent, one / np.sqrt(square)), is_tangent
+
+
+@helper
+def masking(cosine, along, across, alpha_x, alpha_y):
+    """Return c + √(c² + α²(1 - c²)) of a direction D, c its cosine with N: the denominator of G1(D) / (2 N·D).
+
+    α² = (αx²(D·T)² + αy²(D·B)²) / ((D·T)² + (D·B)²) with D·T = `along` and D·B = `across`. Where D is N itself, α has
+    no part in it. Where c was below 0 and is taken for 0, this is the limit at the horizon.
+    """
+    one, square = type(cosine)(1), along * along + across * across
+    x, y = alpha_x * along, alpha_y * across
+    alpha_square = (x * x + y * y) / square if square > type(cosine)(0) else alpha_x * alpha_y
+    return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
+
+
+# ---------------------------------------------------------------- the specular reflection function W(θ)
+
+# Where F0 is a colour or a spectrum: W = F0 + (1 - F0)·s with s = (1 - cos θ)^5 is affine in F0, so
+#
+#     ks·Ip·W·h = (ks·Ip·F0)·h + (ks·Ip·(1 - F0))·(s·h)
+#
+# in every channel and for every wavelength: two sums whose colours geometry has no part in. The first is what the
+# material's reflection function writes with W = 1. The functions here follow it, as if the light were there once more,
+# and make s·h of the h that still stands in SPECULAR. With F0 within 0..1 neither term is negative, so nothing cancels.
+#
+# Source: Schlick 1994, Computer Graphics Forum 13(3), 233-246.
+
+MIN_SINK = 2.0**-12  # the fifth power of less is taken for 0: invisible, and never a denormal number
+
+
+@helper
+def schlick(fresnel, cosine):
+    """Return the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5."""
+    real = type(cosine)
+    sink = real(1) - cosine
+    sink = sink if sink > real(MIN_SINK) else real(0)
+    square = sink * sink
+    return fresnel + (real(1) - fresnel) * (square * square * sink)
+
+
+def grazing_term(batch, n, material):
+    """The second term of Phong's and Blinn's highlights: times s with cos θ = N·L."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        share = schlick(zero, max(batch[f.N_DOT_L + k], zero))
+        # No product where nothing is left: the highlight may be infinite in the light itself.
+        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
+        batch[f.DIFFUSE + k] = zero
+
+
+def grazing_term_of_mirrors(batch, n, material):
+    """The second term of Cook-Torrance's: θ is the angle of incidence on the mirrors, cos θ = |L + V|/2."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero, two = batch.dtype.type(0), batch.dtype.type(2)
+    for k in range(index(n)):
+        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+        share = schlick(zero, length(half) / two)
+        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
+        batch[f.DIFFUSE + k] = zero
+
+
+def no_second_term(batch, n, material):
+    """The second term of a material whose F0 is grey, in a scene where another one's is a colour: 0."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        batch[f.DIFFUSE + k] = batch[f.SPECULAR + k] = zero
+
+
+# ---------------------------------------------------------------- the table of all models, and models of one's own
+
+REFLECTION_FUNCTIONS = {
+    "lambert": ReflectionFunction(lambert, needs_view=False, has_highlight=False),
+    "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, second_term=grazing_term),
+    "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
+    "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
+    "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
+    "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
+    "anisotropic ggx": ReflectionFunction(
+        anisotropic_ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors
+    ),
+    "anisotropic ggx by axis": ReflectionFunction(
+        anisotropic_ggx_by_axis, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors
+    ),
+    "toon": ReflectionFunction(toon, needs_view=True, has_highlight=True),
+}
+
+
+def reflection_function_of(model: str) -> ReflectionFunction:
+    """Return what the pipeline knows of a reflection model.
+
+    Raises SceneError where it knows none of this name.
+    """
+    if model not in REFLECTION_FUNCTIONS:
+        legal = ", ".join(sorted(REFLECTION_FUNCTIONS))
+        raise SceneError(f"no reflection function is called {model!r}; there are {legal}")
+    return REFLECTION_FUNCTIONS[model]
+
+
+class Coefficients(NamedTuple):
+    """What the formula of a reflection model of one's own reads of its material, of the type of the batch."""
+
+    shininess: float
+    roughness: float
+    levels: float
+
+
+@cache  # what is compiled of a formula is kept for good, as all batch functions are
+def function_of_reflection(reflect: Callable) -> Callable:
+    """Return the reflection function of a formula.
+
+    Parameters
+    ----------
+    reflect : (normal, light_dir, view_dir, coefficients) -> D, S; for one point, see `registries.CustomReflection`
+    """
+    formula = helper(reflect)
+
+    def evaluate(batch, n, material):
+        batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+        zero = batch.dtype.type(0)
+        coefficients = Coefficients(material[m.SHININESS], material[m.ROUGHNESS], material[m.TOON_LEVELS])
+        for k in range(index(n)):
+            normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
+            diffuse, specular = formula(normal, light_dir, get_vector(batch, f.VIEW_DIR, k), coefficients)
+            strength, is_lit = batch[f.STRENGTH + k], batch[f.N_DOT_L + k] > zero
+            batch[f.DIFFUSE + k] = strength * diffuse if is_lit else zero
+            batch[f.SPECULAR + k] = strength * specular if is_lit else zero
+
+    # By these names the store tells what is of this package: that alone is kept.
+    evaluate.__module__, evaluate.__name__ = reflect.__module__, reflect.__name__
+    return evaluate

@@ -252,9 +252,9 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
 
 
 @helper
-def within(value, numbers, least_at):
+def within(value, numbers, min_at):
     """Return a value kept within its range; the least one where it is no number."""
-    least, greatest = numbers[least_at], numbers[least_at + index(PLANE_GROUP)]
+    least, greatest = numbers[min_at], numbers[min_at + index(PLANE_GROUP)]
     value = value if value > least else least
     return value if value < greatest else greatest
 

@@ -157,24 +157,24 @@ def material_of_face(face, triangles):
 
 @helper
 def look_at_materials(n, material, coding, block, deferred):
-    """Return how many attributes the first n triangles of a block have at most, what the materials of those that are
-    not deferred need together, and whether one of all these is another than `material`."""
+    """Return how many attributes the first n triangles of a block have at most, the features of the materials of those
+    that are not deferred, and whether one of all these is another than `material`."""
     n_attribute = features = others = np.int64(0)
     if s.gather_materials(n, coding, block):
         here = np.int64(block.ints[s.MATERIAL]) if len(coding.paths) > 1 else np.int64(0)
         has_others = len(coding.paths) > 1 and here != material
-        return coding.n_attributes[here], needs_when_drawn(coding.features[here], deferred), has_others
+        return coding.n_attributes[here], drawn_features(coding.features[here], deferred), has_others
     for k in range(index(n)):
         here = np.int64(block.ints[s.MATERIAL + k])
         n_attribute = max(n_attribute, coding.n_attributes[here])
-        features |= needs_when_drawn(coding.features[here], deferred)
+        features |= drawn_features(coding.features[here], deferred)
         others |= here ^ material
     return n_attribute, features, others != 0
 
 
 @helper
-def needs_when_drawn(features, deferred):
-    """Return what a material needs, int64; nothing where its triangles are deferred."""
+def drawn_features(features, deferred):
+    """Return the features of a material, int64; 0 where its triangles are deferred."""
     if deferred is not None:
         return np.int64(0) if features & (IS_TRANSPARENT | IS_INVISIBLE) else np.int64(features)
     return np.int64(features)
@@ -266,8 +266,8 @@ class Depths(NamedTuple):
     z0: float
     z1: float
     z2: float
-    least: float
-    largest: float
+    min_z: float
+    max_z: float
 
 
 class Surface(NamedTuple):
@@ -510,7 +510,7 @@ def entry_of_sliver(x, y, surface):
     ux, uy = x * SUBPIXEL + HALF - triangle.x0, y * SUBPIXEL + HALF - triangle.y0
     e1, e2 = ux * dy2 - uy * dx2, uy * dx1 - ux * dy1
     z = (float(area - e1 - e2) * depths.z0 + float(e1) * depths.z1 + float(e2) * depths.z2) / float(area)
-    return np.int64(pack(np.rint(min(max(z, depths.least), depths.largest)), surface.payload))
+    return np.int64(pack(np.rint(min(max(z, depths.min_z), depths.max_z)), surface.payload))
 
 
 # ---------------------------------------------------------------- fragments of transparent surfaces

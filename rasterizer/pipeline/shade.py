@@ -71,11 +71,11 @@ def shade_interpolated(band, tint, batch, out_radiance):
 def decode_batch(entries, band, first, tint, batch, out_radiance, start):
     """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry, `start`
     its number in the band."""
-    return decode_entries if class_of(field_of(band, "coding")) is LevelCoding else decode_nothing
+    return decode_entries if class_of(field_of(band, "coding")) is LevelCoding else leave_entries
 
 
 @helper
-def decode_nothing(entries, band, first, tint, batch, out_radiance, start):
+def leave_entries(entries, band, first, tint, batch, out_radiance, start):
     """Do nothing."""
 
 

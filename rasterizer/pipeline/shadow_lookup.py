@@ -73,7 +73,8 @@ from .visibility import CLEAR, PAYLOAD_BITS, clear
 # rays diverge; the light's position relative to the eye; how far positions are rounded, as a share of the distances;
 # how far the normal's error turns the slopes, in texels; twice how far texels of the filter reach on a surface that
 # faces the light, scene units, in perspective 1 away. Then a block of N_MAP_COLUMN numbers for each map.
-N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN, POSITION_ROUNDING, NORMAL_ERROR, REACH, MAPS = 0, 1, 2, 3, 4, 7, 8, 9, 10
+N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN = 0, 1, 2, 3, 4
+POSITION_ROUNDING, NORMAL_ERROR, FILTER_RANGE, MAPS = 7, 8, 9, 10
 # A map's block: its axes, unit length; scale and centre, texels; how far its values are rounded; how many texels the
 # limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen:
 # then the others aren't written.
@@ -132,7 +133,7 @@ def move_points(batch, header, n):
     """
     origin, forward = read_vector(header, ORIGIN), read_vector(header, MAPS + FORWARD)
     is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
-    zero, one, reach = batch.dtype.type(0), batch.dtype.type(1), header[REACH]
+    zero, one, filter_range = batch.dtype.type(0), batch.dtype.type(1), header[FILTER_RANGE]
     for k in range(n):
         position, plane = get_vector(batch, f.POSITION, k), get_vector(batch, f.FACE_NORMAL, k)
         normal, plane_offset = get_vector(batch, f.NORMAL, k), batch[f.FACE_OFFSET + k]
@@ -140,7 +141,7 @@ def move_points(batch, header, n):
         tilt = length(subtract(normal, scale(plane, dot(plane, normal))))
         is_front = facing(plane, plane_offset, normal, origin, forward, is_perspective) < zero
         away = length(subtract(position, origin)) if is_perspective else one
-        near = min(batch[f.FACE_SIDE + k], reach * away) if is_front else batch[f.FACE_SIDE + k]
+        near = min(batch[f.FACE_SIDE + k], filter_range * away) if is_front else batch[f.FACE_SIDE + k]
         batch[MAX_MOVED + k] = near
         offset = scale(normal, tilt * near)
         moved = add(add(position, scale(plane, back)), offset)
@@ -277,9 +278,9 @@ def compute_limits(batch, view, size, radius, start, end):
         # Comparisons, not min and max: what is no number becomes a number, too.
         within_x, within_y = map_x if map_x > low else low, map_y if map_y > low else low
         column, line = np.int32(within_x if within_x < high else high), np.int32(within_y if within_y < high else high)
-        reach = abs(position[0]) + abs(position[1]) + abs(position[2])
-        nearness = abs(inverse) * (reach if view.is_perspective else one)  # 1 over the cosine of the ray's angle
-        max_distance = reach + view.far + batch[MAX_MOVED + k]
+        extent = abs(position[0]) + abs(position[1]) + abs(position[2])
+        nearness = abs(inverse) * (extent if view.is_perspective else one)  # 1 over the cosine of the ray's angle
+        max_distance = extent + view.far + batch[MAX_MOVED + k]
         rounding = abs(inverse) * (magnification * view.position_rounding * max_distance + turned)
         slack = (view.slack + view.normal_error * nearness) * (abs(slope_x) + abs(slope_y)) + rounding + view.rounding
         limit = value + slack + slope_x * (real(column) + half - map_x) + slope_y * (real(line) + half - map_y)

@@ -53,12 +53,12 @@ S_DX, T_DX, INV_W_DX, S_DY, T_DY, INV_W_DY = (_quantity(k) for k in range(4, 10)
 S_OFFSET, T_OFFSET, W = S_PLANE, T_PLANE, INV_W
 S, T, MIP_LEVEL = (_quantity(k) for k in range(10, 13))
 # Then, in place of the planes: the texels up left and down left of the sample (whole numbers), the weights of the two
-# on the left and of the two on the right (two of 16 bits); all four of the next mip level, too; the share of that one.
+# on the left and of the two on the right (two of 16 bits); all four of the next mip level, too; its fraction.
 TOP, BOTTOM, LEFT_WEIGHTS, RIGHT_WEIGHTS = (_quantity(k) for k in range(4))
-NEXT_MIP_LEVEL, SHARE = _quantity(4), _quantity(8)
+NEXT_MIP_LEVEL, LEVEL_FRACTION = _quantity(4), _quantity(8)
 TEXEL, IS_DOUBTFUL = TOP, MIP_LEVEL  # of the filter "nearest"; doubtful is 1, and 0 certain
 TEXEL_ROWS = TOP, BOTTOM, LEFT_WEIGHTS, RIGHT_WEIGHTS
-MIP_LEVEL_ROWS = (*TEXEL_ROWS, *(row + NEXT_MIP_LEVEL for row in TEXEL_ROWS), SHARE)
+MIP_LEVEL_ROWS = (*TEXEL_ROWS, *(row + NEXT_MIP_LEVEL for row in TEXEL_ROWS), LEVEL_FRACTION)
 LOOKUP_SHAPE = (13 * BATCH_SIZE,)
 
 
@@ -109,7 +109,7 @@ def read_texels(batch, n, texture, out, start, stride):
         is_doubtful = locate_nearest_texels(batch, n, texture)
         fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
         return is_doubtful
-    if texture.filter == FILTER_TRILINEAR and fill_shares(batch, n):
+    if texture.filter == FILTER_TRILINEAR and fill_level_fractions(batch, n):
         locate_texels(batch, n, texture)
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
     else:
@@ -255,13 +255,13 @@ def mip_level(square, coarsest):
 
 
 @helper
-def fill_shares(batch, n):
-    """Fill the shares of the coarser of the two mip levels that are mixed; tell whether any level isn't 0."""
+def fill_level_fractions(batch, n):
+    """Fill the fraction of the coarser of the two mip levels that are mixed; tell whether any level isn't 0."""
     union = ZERO
     for k in range(index(n)):
         union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))
     for k in range(index(n)):
-        batch[SHARE + k] = batch[MIP_LEVEL + k] - np.float32(np.int32(batch[MIP_LEVEL + k]))
+        batch[LEVEL_FRACTION + k] = batch[MIP_LEVEL + k] - np.float32(np.int32(batch[MIP_LEVEL + k]))
     return union != ZERO
 
 
@@ -403,8 +403,8 @@ def is_near_border(fraction, texel, n_texel, repeats):
 # 1/65535 of alpha. With steps of 2^k/65535 the largest value, 2^15 - 1, is 2^k exactly: (2^15 - 1)·step and 2^15·step
 # are rounded so that they add up to it.
 #
-# Common parameters
-# -----------------
+# What all of these take:
+#
 # texels : (4 * n_texel,) int16
 # batch : float32, rows of BATCH_SIZE; whole numbers are the 32 bits of what stands in them
 # rows : where rows begin in the batch, uint64
@@ -437,13 +437,13 @@ def blend_texels(texels, batch, rows, n, out, start, stride, step):
 
 @spelled_out("build_blend_mip_levels")
 def blend_mip_levels(texels, batch, rows, n, out, start, stride, step):
-    """Mix two means of texels; rows : four of one mip level, four of the other, and the share of the latter."""
+    """Mix two means of texels; rows : four of one mip level, four of the other, and the fraction of the latter."""
     for k in range(index(n)):
         a = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), index(k))
         b = mean_of_texels(texels, batch, (rows[4], rows[5], rows[6], rows[7]), index(k))
-        share = batch[rows[8] + index(k)]
-        color = mix_value(a[0], b[0], share), mix_value(a[1], b[1], share), mix_value(a[2], b[2], share)
-        color = color[0], color[1], color[2], mix_value(a[3], b[3], share)
+        fraction = batch[rows[8] + index(k)]
+        color = mix_value(a[0], b[0], fraction), mix_value(a[1], b[1], fraction), mix_value(a[2], b[2], fraction)
+        color = color[0], color[1], color[2], mix_value(a[3], b[3], fraction)
         set_color(out, start + index(k), stride, color, OF_WEIGHTS, step)
 
 
@@ -497,9 +497,9 @@ def lower_half(bits):
 
 
 @helper
-def mix_value(a, b, share):
-    """Return what lies the share of the way from a to b."""
-    return a + share * (b - a)
+def mix_value(a, b, fraction):
+    """Return what lies the fraction of the way from a to b."""
+    return a + fraction * (b - a)
 
 
 @helper

@@ -99,13 +99,13 @@ def sample_run(records, record, first, textures, texture, batch, out):
         if filtering == FILTER_NEAREST:
             color = sample_nearest(textures, first_level, s, t)
         else:
-            level, share = first_level, 0.0
+            level, fraction = first_level, 0.0
             if filtering == FILTER_TRILINEAR:
                 mip_level = batch[MIP_LEVEL + k]
-                level, share = first_level + np.int64(mip_level), mip_level - np.floor(mip_level)
+                level, fraction = first_level + np.int64(mip_level), mip_level - np.floor(mip_level)
             color = sample_bilinear(textures, level, wraps, s, t)
-            if share > 0.0:
-                color = mix(color, sample_bilinear(textures, level + 1, wraps, s, t), share)
+            if fraction > 0.0:
+                color = mix(color, sample_bilinear(textures, level + 1, wraps, s, t), fraction)
         out[0, k], out[1, k], out[2, k], out[3, k] = color
 
 
@@ -234,13 +234,13 @@ def neighbours(i, n, wrap):
 
 
 @helper
-def mix(a, b, share):
-    """Return the colour, four channels, that lies the share 0..1 of the way from a to b."""
+def mix(a, b, fraction):
+    """Return the colour, four channels, that lies the fraction 0..1 of the way from a to b."""
     return (
-        a[0] + share * (b[0] - a[0]),
-        a[1] + share * (b[1] - a[1]),
-        a[2] + share * (b[2] - a[2]),
-        a[3] + share * (b[3] - a[3]),
+        a[0] + fraction * (b[0] - a[0]),
+        a[1] + fraction * (b[1] - a[1]),
+        a[2] + fraction * (b[2] - a[2]),
+        a[3] + fraction * (b[3] - a[3]),
     )
 
 

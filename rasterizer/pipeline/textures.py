@@ -364,15 +364,15 @@ def compute_texcoord_planes(textures, depths, block):
         r_rise = compute_plane(k, TEXCOORD_PLANE + index(2), r0, r1, r2, block)
         compute_plane(k, TEXCOORD_PLANE + index(3), number, number, number, block)
         r_error = plane_rounding(largest, r_rise)
-        at_least = least - r_error
-        s_error = texcoord_error(plane_rounding(s_largest * largest, s_rise), r_error, at_least, s_largest)
-        t_error = texcoord_error(plane_rounding(t_largest * largest, t_rise), r_error, at_least, t_largest)
+        min_inverse = least - r_error
+        s_error = texcoord_error(plane_rounding(s_largest * largest, s_rise), r_error, min_inverse, s_largest)
+        t_error = texcoord_error(plane_rounding(t_largest * largest, t_rise), r_error, min_inverse, t_largest)
         slope_error = slope_rounding(k, s_largest, s_error, index(0), block)
         slope_error += slope_rounding(k, t_largest, t_error, index(1), block)
-        level_error = LEVEL_SLOPE * textures.step * slope_error / at_least
+        level_error = LEVEL_SLOPE * textures.step * slope_error / min_inverse
         error = texture_error(textures.packed, index(texture), s_error, t_error, level_error)
         limit = textures.limits[ints[s.MATERIAL + k]]
-        is_good = (at_least >= MIN_INVERSE) & (error <= limit)
+        is_good = (min_inverse >= MIN_INVERSE) & (error <= limit)
         ints[s.HAS_PLANES + k] &= is_good
 
 
@@ -443,7 +443,7 @@ def slope_rounding(k, largest, error, number, block):
 
 
 @helper
-def texcoord_error(numerator_error, inv_w_error, least_inv_w, largest_offset):
+def texcoord_error(numerator_error, inv_w_error, min_inv_w, largest_offset):
     """Bound the error of s' = S/D for planes S and D that err, in texels; of t' as well.
 
     With S + e_S and D + e_D the quotient errs by (|e_S| + |s'|·|e_D|)/D to first order. Rounding of 1/D, of the
@@ -453,7 +453,7 @@ def texcoord_error(numerator_error, inv_w_error, least_inv_w, largest_offset):
     Parameters
     ----------
     numerator_error, inv_w_error : of S and of D
-    least_inv_w : the least D, with its error taken off
+    min_inv_w : the least D, with its error taken off
     largest_offset : the largest |s'|, texels
     """
-    return (numerator_error + largest_offset * inv_w_error) / least_inv_w + 5.0 * 2.0**-24 * largest_offset
+    return (numerator_error + largest_offset * inv_w_error) / min_inv_w + 5.0 * 2.0**-24 * largest_offset

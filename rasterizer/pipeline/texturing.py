@@ -251,11 +251,11 @@ def evaluate_texcoords(entries, band, first, material, group_column, texturing, 
     group_column : where they begin in records
     batch : see fragments.py; its type alone counts
     """
-    return gather_texcoords if has_texcoord_planes(band, batch) else gather_nothing
+    return gather_texcoords if has_texcoord_planes(band, batch) else leave_texcoords
 
 
 @helper
-def gather_nothing(entries, band, first, material, group_column, texturing, batch):
+def leave_texcoords(entries, band, first, material, group_column, texturing, batch):
     """Do nothing."""
 
 
@@ -276,11 +276,11 @@ def gather_texcoords(entries, band, first, material, group_column, texturing, ba
 def look_up_planes(entries, band, first, material, texturing, start, batch, quantity):
     """Fill the quantities of samples whose texture coordinates stand in planes, or are exact and looked up as these;
     tell whether the latter are."""
-    return look_up if has_texcoord_planes(band, batch) else look_up_nothing
+    return look_up if has_texcoord_planes(band, batch) else leave_lookup
 
 
 @helper
-def look_up_nothing(entries, band, first, material, texturing, start, batch, quantity):
+def leave_lookup(entries, band, first, material, texturing, start, batch, quantity):
     """Do nothing."""
     return False
 

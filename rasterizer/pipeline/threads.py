@@ -32,9 +32,9 @@ class Workers:
         self._calls, self._helpers = SimpleQueue(), []  # the threads, but for the caller's, are started when needed
         self._end = weakref.finalize(self, self._calls.put, None)
 
-    def ranges(self, n: int, least: int = MIN_PART) -> list[tuple[int, int]]:
-        """Divide range(n) into parts that are worth a thread each, `least` at least, in order; at least one part."""
-        n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // least))
+    def ranges(self, n: int, min_part: int = MIN_PART) -> list[tuple[int, int]]:
+        """Divide range(n) into parts that are worth a thread each, `min_part` or more, in order; at least one part."""
+        n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // min_part))
         cuts = [n * k // n_part for k in range(n_part + 1)]
         return list(zip(cuts[:-1], cuts[1:], strict=True))
 

@@ -56,7 +56,7 @@ class WorkspacePool:
         self._free = {}
 
     def acquire(self, shape: WorkspaceShape, n_record: int) -> Workspace:
-        """Return a clear workspace with room for `n_record` records; a new one where none of its kind is free."""
+        """Return a clear workspace with room for `n_record` records; a new one where none of its shape is free."""
         try:
             workspace = self._free.setdefault(shape, []).pop()
         except IndexError:  # asking first whether there is one would leave room for another thread to take it

@@ -24,7 +24,7 @@ CAMERA_AXES = np.array([1.0, 1.0, -1.0])  # right, up, depth becomes right, up, 
 
 
 class SurfaceBuffers(NamedTuple):
-    """Of the pixels' centres; where nothing is, indices are -1 and coordinates NaN, but normals 0."""
+    """What the pixels' centres see; where nothing is, indices are -1 and coordinates NaN, but normals 0."""
 
     mask: NDArray[np.bool_]  # (h, w)
     object: NDArray[np.int32]  # (h, w) index into the scene's meshes

@@ -25,7 +25,7 @@ class Lamp(NamedTuple):
 
     light: Any  # as in the scene; of an area light this is a cell
     color: NDArray[np.float64]  # (n_channel,)
-    axis: NDArray[np.float64]  # (3,) unit: the way the light travels; 0 where it has none
+    axis: NDArray[np.float64]  # (3,) unit: the direction in which the light travels; 0 where it has none
     position: NDArray[np.float64] | None  # (3,); None where the light is infinitely far away
     index: int = 0  # of the light in its scene
     frame: "Frame | None" = None  # that of the light's vectors; None where nobody asks

@@ -3,8 +3,8 @@
 In: points with normals and materials, and the lights of a scene (`Lighting`). Out: the linear light that goes to the
 viewer.
 
-    materials    what surfaces reflect               shadow       whether the light arrives
-    lamp         what arrives from a light           reflection   what goes on to the viewer
+    lamp         what arrives from a light           shadow       whether anything lies between
+    reflection   what goes on to the viewer, and the table of materials
 
 Light is split in two. The *diffuse* part, ambient and diffuse reflection, is multiplied by the surface's colour. The
 *specular* part, highlights and emission, is not: intensity = texel·diffuse + specular, with the texel of the very

@@ -1,7 +1,9 @@
 """The reflection models: how much of a light a surface sends to the viewer, in plain numpy float64.
 
-Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V; `table` is a row
-of `materials.read_materials` for each point.
+In: normals, directions, and for each point a row of the table of materials (`read_materials`). Out: D and S, which
+light.py multiplies by colours.
+
+Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V.
 """
 
 from collections.abc import Callable
@@ -187,8 +189,7 @@ def reference_model_of(material: Any) -> ReferenceModel:
     return REFERENCE_MODELS[material.reflection]
 
 
-# ----------------------------------------------------------------
-# The materials of a scene as a table of reflection coefficients, with colours as RGB or as samples of the spectrum.
+# --- the table of materials: reflection coefficients, with colours as RGB or as samples of the spectrum ------
 
 N_WAVE = 81  # samples of the spectrum where a scene has spectra and nobody chose
 

@@ -1,11 +1,9 @@
 """Colours: what a person writes becomes linear RGB, and the two sRGB curves.
 
 Inside the package every colour is linear, relative to the sRGB / Rec. 709 primaries. Text (hex, CSS names) is
-sRGB-encoded, as everywhere, and is decoded; numbers are linear already. 8-bit colours of a mesh are
-sRGB-encoded.
+sRGB-encoded, as everywhere, and is decoded; numbers are linear already. 8-bit colours of a mesh are sRGB-encoded.
 
-Source of the curves: IEC 61966-2-1:1999, section 5.2 (piecewise: a straight line near black, a power of 2.4
-above).
+Source of the curves: IEC 61966-2-1:1999, section 5.2 (piecewise: a straight line near black, a power of 2.4 above).
 """
 
 from collections.abc import Sequence

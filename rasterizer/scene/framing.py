@@ -2,9 +2,8 @@
 
     in:  points (world), viewing direction, picture's shape     out: eye, target (camera's axes), height of the view
 
-Everything is asked of the points by one question, `Cloud.farthest`: which of them is furthest along a
-direction? Coordinates (a, b, c) are taken along the camera's axes right, up, forward; the perspective view in
-one plane is
+Everything is asked of the points by one question, `Cloud.farthest`: which of them is furthest along a direction?
+Coordinates (a, b, c) are taken along the camera's axes right, up, forward; the perspective view in one plane is
 
         margin |  picture  | margin         slope T = tan(half the field of view),
                                             that of the part inside the margins

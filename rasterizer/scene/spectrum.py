@@ -5,9 +5,9 @@ D65, white of intensity 1; light times reflectance is the product of their spect
 
     X, Y, Z = k ∫ S(λ) D65(λ) (x(λ), y(λ), z(λ)) dλ,  380 to 780 nm, with k such that S = 1 has Y = 1
 
-(CIE 15:2018, 7.1), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC
-61966-2-1:1999) and of the white that S = 1 has in this very sum. So S = 1 is (1, 1, 1), and a grey surface under white
-light stays grey, however coarse the sampling.
+(CIE 15:2018, 7.1), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC 61966-2-1:1999) and of the white
+that S = 1 has in this very sum. So S = 1 is (1, 1, 1), and a grey surface under white light stays grey, however coarse
+the sampling.
 
 A spectrum sampled at n wavelengths is taken as linear between them. The integral is the trapezoid rule over the tables'
 grid (every 5 nm), or over the n wavelengths where these are closer.

@@ -201,9 +201,9 @@ def _fan(k: int) -> NDArray[np.int64]:
 def rotate_to_first(lists: NDArray, points: NDArray) -> NDArray:
     """Rotate lists (n, k) so that each begins where its points (k, n, 3) have the smallest x, then y, then z."""
     k = len(points)
-    is_least = np.ones(points.shape[:2], bool)
+    is_min = np.ones(points.shape[:2], bool)
     for axis in range(3):
-        values = np.where(is_least, points[..., axis], np.inf)
-        is_least &= values == values.min(axis=0)
-    columns = (is_least.argmax(axis=0)[:, None] + np.arange(k)) % k
+        values = np.where(is_min, points[..., axis], np.inf)
+        is_min &= values == values.min(axis=0)
+    columns = (is_min.argmax(axis=0)[:, None] + np.arange(k)) % k
     return lists.ravel()[columns + np.arange(0, lists.size, k)[:, None]]

@@ -31,12 +31,12 @@ def first_of(x):
 def test_object_code_defines_an_entry_and_needs_what_it_says():
     """Nothing is made for Python: KernelLibrary, no_cpython_wrapper, no_cfunc_wrapper."""
     code = internals.compile_kernel(first_of, (ARRAY,))
-    defined, needed = read_names(code.content)
-    assert "entry" in defined and needed - {"_GLOBAL_OFFSET_TABLE_"} <= {*code.needs, "memset", "memcpy"}
-    assert all(name.startswith("Py") for name in code.needs), code.needs
+    defined, undefined = read_names(code.content)
+    assert "entry" in defined and undefined - {"_GLOBAL_OFFSET_TABLE_"} <= {*code.undefined, "memset", "memcpy"}
+    assert all(name.startswith("Py") for name in code.undefined), code.undefined
     assert not [name for name in defined if "cpython" in name or "cfunc" in name], defined
     code = internals.compile_batch_function(doubles, "float32")
-    assert "entry" in read_names(code.content)[0] and code.needs == ()
+    assert "entry" in read_names(code.content)[0] and code.undefined == ()
 
 
 def doubles(batch, n, coefficients):
@@ -161,8 +161,8 @@ def test_kernels_call_helpers_kernels_and_choices():
     entry, before = EntryPoint(calls, (values, 2)), sys.getrefcount(values)
     assert entry(values, 2) == expected == internals.compile_by_numba(calls)(values, 2)
     assert sys.getrefcount(values) == before
-    defined, needed = read_names(internals.compile_kernel(calls, (ARRAY, "int64")).content)
-    called = [name for name in defined | needed if "thrice" in name and "NumbaEnv" not in name]
+    defined, undefined = read_names(internals.compile_kernel(calls, (ARRAY, "int64")).content)
+    called = [name for name in defined | undefined if "thrice" in name and "NumbaEnv" not in name]
     assert not called, "a helper is called, not inlined"
 
 

@@ -54,8 +54,8 @@ def test_every_kernel_of_the_package_needs_nothing_of_numba():
     assert len(paths) > 40, f"only {len(paths)} kernels are stored <= 40"
     for path in paths:
         code = Code.of_bytes(split_file(path.read_bytes())[1])
-        _, needed = read_names(code.content)
-        strange = {*code.needs, *needed} - ALLOWED
+        _, undefined = read_names(code.content)
+        strange = {*code.undefined, *undefined} - ALLOWED
         assert not strange, f"{path.name} needs {', '.join(sorted(strange))}"
 
 
@@ -66,7 +66,7 @@ def test_code_that_needs_what_is_nowhere_or_has_no_entry_point_is_refused():
     code = halves_code()
     assert LoadedCode(code, "entry").address
     with pytest.raises(LookupError, match="no function nowhere_at_all, numba_nothing"):
-        LoadedCode(code._replace(needs=("numba_nothing", *code.needs, "nowhere_at_all")), "entry")
+        LoadedCode(code._replace(undefined=("numba_nothing", *code.undefined, "nowhere_at_all")), "entry")
     with pytest.raises(LookupError, match="no entry point another"):
         LoadedCode(code, "another")
 
@@ -144,9 +144,9 @@ def object_file(source=SOURCE) -> bytes:
 
 @linux
 def test_names_are_those_of_the_source():
-    defined, needed = read_names(object_file())
-    assert {"entry", "table"} <= defined and not needed & defined
-    assert {"nowhere_at_all", "pow"} <= needed <= {"nowhere_at_all", "pow", "_GLOBAL_OFFSET_TABLE_"}
+    defined, undefined = read_names(object_file())
+    assert {"entry", "table"} <= defined and not undefined & defined
+    assert {"nowhere_at_all", "pow"} <= undefined <= {"nowhere_at_all", "pow", "_GLOBAL_OFFSET_TABLE_"}
 
 
 @linux
@@ -167,8 +167,8 @@ def test_changed_bytes_are_read_or_refused():
         for place in rng.integers(0, len(content), rng.integers(1, 4)):
             changed[place] = rng.integers(256)
         try:
-            defined, needed = read_names(bytes(changed))
-            assert sum(map(len, defined | needed)) < 50 * len(content)
+            defined, undefined = read_names(bytes(changed))
+            assert sum(map(len, defined | undefined)) < 50 * len(content)
         except ValueError:
             n_refused += 1
     assert n_refused > 30, f"only {n_refused} of 1000 changed files were refused"

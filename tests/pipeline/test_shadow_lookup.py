@@ -144,7 +144,7 @@ def test_float32_decides_as_float64_does_but_next_to_edges(kind, texels, taps):
 def reach_of(block, from_light):
     """Twice as far as texels of the filter reach, where a point of (3,) or points of (3, n) lie."""
     away = np.linalg.norm(from_light, axis=0) if block[lookup.IS_PERSPECTIVE] else 1.0
-    return block[lookup.REACH] * away
+    return block[lookup.FILTER_RANGE] * away
 
 
 def naive_share(block, row):

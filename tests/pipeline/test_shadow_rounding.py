@@ -28,7 +28,7 @@ def make_header(rng, dtype, is_perspective, distance):
     first = lookup.MAPS
     header[[lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]] = 1, SIZE, FILTER, is_perspective
     header[lookup.ORIGIN : lookup.ORIGIN + 3] = distance * unit(rng.normal(size=3))
-    header[lookup.REACH] = (FILTER + 2) / scale
+    header[lookup.FILTER_RANGE] = (FILTER + 2) / scale
     header[first : first + 9] = axes.ravel()
     header[first + lookup.SCALE_X : first + lookup.CENTER_Y + 1] = scale, scale, SIZE / 2, SIZE / 2
     rounded = header.astype(dtype)
@@ -68,7 +68,7 @@ def find_exact(header, row, column, line):
     tilted = [b - a * agreement for a, b in zip(plane, normal, strict=True)]
     from_origin = [a - b for a, b in zip(position, origin, strict=True)]
     away = dot(from_origin, from_origin).sqrt() if is_perspective else Decimal(1)
-    near = min(side, numbers[lookup.REACH] * away) if is_front else side
+    near = min(side, numbers[lookup.FILTER_RANGE] * away) if is_front else side
     back, lift = offset - dot(plane, position), dot(tilted, tilted).sqrt() * near
     point = [a + back * b + lift * c for a, b, c in zip(from_origin, plane, normal, strict=True)]
     compared = plane if is_front else normal

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from faults.faults import FAULTS, HELD_OUT
 from helpers.raster import ROOT
 
 import rasterizer as rz
@@ -116,6 +117,14 @@ def test_fuzz_goes_on_where_it_was_ended(folder, capsys):
 
 
 # ---------------------------------------------------------------- what measurements stand on
+
+
+def test_what_paths_and_faults_put_in_the_place_of_lines_finds_these_lines():
+    edits = [(path.name, file, before) for path in paths.PATHS for file, before, _ in path.edits]
+    edits += [(fault.what, fault.file, fault.before) for fault in (*FAULTS, *HELD_OUT)]
+    for name, file, before in edits:
+        count = (ROOT / "rasterizer" / file).read_text(encoding="utf-8").count(before)
+        assert count == 1, f"{name}: {before!r} stands {count} times in {file}"
 
 
 def test_calls_take_turns():

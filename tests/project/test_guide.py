@@ -75,6 +75,14 @@ def test_the_table_of_folders_has_each_of_them():
     assert sorted(named) == sorted(folders)
 
 
+def test_the_classes_that_extend_it_are_those_that_are_tested():
+    for path in sorted((ROOT / "tests" / "project" / "extending").glob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        (cls,) = [node for node in ast.parse(text).body if isinstance(node, ast.ClassDef)]
+        source = "\n".join(text.splitlines()[cls.lineno - 1 : cls.end_lineno])
+        assert source in text_of(PAGE), f"{PAGE} has another class {cls.name} than {path.name}"
+
+
 def test_a_quad_by_gouraud_differs_from_scan_line_interpolation_as_the_page_says():
     """Scan-line interpolation of the square's left and right edges, as the intensities 1/4, 3/4, 1/4, 3/4 go round."""
     value = np.array([0.25, 0.75, 0.25, 0.75])

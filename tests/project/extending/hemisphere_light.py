@@ -14,10 +14,9 @@ from rasterizer.scene.validate import unit3
 class HemisphereLight(registries.CustomLight):
     """Ambient light that is `color` from above and `ground` from below."""
 
-    color: Color = 1.0
+    color: Color = 1.0  # the annotations say how the command line and scene files read the fields
     ground: Color = 0.2
     up: Vector = (0.0, 1.0, 0.0)
-
     needs_position = False  # it is the same everywhere
 
     def __post_init__(self):
@@ -25,26 +24,21 @@ class HemisphereLight(registries.CustomLight):
             object.__setattr__(self, name, linear_rgb(getattr(self, name), f"the hemisphere light's {name}"))
         object.__setattr__(self, "up", unit3(self.up, "the hemisphere light's up"))
 
-    # ---- the engine's side: each half is a light of one colour, with a formula that is compiled
-
-    def parts(self):
+    def parts(self):  # each half is a light of one colour, with a formula
         below = tuple(-component for component in self.up)
         return replace(self, ground=0.0), replace(self, color=self.ground, ground=0.0, up=below)
 
-    def numbers(self, frame):
+    def numbers(self, frame):  # what the formula reads
         return frame.vector(self.up)
 
     @staticmethod
-    def share(normal, position, up):
-        """Return the part of a half sphere about `up` that a plane with this normal faces: (1 + N·up)/2."""
+    def share(normal, position, up):  # compiled: the part of a half sphere that a plane with this normal faces
         return 0.5 + 0.5 * (normal[0] * up[0] + normal[1] * up[1] + normal[2] * up[2])
 
     def bound(self):
         return registries.LightBound(strength=1.0, normal=0.5)
 
-    # ---- the reference's side: both halves at once, in plain numpy
-
-    def reference(self, points, normals, frame):
+    def reference(self, points, normals, frame):  # both halves at once
         sky = (1.0 + normals @ frame.vector(self.up)) / 2.0
         return [(self.color, None, sky), (self.ground, None, 1.0 - sky)]
 
