@@ -91,8 +91,9 @@ def draw_band(
         task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
         found, translucent = draw_transparent_band(task, found, deferred.listed())
 
-    # Resolve: the rows of the picture; those of buffers come from the same entries, or are scanned once more.
-    is_shared = buffers is not None and buffers.can_share(render_pass, found)
+    # Resolve: the rows of the picture; those of buffers come from the same entries where these hold the indices of all
+    # triangles, else the band is scanned once more.
+    is_shared = buffers is not None and render_pass.opacity is None and found.n_level == 0
     if is_shared:
         buffers.share(workspace, band, drawn)
     n_covered = render_pass.finish(workspace, band, found, translucent, drawn)

@@ -311,10 +311,6 @@ class BufferPass(Pass):
         self._write(workspace, band, drawn, is_own=True)
         return clear_band(workspace.visibility, band.n_row)
 
-    def can_share(self, render_pass: ColorPass, counts: ScanCounts) -> bool:
-        """Tell whether a picture's entries of a band show what the buffers look for: all triangles, by their index."""
-        return render_pass.opacity is None and counts.n_level == 0
-
     def share(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
         """Write what the entries of a picture show; they stay."""
         self._write(workspace, band, drawn, is_own=False)

@@ -41,44 +41,22 @@ class SceneTables:
         self.meshes: tuple[Mesh, ...] = scene.meshes
         self.background: tuple[float, float, float] | None = scene.background  # linear
         self.depth_cue: DepthCue | None = scene.depth_cue
-        self._every_light, self._options = scene.lights, options
-
-    @cached_property
-    def _numbered(self) -> tuple[tuple, list[NDArray[np.int64]]]:
-        """The materials as they are given, and the palettes."""
-        return number_materials(self.meshes)
-
-    @property
-    def palettes(self) -> list[NDArray[np.int64]]:
-        """For each mesh the numbers of its materials."""
-        return self._numbered[1]
+        self._options = options
+        self._materials, self.palettes = number_materials(self.meshes)  # for each mesh the numbers of its materials
+        expanded = [part for light in scene.lights for part in light_table.entry_of(light).expand(light)]
+        self._lights = tuple(light for light in expanded if not light_table.is_black(light))
+        self._ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
+        self.n_black = len(expanded) - len(self._lights)  # which are no part of `lights`
 
     @cached_property
     def materials(self) -> tuple:
         """The different ones of all meshes."""
-        return self._exposed(self._numbered[0], "emissive")
+        return self._exposed(self._materials, "emissive")
 
     @cached_property
     def lights(self) -> tuple:
         """All but ambient and black ones; those of an area light one by one."""
-        return self._exposed(self._lights_as_given, "color")
-
-    @cached_property
-    def _lights_as_given(self) -> tuple:
-        return tuple(light for light in self._expanded_lights if not light_table.is_black(light))
-
-    @cached_property
-    def _expanded_lights(self) -> tuple:
-        return tuple(part for light in self._every_light for part in light_table.entry_of(light).expand(light))
-
-    @property
-    def n_black(self) -> int:
-        """How many lights are black, and no part of `lights`."""
-        return len(self._expanded_lights) - len(self._lights_as_given)
-
-    @property
-    def _ambient_lights(self) -> tuple:
-        return tuple(light for light in self._every_light if light_table.entry_of(light).is_ambient)
+        return self._exposed(self._lights, "color")
 
     @cached_property
     def ambient(self) -> NDArray[np.float64]:
@@ -88,7 +66,7 @@ class SceneTables:
     @cached_property
     def products(self) -> "Products | None":
         """Those of spectra, in which the exposure is included; None where colours are multiplied channel by channel."""
-        return multiply_colors(self._numbered[0], self._lights_as_given, self._ambient_lights, self._options)
+        return multiply_colors(self._materials, self._lights, self._ambient_lights, self._options)
 
     def _exposed(self, sources: tuple, field: str) -> tuple:
         """Lights or materials with one of their colours multiplied by the exposure."""
