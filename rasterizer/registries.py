@@ -274,7 +274,7 @@ def add_light(word: str, cls: type[CustomLight], *, examples: Sequence[Any] = ()
 
     Raises
     ------
-    SceneError : a word or class that is taken, or a class that is no such dataclass; fields that nobody can read; a
+    SceneError : a word or class that is taken, or a class that is no such dataclass; fields that can't be read; a
         field `shadow` without a `beam`; engine and reference that disagree; a bound that doesn't hold
     """
     _check_class(cls, CustomLight)

@@ -11,10 +11,10 @@ from ..errors import SceneError, shown
 from ..options import Options
 from .buffers import BUFFER_TABLE
 
-ALWAYS_THERE = 2**28  # bytes; for less nobody is asked
+ALWAYS_THERE = 2**28  # bytes; for less the system is not asked
 EDGE_BYTES = 8  # a sample, where edges are drawn: its depth, and the share that they cover
-MEMORY_INFO = "/proc/meminfo"  # Linux: what there is, of which the part that nobody needs
-MEMORY_LIMIT = "/sys/fs/cgroup/memory.max"  # what a container may have at most
+MEMORY_INFO = "/proc/meminfo"  # Linux: "MemAvailable" is what is free, or can be freed
+MEMORY_LIMIT = "/sys/fs/cgroup/memory.max"  # of a container
 
 
 def check_memory(options: Options, has_out: bool) -> None:
