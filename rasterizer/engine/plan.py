@@ -7,6 +7,7 @@ what one object needs costs its own samples and no others. The bounds that justi
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -363,7 +364,12 @@ class ViewPlans:
         self.plan = make_plan(tables, options, geometry.albedo, 0.5 * self._clearances, colored)
         self._shortest, self._last_key, self._last = 1.0, None, None
         if self._is_lit_per_sample and self.plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
-            self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
+            self._shortest = self.shortest_normal
+
+    @cached_property
+    def shortest_normal(self) -> float:
+        """The least length of a mean of a face's normals."""
+        return float(find_shortest_normal(self._geometry.normals, self._geometry.corner))
 
     def plan_for(self, view, screen, shadow_shift: Callable[[], float] | None = None) -> ViewPlan:
         """The plan for a view, or one with float64 where float32 has too few digits for it.

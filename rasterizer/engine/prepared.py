@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import Job
 from ..geometry.points import Geometry, gather_geometry
-from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
@@ -304,14 +303,8 @@ class PreparedScene:
             found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
             if view_plan.plan.has_shadows:
                 found["shadows"] = self._shadows.list_bounds(view_plan.plan, view)
-        shortest = 1.0 if {"normal", "normal_camera"}.isdisjoint(outputs) else self._shortest_normal
+        has_means = not (self.options.is_flat or {"normal", "normal_camera"}.isdisjoint(outputs))
+        shortest = self.view_plans.shortest_normal if has_means else 1.0
         nearest = depths_of_boxes(view, self.tables.bounds)[0]
         found |= bound_buffers(outputs, screen, furthest_of(self.tables.bounds, view.eye), nearest, shortest)
         return ErrorBounds(**found)
-
-    @cached_property
-    def _shortest_normal(self) -> float:
-        """The least length of a mean of a face's normals."""
-        if self.options.is_flat:
-            return 1.0
-        return float(find_shortest_normal(self.geometry.normals, self.geometry.corner))
