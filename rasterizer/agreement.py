@@ -215,7 +215,7 @@ def compare_buffer(name: str, buffer: Any) -> None:
             position = _numbers(mesh.vertices[mesh.faces[face, corner]])
             return f"on {what}, face {face}" + (f", corner {corner}, at {position}" if n_corner > 1 else "")
 
-        found, expected = buffer.values_of(mesh), buffer.reference_values_of(mesh)
+        found, expected = buffer.values_on(mesh), buffer.values_on(mesh, "reference_values")
         found, expected = (part.reshape(n_corner * mesh.n_face, -1) for part in (found, expected))
         check_same(whose, found, expected, BUDGETS["float64"], place_of, "values gives {}, reference_values {}")
 

@@ -187,18 +187,10 @@ class CustomBuffer:
         """It holds labels of faces."""
         return np.issubdtype(np.dtype(self.dtype), np.integer)
 
-    def values_of(self, mesh: Mesh) -> NDArray:
-        """Return `values` as the engine takes them: of corners (3 n_face, n_component) float64, of faces (n_face,)."""
-        found = self._spread(self.values(mesh), mesh, "values")
-        return found if self.is_label else found.reshape(-1, self.n_component)
-
-    def reference_values_of(self, mesh: Mesh) -> NDArray:
-        """Return `reference_values` of corners, (n_face, 3, n_component), or of faces, (n_face,)."""
-        return self._spread(self.reference_values(mesh), mesh, "reference_values")
-
-    def _spread(self, values: NDArray, mesh: Mesh, name: str) -> NDArray:
-        """Return values at corners, whatever they were given at; labels as they are. SceneError where none fits."""
-        values, n_vertex, n_face = np.asarray(values), len(mesh.vertices), mesh.n_face
+    def values_on(self, mesh: Mesh, name: str = "values") -> NDArray:
+        """Return `values` or `reference_values`, by name: of corners (n_face, 3, n_component) float64; labels of faces,
+        (n_face,) int32. SceneError where their shape doesn't fit."""
+        values, n_vertex, n_face = np.asarray(getattr(self, name)(mesh)), len(mesh.vertices), mesh.n_face
         if self.n_component == 1 and not self.is_label and values.shape[-1:] == (1,):
             values = values[..., 0]
         tail = () if self.n_component == 1 else (self.n_component,)

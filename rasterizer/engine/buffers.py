@@ -80,8 +80,9 @@ class BufferTables:
     def values_of(self, custom: Any) -> CornerTable | NDArray[np.int32]:
         """What a buffer of one's own has at corners, or of whole numbers at faces; computed once, and kept."""
         if custom not in self._custom:
-            parts = [custom.values_of(mesh) for mesh in self._scene.meshes]
-            self._custom[custom] = np.concatenate(parts) if custom.is_label else self.table_of(parts)
+            parts = [custom.values_on(mesh) for mesh in self._scene.meshes]
+            corners = [part.reshape(-1, custom.n_component) for part in parts]
+            self._custom[custom] = np.concatenate(parts) if custom.is_label else self.table_of(corners)
         return self._custom[custom]
 
     def table_of(self, of_meshes: list[NDArray[np.float64]]) -> CornerTable:

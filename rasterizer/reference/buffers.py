@@ -80,7 +80,7 @@ def describe_surface(
 
 def _draw_custom(buffer: Any, scene: Scene, surface: Surface, fragments: Fragments, shape: tuple) -> NDArray:
     """Return a buffer of one's own, by what its class says for the reference."""
-    of_meshes = [buffer.reference_values_of(mesh) for mesh in scene.meshes]
+    of_meshes = [buffer.values_on(mesh, "reference_values") for mesh in scene.meshes]
     seen, of_seen = np.unique(fragments.face, return_inverse=True)
     at = fragments.rows, fragments.columns
     if buffer.is_label:
