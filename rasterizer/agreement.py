@@ -168,7 +168,7 @@ def compare_reflection(word: str, cls: Any) -> None:
     vectors = normals, light_dirs, view_dirs
     turned = (_turned(normals, dice), light_dirs, view_dirs), (normals, _turned(light_dirs, dice), view_dirs)
     n_dot_l = (normals * light_dirs).sum(axis=1)
-    for roughness, shininess, levels in ((1.0, 32.0, 4), (max(0.3, cls.model.least_roughness), 5.5, 2)):
+    for roughness, shininess, levels in ((1.0, 32.0, 4), (max(0.3, cls.model.min_roughness), 5.5, 2)):
         material = Material(reflection=word, roughness=roughness, shininess=shininess, levels=levels, specular=0.5)
         settings = f"shininess {shininess:g}, roughness {roughness:g}"
 

@@ -248,19 +248,19 @@ class CookTorranceEntry(ReflectionEntry):
     def turn_slope(self, material: Any) -> float:
         """Return that of the mirrors: ln D rises by at most 2/α a radian, G by 1/α, W(θ) by 5; α is the smaller one,
         as far as the tangent stands still. Beckmann's G is steeper where m is large."""
-        r = least_roughness(material)
+        r = min_roughness(material)
         return 4.0 / r + 5.0 if material.distribution == "ggx" else 5.6 / r + 40.0
 
     def light_slope(self, material: Any, u: float) -> float:
         """Return what the mirrors change by where L turns."""
-        r, is_ggx = least_roughness(material), material.distribution == "ggx"
+        r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if u == SINGLE:
             return 12.0 if is_ggx else 33.0
         return (2.4 + 2.2 / r) / r if is_ggx else (5.0 + 3.4 / r) / r + 28.0
 
     def highlight_rounding(self, material: Any, u: float) -> float:
         """Return what errors of N, L, V and their products add."""
-        r, is_ggx = least_roughness(material), material.distribution == "ggx"
+        r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if u == SINGLE:
             return u * (300.0 if is_ggx else 1080.0)
         return u * ((110.0 + 44.0 / r) / r if is_ggx else (182.0 + 68.0 / r) / r + 910.0)
@@ -381,7 +381,7 @@ def highlight_height(material: Any) -> float:
     return entry.brightest_highlight(material) if entry.has_highlight(material) else 0.0
 
 
-def least_roughness(material: Any) -> float:
+def min_roughness(material: Any) -> float:
     """Return the roughness of a material; of two the smaller one."""
     return min(material.roughness) if material.is_anisotropic else material.roughness
 

@@ -584,7 +584,7 @@ def _filter(sampler) -> str:
 
 _WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 _F0 = 0.04  # of an index of refraction of 1.5
-_LEAST_ALPHA = REFLECTION_MODELS["cook-torrance"].least_roughness
+_MIN_ALPHA = REFLECTION_MODELS["cook-torrance"].min_roughness
 _UNLIT, _GLOSSY = "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"
 
 
@@ -673,7 +673,7 @@ def _fields(diffuse, f0, roughness, specular, ambient=None) -> dict:
         "ambient": tuple((diffuse + f0 if ambient is None else ambient).tolist()),
         "specular": specular,
         "fresnel": tuple(np.clip(f0, 0.0, 1.0).tolist()),
-        "roughness": min(max(float(roughness) ** 2, _LEAST_ALPHA), 1.0),
+        "roughness": min(max(float(roughness) ** 2, _MIN_ALPHA), 1.0),
     }
 
 

@@ -39,11 +39,11 @@ class ReflectionModel(NamedTuple):
 
     Parameters
     ----------
-    least_roughness : legal is `roughness` from here to 1
+    min_roughness : legal is `roughness` from here to 1
     brushed : the `distribution` with which `roughness` may be two numbers; None = it is one number
     """
 
-    least_roughness: float = 0.0
+    min_roughness: float = 0.0
     brushed: str | None = None
 
 
@@ -55,7 +55,7 @@ REFLECTION_MODELS: dict[str, ReflectionModel] = {
     "blinn": ReflectionModel(),
     "lambert": ReflectionModel(),
     "oren-nayar": ReflectionModel(),
-    "cook-torrance": ReflectionModel(least_roughness=0.001, brushed="ggx"),
+    "cook-torrance": ReflectionModel(min_roughness=0.001, brushed="ggx"),
     "toon": ReflectionModel(),
 }
 
@@ -187,8 +187,8 @@ class Material:
             what = f"one number, or two (along the tangent and across it) for {' or '.join(pairs)}"
             raise SceneError(f"the material's roughness must be {what}; given {shown(self.roughness)}")
         values = tuple(number(value, "the material's roughness") for value in values)
-        if not all(model.least_roughness <= value <= 1.0 for value in values):
-            what = f"within {model.least_roughness:g}..1 for {self.reflection!r}"
+        if not all(model.min_roughness <= value <= 1.0 for value in values):
+            what = f"within {model.min_roughness:g}..1 for {self.reflection!r}"
             raise SceneError(f"the material's roughness must be {what}; given {self.roughness!r}")
         return values[0] if len(set(values)) == 1 else values
 
