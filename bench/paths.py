@@ -159,7 +159,7 @@ PATHS = (
     ),
     Variant(
         "buffers from a picture's entries",
-        (("engine/passes.py", "render_pass.opacity is None and counts.n_level == 0", "False"),),
+        (("engine/draw.py", "render_pass.opacity is None and found.n_level == 0", "False"),),
     ),
 )
 

@@ -265,7 +265,7 @@ def test_connections_that_are_held_open_are_not_endless():
 
 
 def test_the_page_notices_when_the_server_ends():
-    """What `--once` does with pages that are closed is in tests/cli/test_view_command.py."""
+    """What `--once` does with pages that are closed is in tests/cli/test_view.py."""
     with serving(Session(SCENE, threads=1)) as server:
         page = socket.create_connection(server.server_address[:2], timeout=10)
         page.sendall(f"GET /{server.token}/alive HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
