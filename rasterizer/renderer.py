@@ -17,7 +17,7 @@ from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
-from .io.loader import AZIMUTH, FileLike, check_one_view, framed_from, load
+from .io.loader import FileLike, load
 from .keywords import checked_keywords
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
@@ -25,6 +25,9 @@ from .scene.camera import Camera
 from .scene.color import ColorLike
 from .scene.lights import Light, on_tabletop
 from .scene.scene import Scene, SceneLike
+from .scene.validate import number
+
+AZIMUTH, ELEVATION = 35.0, 25.0  # degrees; those of `Camera.framing`
 
 
 @checked_keywords
@@ -102,7 +105,7 @@ def render(
     OptionError : an option that there isn't; the message names the nearest one
     ModelError : a file that can't be read, or a mesh that is not legal
     """
-    check_one_view(camera, azimuth=azimuth, elevation=elevation)
+    _check_one_view(camera, azimuth=azimuth, elevation=elevation)
     scene = load(scene, lights=lights, background=background, up=up, format=format, crease_angle=crease_angle)
     with Renderer(
         scene,
@@ -246,7 +249,7 @@ class Renderer:
         SceneError : what is no camera, a camera beside angles, an `out` that doesn't fit, a picture that this machine's
             memory can't hold; and after `close`
         """
-        check_one_view(camera, azimuth=azimuth, elevation=elevation)
+        _check_one_view(camera, azimuth=azimuth, elevation=elevation)
         if azimuth is not None or elevation is not None:
             camera = self._framed_from(azimuth, elevation)
         camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
@@ -291,8 +294,14 @@ class Renderer:
         return GroundShadow(self.scene, threads=self.options.threads)
 
     def _framed_from(self, azimuth: float | None = None, elevation: float | None = None) -> Camera:
-        """Return the camera that frames the scene, with the shadow on its ground."""
-        return framed_from(self.scene, self.options.size, azimuth, elevation, self.subject)
+        """Return the camera that frames the scene, with the shadow on its ground, from the side that `Camera.framing`
+        has for an angle that is None."""
+        azimuth = AZIMUTH if azimuth is None else number(azimuth, "the azimuth")
+        elevation = ELEVATION if elevation is None else number(elevation, "the elevation")
+        width, height = self.options.size
+        if self.subject is self.scene and (azimuth, elevation) == (AZIMUTH, ELEVATION):
+            return self.scene.framed(width / height)  # which is kept
+        return Camera.framing(self.subject, azimuth, elevation, aspect=width / height, up=self.scene.up)
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
@@ -364,3 +373,10 @@ class Renderer:
 def _arguments_of(options: Options) -> dict:
     """The arguments of `Renderer` that options were made of."""
     return {field.name: getattr(options, field.name) for field in fields(options)}
+
+
+def _check_one_view(camera: Camera | None, **angles: float | None) -> None:
+    """Refuse a camera beside angles, which ask for another one; SceneError names them."""
+    given = [name for name, value in angles.items() if value is not None]
+    if camera is not None and given:
+        raise SceneError(f"a picture has a camera, or a side that it is framed from; given camera, {', '.join(given)}")

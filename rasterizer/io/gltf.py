@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import ModelError, SceneError, warn_caller
 from ..scene.camera import Camera
+from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.texture import Budget, Texture, read_picture
@@ -639,7 +640,7 @@ def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndar
         f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
         smoothness = float(glossy.get("glossinessFactor", 1.0))
         if (mean := _mean(glossy.get("specularGlossinessTexture"), mean_of)) is not None:
-            f0, smoothness = f0 * _linear_from_srgb(mean[:3]), smoothness * mean[3]
+            f0, smoothness = f0 * linear_from_srgb(mean[:3]), smoothness * mean[3]
         return _fields(base * (1.0 - f0.max()), f0, 1.0 - smoothness, 1.0)
     surface = source.get("pbrMetallicRoughness", {})
     metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
@@ -687,11 +688,6 @@ def _numbers(values, n) -> tuple[float, ...]:
     if len(numbers) != n:
         raise ValueError(f"a factor must have {n} numbers; given {len(numbers)}")
     return numbers
-
-
-def _linear_from_srgb(values) -> np.ndarray:
-    """Decode sRGB within 0..1: IEC 61966-2-1."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 # ----------------------------------------------------------------

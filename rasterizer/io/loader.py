@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import IO, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, counted, one_file, shown, warn_caller
@@ -26,7 +25,6 @@ from ..scene.lights import Light
 from ..scene.mesh import Mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
-from ..scene.validate import number
 from . import formats
 from .files import Folder, name_of, read_source
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of
@@ -142,43 +140,6 @@ def demo_model() -> Path:
     Path of an OBJ file, beside which its materials stand; it is part of the package, so only read it
     """
     return _DEMO
-
-
-# ----------------------------------------------------------------
-# The side that a scene is looked at from.
-
-AZIMUTH, ELEVATION = 35.0, 25.0  # degrees; those of `Camera.framing`, a test holds that
-
-
-def framed_from(
-    scene: Scene,
-    size: tuple[int, int],
-    azimuth: float | None = None,
-    elevation: float | None = None,
-    subject: Scene | NDArray[np.float64] | None = None,
-) -> Camera:
-    """Return the camera that frames a scene from a side, for a picture of a size (width, height); `subject` may be
-    points (n, 3) that are framed in its place.
-
-    Raises
-    ------
-    SceneError : angles that are not legal
-
-    Angles are those of `Camera.framing`, and have its defaults where one is None.
-    """
-    azimuth = AZIMUTH if azimuth is None else number(azimuth, "the azimuth")
-    elevation = ELEVATION if elevation is None else number(elevation, "the elevation")
-    subject, aspect = scene if subject is None else subject, size[0] / size[1]
-    if subject is scene and (azimuth, elevation) == (AZIMUTH, ELEVATION):
-        return scene.framed(aspect)  # which is kept
-    return Camera.framing(subject, azimuth, elevation, aspect=aspect, up=scene.up)
-
-
-def check_one_view(camera: Camera | None, **angles: float | None) -> None:
-    """Refuse a camera beside angles, which ask for another one; SceneError names them."""
-    given = [name for name, value in angles.items() if value is not None]
-    if camera is not None and given:
-        raise SceneError(f"a picture has a camera, or a side that it is framed from; given camera, {', '.join(given)}")
 
 
 # ----------------------------------------------------------------

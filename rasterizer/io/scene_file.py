@@ -120,12 +120,10 @@ def read_scene(
     SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
     """
     name = name_of(source, "scene")
-    data = read_source(source, name)
     files = Folder(Path(name).parent if folder is None else folder, None, allow_outside, files_read)
     context = Context(files, log or keep_quiet, mesh_settings)
     with one_file(name):
-        entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
-        return _read_tables(Entry(_parse(data, entry.name, name), name), context)
+        return _read_tables(_parse(source, name, format), context)
 
 
 def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict | None]:
@@ -145,15 +143,13 @@ def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict 
     SceneError : no camera, or one that is not legal
     """
     name = name_of(path, "scene")
-    data = read_source(path, name)
     with one_file(name):
-        entry = formats.format_of(name, Path(name).suffix or "json", is_scene=True)
-        value = _parse(data, entry.name, name)
-        if isinstance(value, dict) and "camera" in value:
-            return read_camera(Entry(value["camera"], f"{name}: camera"))
-        if isinstance(value, dict) and "meshes" in value:
-            raise SceneError(f"{name}: the scene has no camera")
-        return read_camera(Entry(value, name))
+        root = _parse(path, name)
+        if isinstance(root.value, dict) and "camera" in root.value:
+            return read_camera(root.names()["camera"])
+        if isinstance(root.value, dict) and "meshes" in root.value:
+            raise root.fault("the scene has no camera")
+        return read_camera(root)
 
 
 def _read_tables(root, context) -> SceneFile:
@@ -194,8 +190,10 @@ def _options(entry) -> dict:
 # --- text to tables -----------------------------------------------------------------------------------------
 
 
-def _parse(data, format, name):
-    """Parse the text of a scene file."""
+def _parse(source, name, format=None) -> "Entry":
+    """Parse a scene file; its format is that of its name's suffix, else JSON, unless it is told."""
+    data = read_source(source, name)
+    format = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True).name
     if not data.strip():
         raise ModelError(f"{name}: the file is empty")
     most = MAX_TOML if format == "toml" else MAX_JSON
@@ -207,8 +205,8 @@ def _parse(data, format, name):
         text = data.decode("utf-8-sig")
         if format == "toml":
             _check_names(text, name)
-            return _toml(name).loads(text.replace("\r\n", "\n"))
-        return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
+            return Entry(_toml(name).loads(text.replace("\r\n", "\n")), name)
+        return Entry(json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse), name)
     except UnicodeDecodeError as fault:
         raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
     except RecursionError as fault:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError, warn_caller
-from ..scene.color import linear_from_srgb_bytes
+from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from . import formats
@@ -317,7 +317,6 @@ def _blended(below, above, is_product) -> np.ndarray:
 
 
 def _encoded(linear) -> np.ndarray:
-    """Return linear colours (n, 4) within 0..1 as sRGB bytes: IEC 61966-2-1."""
-    srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)
-    srgb[:, 3] = linear[:, 3]
+    """Return linear colours (n, 4) within 0..1 as sRGB bytes; the fourth of them is alpha."""
+    srgb = np.concatenate([srgb_from_linear(linear[:, :3]), linear[:, 3:]], axis=1)
     return np.rint(255.0 * np.clip(srgb, 0.0, 1.0)).astype(np.uint8)
