@@ -298,10 +298,10 @@ class Renderer:
         has for an angle that is None."""
         azimuth = AZIMUTH if azimuth is None else number(azimuth, "the azimuth")
         elevation = ELEVATION if elevation is None else number(elevation, "the elevation")
-        width, height = self.options.size
-        if self.subject is self.scene and (azimuth, elevation) == (AZIMUTH, ELEVATION):
+        (width, height), subject = self.options.size, self.subject
+        if subject is self.scene and (azimuth, elevation) == (AZIMUTH, ELEVATION):
             return self.scene.framed(width / height)  # which is kept
-        return Camera.framing(self.subject, azimuth, elevation, aspect=width / height, up=self.scene.up)
+        return Camera.framing(subject, azimuth, elevation, aspect=width / height, up=self.scene.up)
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
