@@ -28,7 +28,7 @@ N_POINT = 96
 BUDGETS = {"float64": 1e-9, "float32": 2e-3}  # of the largest value, or of 1 where all are smaller
 PIXEL_BUDGET = 1e-6
 STEP = 1e-5  # radians and scene units, by which points are turned and moved where a bound is looked at
-SLACK, LEAST_SLACK = 1e-3, 1e-6  # of a bound, and beside it: what differences of values err by
+SLACK, MIN_SLACK = 1e-3, 1e-6  # of a bound, and beside it: what differences of values err by
 
 
 def check_same(whose: str, found: NDArray, expected: NDArray, budget: float, place_of: PlaceOf, words: str) -> None:
@@ -51,7 +51,7 @@ def check_same(whose: str, found: NDArray, expected: NDArray, budget: float, pla
 def check_bound(whose: str, words: str, found: NDArray, stated: float, place_of: PlaceOf) -> None:
     """Refuse a bound, `stated`, that some of the numbers (n,) found with the reference is beyond."""
     k = int(np.argmax(found))
-    if found[k] > stated * (1.0 + SLACK) + LEAST_SLACK:
+    if found[k] > stated * (1.0 + SLACK) + MIN_SLACK:
         raise SceneError(f"{whose}: the bound says {words}; {place_of(k)} it is {found[k]:.6g}")
 
 

@@ -35,7 +35,7 @@ with s of Oren-Nayar's formula (reflections.py). The table of highlights of heig
     beckmann      0.884 W/m³     1080 u                          5.6/m + 40    33             m = 0.5
     normalised    (n + 2)/2 or Blinn's scale: as much more
 
-That is float32, where |L + V| is LEAST_SUM at least, and W(θ) what a mirror reflects there. The last column is for
+That is float32, where |L + V| is MIN_SUM at least, and W(θ) what a mirror reflects there. The last column is for
 lights of an intensity of 1 in all, a highlight of 1/2 and the default tolerance: rounding takes half of it then. What
 is far from the light for its distance from the eye, what cones and ranges make steep, and what is brighter, asks for
 less sharp highlights, or float64.

@@ -24,7 +24,7 @@ from .scene_tables import SceneTables
 
 # ----------------------------------------------------------------
 # What output buffers look up for the visible triangle: labels of faces, and values of the corners of triangles.
-# In:  a scene, and the triangles that it is drawn with (geometry/points.py).
+# In:  the tables of a scene, and the triangles that it is drawn with (geometry/points.py).
 # Out: tables for pipeline/buffers.py. Each is made when a buffer first asks for it, and kept.
 #
 # Polygons that are drawn about their centres have triangles of an edge and the centre. Texture coordinates of the

@@ -27,8 +27,8 @@ from .rounding import SINGLE, Discontinuity, step_cosine, times
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
-LEAST_FALL = 2.0**-18  # of cosines: a spot light that falls within less has an edge
-LEAST_SHARE = 2.0**-10  # of the fall between its cones: from there on its slope has a bound
+MIN_FALL = 2.0**-18  # of cosines: a spot light that falls within less has an edge
+MIN_SHARE = 2.0**-10  # of the fall between its cones: from there on its slope has a bound
 
 
 class Beam(NamedTuple):
@@ -238,11 +238,11 @@ class SpotEntry(PointEntry):
     def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
         """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
         inner, outer = cone_cosines(light)
-        near = max(step_cosine(u), LEAST_FALL) if inner - outer < LEAST_FALL else 0.0
+        near = max(step_cosine(u), MIN_FALL) if inner - outer < MIN_FALL else 0.0
         if light.falloff < 0.5:
-            near = max(near, LEAST_SHARE * (inner - outer))
-        if light.exponent < 1.0 and outer < LEAST_FALL:
-            near = max(near, LEAST_FALL)
+            near = max(near, MIN_SHARE * (inner - outer))
+        if light.exponent < 1.0 and outer < MIN_FALL:
+            near = max(near, MIN_FALL)
         return (Discontinuity("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
 
 
@@ -380,26 +380,26 @@ def fall_rise(light: Any) -> float:
 
     S = t² (3 - 2 t) rises by at most 3/2 of what t does, so S^p, p >= 1, by 3p/2; for 1/2 <= p < 1 the slope
     6 p t^(2p-1) (1 - t) (3 - 2 t)^(p-1) is at most 6p, because the last three factors are at most 1; below 1/2 that is
-    t^(2p-1) times as much, from LEAST_SHARE on.
+    t^(2p-1) times as much, from MIN_SHARE on.
     """
     inner, outer = cone_cosines(light)
     p, width = light.falloff, inner - outer
-    if width < LEAST_FALL:
+    if width < MIN_FALL:
         return 0.0
-    return (1.5 * p if p >= 1.0 else 6.0 * p * LEAST_SHARE ** min(2.0 * p - 1.0, 0.0)) / width
+    return (1.5 * p if p >= 1.0 else 6.0 * p * MIN_SHARE ** min(2.0 * p - 1.0, 0.0)) / width
 
 
 def exponent_rise(light: Any) -> float:
     """Return what c^e of a spot light rises by for each unit of the cosine.
 
-    That is e c^(e-1): e for e >= 1, else most at the outer cone, and nowhere more than at LEAST_FALL; where the cone is
+    That is e c^(e-1): e for e >= 1, else most at the outer cone, and nowhere more than at MIN_FALL; where the cone is
     at 90 degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
     """
     inner, outer = cone_cosines(light)
     exponent = light.exponent
     if 0.0 < exponent < 1.0:
-        at_edge = 3.0 / inner**2 if inner > LEAST_FALL and light.falloff >= 1.0 else math.inf
-        exponent *= min(max(outer, LEAST_FALL) ** (exponent - 1.0), at_edge)
+        at_edge = 3.0 / inner**2 if inner > MIN_FALL and light.falloff >= 1.0 else math.inf
+        exponent *= min(max(outer, MIN_FALL) ** (exponent - 1.0), at_edge)
     return exponent
 
 

@@ -175,10 +175,10 @@ class ColorPass(Pass):
 
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs."""
-        return self.n_channel if counts.features & HAS_COLORS else self.least_channels
+        return self.n_channel if counts.features & HAS_COLORS else self.min_channels
 
     @cached_property
-    def least_channels(self) -> int:
+    def min_channels(self) -> int:
         """How many channels any band needs: what fades with depth has as many everywhere.
 
         One channel is multiplied by the tint when pixels are finished, three are before: of a grey tint, or where there

@@ -89,8 +89,8 @@ class ReflectionEntry:
         return ()
 
 
-LEAST_SUM = {SINGLE: 2.0**-1, DOUBLE: 2.0**-5}  # by u: |L + V| from which bounds of half vectors hold
-LEAST_BASE = 2.0**-20  # of a power with an exponent below 1: from there on its bound holds
+MIN_SUM = {SINGLE: 2.0**-1, DOUBLE: 2.0**-5}  # by u: |L + V| from which bounds of half vectors hold
+MIN_BASE = 2.0**-20  # of a power with an exponent below 1: from there on its bound holds
 
 
 class LambertEntry(ReflectionEntry):
@@ -121,7 +121,7 @@ class PowerEntry(ReflectionEntry):
 
     With h = 1 - |R - V|²/2 an error e of R - V moves h^n by n h^(n-1)·|R - V|·e, at most `power_slope`·e; 1.5 n u more
     by the rounding of h and the product of n factors, and 4 u. With n < 1 that is steep at 0 without limit: such
-    materials are lit in float64, and the bound holds where h is LEAST_BASE at least.
+    materials are lit in float64, and the bound holds where h is MIN_BASE at least.
     """
 
     is_lambert_when_dull = True
@@ -160,7 +160,7 @@ class PowerEntry(ReflectionEntry):
             steps.append(Discontinuity(cause, step_cosine(u), "cosine of an angle"))
         if material.shininess < 1.0:
             cause = "a highlight with an exponent below 1 begins, R·V = 0 or N·H = 0"
-            steps.append(Discontinuity(cause, LEAST_BASE, "cosine of an angle"))
+            steps.append(Discontinuity(cause, MIN_BASE, "cosine of an angle"))
         return tuple(steps)
 
 
@@ -188,12 +188,12 @@ class BlinnEntry(PowerEntry):
     """Blinn's highlight: h = N·H. What is over |L + V| has no limit where L = -V, which is a step."""
 
     def error(self, u: float) -> float:
-        """Return the error of N - H where |L + V| is LEAST_SUM at least."""
-        return (13.0 + 20.0 / LEAST_SUM[u]) * u
+        """Return the error of N - H where |L + V| is MIN_SUM at least."""
+        return (13.0 + 20.0 / MIN_SUM[u]) * u
 
     def light_slope(self, material: Any, u: float) -> float:
         """H turns by 1/|L + V| of what L does across their plane, and by half of it within."""
-        return power_slope(material.shininess) / LEAST_SUM[u] + weight_slope(material)
+        return power_slope(material.shininess) / MIN_SUM[u] + weight_slope(material)
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of Blinn's highlight."""
@@ -202,7 +202,7 @@ class BlinnEntry(PowerEntry):
     def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """Add that of the half vector, which a normalised highlight hides behind N·L = 0."""
         steps = super().discontinuities(material, u)
-        half = Discontinuity("Blinn's half vector, where the light is opposite to the viewer", LEAST_SUM[u], "|L + V|")
+        half = Discontinuity("Blinn's half vector, where the light is opposite to the viewer", MIN_SUM[u], "|L + V|")
         return steps if material.normalized else (*steps, half)
 
 
@@ -211,7 +211,7 @@ class CookTorranceEntry(ReflectionEntry):
 
     With S = D(δ)·f(N·L)·g(N·V), δ between N and H, both cosines are cos(θ + δ) at least, cos θ = |L + V|/2. So D, g and
     the slopes of f and g are never large together. The largest sums of products of these over all δ, and over |L + V|
-    from LEAST_SUM on, lie below the numbers here (tests/engine/test_reflection_table.py): for float32, where W(θ)
+    from MIN_SUM on, lie below the numbers here (tests/engine/test_reflection_table.py): for float32, where W(θ)
     changes by three times itself for each radian at most, and for float64.
     """
 
@@ -268,7 +268,7 @@ class CookTorranceEntry(ReflectionEntry):
     def weight(self, material: Any, u: float) -> float:
         """Return the largest W(θ)."""
         f0 = first_fresnel(material)
-        return f0 + (1.0 - f0) * (1.0 - LEAST_SUM[u] / 2.0) ** 5
+        return f0 + (1.0 - f0) * (1.0 - MIN_SUM[u] / 2.0) ** 5
 
     def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
         """GGX mirrors that are tilted by more than a right angle count as none. What the half vector errs by has no
@@ -276,7 +276,7 @@ class CookTorranceEntry(ReflectionEntry):
         if material.is_anisotropic:
             return ()
         opposite = "Cook-Torrance where the viewer looks towards the light, which is opposite to him"
-        steps = (Discontinuity(opposite, LEAST_SUM[u], "|L + V|"),)
+        steps = (Discontinuity(opposite, MIN_SUM[u], "|L + V|"),)
         if material.distribution != "ggx":
             return steps
         cause = "Cook-Torrance where a normal looks away from the viewer, N·H = 0"
@@ -417,11 +417,11 @@ def weight_slope(material: Any) -> float:
 
 
 def power_slope(exponent: float) -> float:
-    """Return the largest n h^(n-1)·|R - V| with h = R·V = 1 - |R - V|²/2; with n < 1 for h >= LEAST_BASE.
+    """Return the largest n h^(n-1)·|R - V| with h = R·V = 1 - |R - V|²/2; with n < 1 for h >= MIN_BASE.
 
     With s = |R - V|/2 it is 2 n (1 - 2 s²)^(n-1)·s, largest where s² = 1/(4 n - 2): √2 for n = 1, 0.61 √n for large n.
-    For n < 1 it is largest at LEAST_BASE, where |R - V| is √2 at most.
+    For n < 1 it is largest at MIN_BASE, where |R - V| is √2 at most.
     """
     if exponent < 1.0:
-        return math.sqrt(2.0) * exponent * LEAST_BASE ** (exponent - 1.0)
+        return math.sqrt(2.0) * exponent * MIN_BASE ** (exponent - 1.0)
     return 0.7 * math.sqrt(exponent) + 0.72

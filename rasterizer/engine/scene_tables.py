@@ -65,7 +65,7 @@ class SceneTables:
 
     @cached_property
     def products(self) -> "Products | None":
-        """Those of spectra, in which the exposure is included; None where colours are multiplied channel by channel."""
+        """Those of colours, in which the exposure is included; None where it is done later: see `multiply_colors`."""
         return multiply_colors(self._materials, self._lights, self._ambient_lights, self._options)
 
     def _exposed(self, sources: tuple, field: str) -> tuple:

@@ -180,9 +180,6 @@ def read_source(source, name: str, no_text: str = "") -> bytes:
     return bytes(data)
 
 
-# ----------------------------------------------------------------
-
-
 def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:
     """Return the members of a zip file by name. What comes out of it is counted: a directory may say anything.
 

@@ -236,7 +236,7 @@ def cut(text: object) -> str:
     return line if len(line) <= 200 else line[:197] + "..."
 
 
-def most_steps(model: ModelFile) -> int:
+def max_steps(model: ModelFile) -> int:
     """Return how many nodes a file of its size may show."""
     return _LEAST_STEPS + len(model.data) // 256
 
@@ -355,7 +355,7 @@ class _Graph:
 
         totals = [count(name, 0) for name in self._roots]
         n_node, n_triangle = sum(n for n, _ in totals), sum(n for _, n in totals)
-        if n_node > 3 * most_steps(self.model) or n_triangle > sum(self._weights.values()) + MAX_COPIES // 16:
+        if n_node > 3 * max_steps(self.model) or n_triangle > sum(self._weights.values()) + MAX_COPIES // 16:
             raise self.model.error("its nodes repeat too many others")
         return n_node
 

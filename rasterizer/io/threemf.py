@@ -31,7 +31,7 @@ from ..scene.texture import Budget, Texture, read_picture
 from . import formats
 from .gltf import MAX_COPIES
 from .model_file import WHITE, Contents, ModelFile, Part
-from .other_formats import DEEPEST, check_3mf, cut, most_steps, read_by_trimesh, unpacked
+from .other_formats import DEEPEST, check_3mf, cut, max_steps, read_by_trimesh, unpacked
 
 _LEAST_UNPACKED = 2**25  # bytes that the members of any file may have
 # Without one of these, nothing in a model is shown twice and no entity stands for others; zeros are those of UTF-16.
@@ -92,7 +92,7 @@ def _contents_of(model, loaded, members) -> Contents:
         item, matrix, depth = waiting.pop()
         thing, number = item.GetObjectResource(), item.GetObjectResourceID()
         n_step += 1
-        if depth > DEEPEST or n_copy > MAX_COPIES or n_step > most_steps(model):
+        if depth > DEEPEST or n_copy > MAX_COPIES or n_step > max_steps(model):
             raise ValueError(f"its components are nested more than {DEEPEST} deep, or repeat too many objects")
         has_matrix = item.HasTransform() if depth else item.HasObjectTransform()
         if has_matrix:

@@ -10,8 +10,8 @@ from helpers.pinhole import unit
 import rasterizer as rz
 from rasterizer.engine.reflections import (
     LAMBERT,
-    LEAST_BASE,
-    LEAST_SUM,
+    MIN_BASE,
+    MIN_SUM,
     REFLECTION_TABLE,
     blinn_scale,
     entry_of,
@@ -144,7 +144,7 @@ def test_the_lobes_of_mirrors_are_no_larger_or_steeper_than_their_bounds():
 @pytest.mark.parametrize("u", [SINGLE, DOUBLE])
 def test_the_table_of_mirrors_lies_above_their_lobes(u):
     """Over all |L + V| for which it is said, and not far above: its numbers are those of a highlight of height 1."""
-    sums = np.linspace(LEAST_SUM[u], 2.0, 60)
+    sums = np.linspace(MIN_SUM[u], 2.0, 60)
     for distribution, roughness in product(("ggx", "beckmann"), np.geomspace(0.001, 1.0, 40)):
         material = made("cook-torrance", roughness=roughness, distribution=distribution)
         entry, lobe = entry_of(material), bound_lobe(distribution, roughness, sums)
@@ -177,7 +177,7 @@ def test_rounding_grows_with_the_exponent():
 
 
 def test_a_power_with_an_exponent_below_1_has_a_slope_where_its_bound_holds():
-    h = np.geomspace(LEAST_BASE, 1.0, 4001)
+    h = np.geomspace(MIN_BASE, 1.0, 4001)
     for exponent in (0.05, 0.3, 0.9):
         slope = (exponent * h ** (exponent - 1.0) * np.sqrt(2.0 - 2.0 * h)).max()
         assert slope <= power_slope(exponent) <= 1.01 * slope, exponent

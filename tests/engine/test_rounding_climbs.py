@@ -13,7 +13,7 @@ from helpers.pinhole import unit
 
 import rasterizer as rz
 from rasterizer.engine.bounds import Distances, rounding_errors
-from rasterizer.engine.reflections import LEAST_SUM
+from rasterizer.engine.reflections import MIN_SUM
 from rasterizer.engine.rounding import SINGLE, step_cosine
 
 EYE = np.array([0.0, 0.0, 5.0])
@@ -89,7 +89,7 @@ def shares(material, light, points, normals):
     if "cook" in material.reflection:  # N·H = 0
         is_clear &= np.abs((normals * unit(to_light + to_eye)).sum(axis=1)) > step_cosine(SINGLE)
     if material.reflection in ("blinn", "cook-torrance"):
-        is_clear &= np.linalg.norm(to_light + to_eye, axis=1) > LEAST_SUM[SINGLE]
+        is_clear &= np.linalg.norm(to_light + to_eye, axis=1) > MIN_SUM[SINGLE]
     error, bounds = np.abs(single - double), bounds_at(plan, light, points)
     assert not error[bounds == 0.0].any(), "light beyond its range"
     return np.where(is_clear & (bounds > 0.0), error / np.maximum(bounds, np.finfo(float).tiny), 0.0)

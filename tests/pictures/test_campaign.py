@@ -18,7 +18,7 @@ N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", DEFAULT_RUN))
 NIGHTLY = 3000
 MANY = 400  # lights: with thousands a picture of 12 pixels takes a minute, which is the night's
 N_SHOWN = 12  # faults, at most
-LEAST_SINGLE = 0.25  # share of the pictures that are lit in float32
+MIN_SINGLE = 0.25  # share of the pictures that are lit in float32
 N_CLIMB, N_STEP = 24, 80
 LIGHTS = ("AmbientLight", "DirectionalLight", "PointLight", "SpotLight", "AreaLight")
 
@@ -50,7 +50,7 @@ def check_cases(indices, most_lights) -> None:
         if outcome.faults:
             faults.append(report(case, outcome))
     assert not faults, told(faults)
-    assert n_single >= LEAST_SINGLE * n_case, f"{n_single} of {n_case} pictures in float32 < {LEAST_SINGLE:.0%}"
+    assert n_single >= MIN_SINGLE * n_case, f"{n_single} of {n_case} pictures in float32 < {MIN_SINGLE:.0%}"
     assert n_step <= 0.002 * n_compared, f"{n_step} of {n_compared} pixels left out, next to a step"
 
 
