@@ -177,7 +177,7 @@ def test_errors_of_pictures_that_are_known():
     scene = ball_scene()
     light = draw_light(scene, SIZE, shading="gouraud", threads=1)
     nothing = measure_errors(light, light)
-    assert nothing[:5] == (0.0, 0.0, 0, 0.0, 0.0)
+    assert nothing[:4] == (0.0, 0.0, 0, 0.0) and not nothing.delta_e  # None where scikit-image isn't installed
     brighter = light._replace(color=np.where(light.alpha[..., None] > 0, light.color + 0.25, 0.0))
     errors = measure_errors(brighter, light)
     assert errors.max == pytest.approx(0.25) and errors.rms == pytest.approx(0.25) and errors.over_one == 1.0

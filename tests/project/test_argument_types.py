@@ -2,7 +2,6 @@
 
 import inspect
 import warnings
-from importlib.util import find_spec
 from itertools import cycle, islice
 
 import numpy as np
@@ -41,7 +40,7 @@ def calls(folder):
         (rz.Scene, {"meshes": MESH}),
         (rz.Shadow, {}), (rz.Spectrum, SPAN | {"values": [1, 1]}), (rz.Texture, {"image": PIXELS}),
         (rz.compare, {"a": frame, "b": frame}),
-        *([(rz.color_difference, {"a": frame, "b": frame})] if find_spec("skimage") else ()),  # the extra `bench`
+        (rz.color_difference, {"a": frame, "b": frame}),
         (rz.Animation, {"frames": [frame, frame]}), (rz.RenderTask, {"source": MESH, "output": "x.png"}),
         (rz.render_many, {"tasks": ()}), (rz.explain, {"scene": SCENE, "x": 4, "y": 4, "size": 8}),
         (rz.load, {"source": MESH}), (rz.srgb, {"colors": (255, 128, 0)}),
