@@ -1,4 +1,4 @@
-"""Run programs, one at a time, from a small process; print the time and the peak memory of each as a line of JSON.
+"""Run programs, one at a time, from a small process; print time and peak memory of each as a line of JSON.
 
 Linux counts to a program's peak what the process held that started it. `startup.py` holds numpy and numba; this holds
 the standard library's share only. A line of the input is the JSON of [command, environment].
@@ -24,6 +24,7 @@ def run(command: list, environment: dict) -> dict:
     -------
     start, end : nanoseconds of the clock that all processes share; the program finds the first in BENCH_START
     peak_mib : the most memory that it held; None where the system does not tell
+    cpu_ms : milliseconds of processors that it and its children took; None likewise
     code, output : its exit code, and what it printed
     """
     start = monotonic_ns()
@@ -32,17 +33,20 @@ def run(command: list, environment: dict) -> dict:
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
     )
     output = process.stdout.read().decode(errors="replace")
-    code, peak = wait_for(process)
-    return {"start": start, "end": monotonic_ns(), "peak_mib": peak, "code": code, "output": output}
+    code, peak, cpu = wait_for(process)
+    return {
+        "start": start, "end": monotonic_ns(), "peak_mib": peak, "cpu_ms": cpu, "code": code, "output": output
+    }  # fmt: skip
 
 
 def wait_for(process) -> tuple:
-    """Return the exit code of a process, and its peak memory in MiB."""
+    """Return the exit code of a process, its peak memory in MiB, and milliseconds of processors."""
     if not hasattr(os, "wait4"):  # Windows
-        return process.wait(), None
+        return process.wait(), None, None
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
-    return process.returncode, usage.ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+    peak = usage.ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+    return process.returncode, peak, 1000.0 * (usage.ru_utime + usage.ru_stime)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,166 @@
+"""How long does a person wait for a picture of a model, beside f3d on the same machine?
+
+    python bench/whole.py                                  all models but the largest
+    python bench/whole.py --models teapot scan.obj --runs 9
+    python bench/whole.py --models 10m-stl                 ten million triangles: some minutes
+
+`raster MODEL -o out.png` and `f3d MODEL --output out.png` take turns, each a process of its own, from its start to its
+end, with its default look. f3d draws by OpenGL, which Mesa computes on the processor; where there is no display, Xvfb
+makes one. Models are made here: a rough torus in four formats, a GLB file with four textures of 2048×2048, one
+with eight blended layers. Columns are explained in bench/README.md.
+"""
+
+import argparse
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # a checkout need not be installed
+from bench import measure, scenes, startup
+
+SIZE = "640x480"
+N_TEXTURE, TEXTURE_SIZE = 4, 2048
+N_LAYER = 8
+MILLION, TEN_MILLIONS = (1000, 500), (2500, 2000)  # rings and sides of a torus: half as many as its triangles
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    args = make_parser().parse_args(argv)
+    machine, launcher, rows = measure.Machine(), startup.Launcher(), []
+    table = measure.Table([("model           ", "model", ""), ("ours ms", "ours_ms", ".0f"),
+                           (" f3d ms", "f3d_ms", ".0f"), ("ours/f3d", "ratio", ".2f"),
+                           ("of medians", "median_ratio", ".2f"), (" CPU", "cpu_ratio", ".2f"),
+                           ("memory", "mib_ratio", ".2f"), ("ours MiB", "ours_mib", ".0f")])  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder, a_display() as display:
+        why_not = (
+            "it isn't installed" if shutil.which("f3d") is None else "" if display else "there is no display, nor Xvfb"
+        )
+        if why_not:
+            print(f"f3d is left out: {why_not}")
+        for name in args.models:
+            path = MADE[name](Path(folder, name)) if name in MADE else scenes.find_file(name)
+            row = measure_model(launcher, path, Path(folder, "picture.png"), "" if why_not else display, args.runs)
+            rows.append({"model": name} | row)
+            table.print(rows[-1])
+            if name in MADE:
+                path.unlink()
+    launcher.close()
+    measure.print_json("whole", machine, args, rows)
+    return 0
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    usual = ["teapot", *(name for name in MADE if not name.startswith("10m"))]
+    parser.add_argument("--models", nargs="+", default=usual, metavar="MODEL",
+                        help=f"names or paths of model files, or {', '.join(MADE)}")  # fmt: skip
+    parser.add_argument("--runs", type=int, default=5, help="processes of each program (default: %(default)s)")
+    measure.add_output(parser)
+    return parser
+
+
+@contextlib.contextmanager
+def a_display():
+    """Yield the name of a display for OpenGL, "" where there is none."""
+    if os.environ.get("DISPLAY") or shutil.which("Xvfb") is None:
+        yield os.environ.get("DISPLAY", "")
+        return
+    reader, writer = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(writer), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
+                              pass_fds=[writer], stderr=subprocess.DEVNULL)  # fmt: skip
+    os.close(writer)
+    with os.fdopen(reader) as answer:
+        number = answer.readline().strip()  # once the server is ready; nothing where it can't start
+    yield f":{number}" if number else ""
+    server.terminate()
+    server.wait()
+
+
+def measure_model(launcher, path: Path, picture: Path, display: str, n_run: int) -> dict:
+    """Time both programs in turns; return the best and the median of each, and ratios of ours over f3d's."""
+    programs = {"ours": [*startup.RASTER, "render", str(path), "-s", SIZE, "-q", "-o", str(picture)]}
+    if display:
+        programs["f3d"] = ["env", f"DISPLAY={display}", "LIBGL_ALWAYS_SOFTWARE=1", "f3d", str(path),
+                           "--output", str(picture), "--resolution", SIZE.replace("x", ",")]  # fmt: skip
+    found = {name: [] for name in programs}
+    for turn in range(1 + n_run):
+        for name, command in programs.items():
+            run = launcher.run(command, "")
+            if turn:  # the first one may still compile, or read files that nobody has read before
+                found[name].append(run)
+    row = {}
+    for name, runs in found.items():
+        row[f"{name}_ms"] = min(run["ms"] for run in runs)
+        for figure, key in (("median", "ms"), ("cpu", "cpu_ms"), ("mib", "peak_mib")):
+            row[f"{name}_{figure}"] = startup.median_of(runs, key)
+    if display:
+        row["ratio"] = row["ours_ms"] / row["f3d_ms"]
+        row |= {f"{key}_ratio": row[f"ours_{key}"] / row[f"f3d_{key}"] for key in ("median", "cpu", "mib")}
+    return row
+
+
+# --- models -----------------------------------------------------------------------------------------------------------
+
+
+def write_torus(path: Path, suffix: str, shape=MILLION) -> Path:
+    """Write a torus as rough as a scan."""
+    vertices, faces = scenes.torus(*shape)
+    rough = np.random.default_rng(1).uniform(0.998, 1.002, (len(vertices), 1))
+    return _write(trimesh.Trimesh(vertices * rough, faces, process=False), path, suffix)
+
+
+def write_textured(path: Path) -> Path:
+    """Write four tori with a texture of 2048×2048 each."""
+    scene, random = trimesh.Scene(), np.random.default_rng(2)
+    vertices, faces = scenes.torus(96, 48)
+    for k in range(N_TEXTURE):
+        coarse = Image.fromarray(random.integers(0, 256, (64, 64, 3), np.uint8))
+        texture = coarse.resize((TEXTURE_SIZE, TEXTURE_SIZE), Image.Resampling.BICUBIC)
+        look = TextureVisuals(vertices[:, :2] / 3.0 + 0.5, PBRMaterial(baseColorTexture=texture, metallicFactor=0.0))
+        scene.add_geometry(trimesh.Trimesh(vertices + (0.0, 1.2 * k, 0.0), faces, visual=look, process=False))
+    return _write(scene, path, ".glb")
+
+
+def write_layers(path: Path) -> Path:
+    """Write blended squares, one behind the other."""
+    scene = trimesh.Scene()
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    glass = PBRMaterial(baseColorFactor=(204, 77, 51, 102), metallicFactor=0.0, alphaMode="BLEND", doubleSided=True)
+    for k in range(N_LAYER):
+        vertices = corners + (0.1 * k, 0.05 * k, -0.2 * k)
+        look = TextureVisuals(material=glass)
+        scene.add_geometry(trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], visual=look, process=False))
+    return _write(scene, path, ".glb")
+
+
+def _write(model, path: Path, suffix: str) -> Path:
+    """Write what trimesh holds; return the path with its suffix."""
+    path = path.with_suffix(suffix)
+    model.export(path)
+    return path
+
+
+MADE = {
+    **{f"1m-{name}": partial(write_torus, suffix=f".{name}") for name in ("obj", "ply", "stl", "glb")},
+    "textured": write_textured,
+    "layers": write_layers,
+    "10m-stl": partial(write_torus, suffix=".stl", shape=TEN_MILLIONS),
+}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
