@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES
-from ..io.weld import unique_rows
+from ..geometry.weld import unique_rows
 
 _NEAR = 1e-3  # of the extent: what lies within it of the lowest point stands on the ground
 _LEVEL = 0.99  # cosine: such faces lie level, within 8 degrees
@@ -65,7 +65,7 @@ def compute_topology(points: NDArray[np.float64], faces: NDArray) -> Topology:
     -------
     Topology
     """
-    _, position = unique_rows(points + 0.0)  # + 0.0 turns -0 into 0
+    _, position = unique_rows(points)
     corners = position[faces]
     n_vertex = int(np.count_nonzero(np.bincount(corners.reshape(-1))))
     following = np.roll(corners, -1, axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
-from ..geometry import ears, normals, surfaces
+from ..geometry import ears, normals, surfaces, weld
 from ..geometry.polygons import fill_means
 from ..options import Options
 from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
@@ -31,6 +31,7 @@ from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_sc
 from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
+from ..scene.mesh import Mesh
 from . import lights as light_table
 from .attributes import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
 from .buffers import BUFFER_TABLE
@@ -46,11 +47,18 @@ SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
 ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
+NUMBER_ROWS = weld.number_rows, np.empty((0, 3), np.uint32), np.uint64(0), FACES, NUMBERS, FACES  # equal rows
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
     Triangles(CORNERS, CORNERS, FLAGS), Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS),
     np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)),
 )  # fmt: skip
+
+
+def splits_points(mesh: Mesh) -> bool:
+    """Tell whether what differs at the corners of a vertex may give it several points."""
+    of_corners = any(values is not None and values.ndim == 3 for values in (mesh.normals, mesh.colors))
+    return of_corners or mesh.face_colors is not None or mesh.face_material is not None
 
 
 def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Plan | None = None) -> list[Job]:
@@ -76,8 +84,9 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
 
 
 def list_mesh_kernels() -> list[Job]:
-    """List the kernels that work on meshes outside of pictures: those that cut ears."""
+    """List the kernels that work on meshes outside of pictures: those that cut ears, and weld vertices."""
     found = KernelList()
+    found.add(*NUMBER_ROWS)
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
     found.add(ears.cut_outlines, polygons, ears.make_ear_scratch(0), np.empty((0, 3), np.int64), np.empty(0, np.bool_))
     return list(found.jobs)
@@ -149,6 +158,8 @@ class PictureKernels(KernelList):
                 split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
                 self.add(normals.list_corners, FACES, FACES, FACES)
                 self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
+        if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
+            self.add(*NUMBER_ROWS)
         if plan.has_shadows:
             self.add(surfaces.compute_shapes, COLUMNS, CORNERS, np.empty((0, 5)))
         asked: list = []  # of lights whose clearance is measured
@@ -382,6 +393,7 @@ class PictureKernels(KernelList):
 
     def add_edges(self) -> None:
         """Add what draws edges over a picture, and the depths that hide them."""
+        self.add(*NUMBER_ROWS)
         self.add_buffers(("depth",), is_shared=False)
         samples = np.empty((0, 0), np.float32)
         self.add(draw_edges, np.empty((0, 6)), ROWS, float(self.options.edge_width), True, samples, samples)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .normals import is_smooth, polygon_normals, smooth_cosine
-from .points import number_polygons, unique_rows
+from .points import number_polygons
+from .weld import unique_rows
 
 
 class Edges(NamedTuple):
@@ -37,7 +38,7 @@ def join_edges(meshes) -> Edges:
 
 def gather_edges(mesh: Mesh) -> Edges:
     """Gather the edges of a mesh's polygons."""
-    first_of, vertex = unique_rows([mesh.vertices])
+    first_of, vertex = unique_rows(mesh.vertices)
     faces = vertex[mesh.faces].astype(np.int64)
     polygons = number_polygons(mesh)
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()

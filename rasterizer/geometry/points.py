@@ -17,6 +17,7 @@ from ..scene.mesh import Mesh
 from .normals import polygon_normals, split_mesh, within_range
 from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
+from .weld import unique_rows
 
 NO_TANGENTS = np.empty((3, 0))
 
@@ -182,7 +183,7 @@ def smooth_part(mesh: Mesh) -> Part:
             corner, source, normals = mesh.faces, slice(None), mesh.normals
         else:
             keys = [mesh.faces.reshape(-1, 1), mesh.normals.reshape(-1, 3)]
-            first, corner = unique_rows(keys)
+            first, corner = unique_rows(np.column_stack(keys))
             source, normals = mesh.faces.ravel()[first], mesh.normals.reshape(-1, 3)[first]
             corner = corner.reshape(-1, 3)
     else:
@@ -193,7 +194,7 @@ def smooth_part(mesh: Mesh) -> Part:
     elif mesh.colors is not None or mesh.face_colors is not None:
         colors = np.repeat(mesh.face_colors[:, None], 3, axis=1) if mesh.colors is None else mesh.colors
         colors = colors[..., :3].reshape(-1, 3)
-        first, new_corner = unique_rows([corner.reshape(-1, 1), colors])
+        first, new_corner = unique_rows(np.column_stack([corner.reshape(-1, 1), colors]))
         point = corner.ravel()[first]
         source = np.arange(len(mesh.vertices))[source][point]
         normals, albedo, corner = normals[point], colors[first], new_corner.reshape(-1, 3)
@@ -233,7 +234,7 @@ def split_points(part: Part, mesh: Mesh, is_textured: bool) -> Part:
         if mesh.uv is not None:
             uv = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv).reshape(-1, 2)
         keys += [vertex[:, None], uv]
-    first, point = unique_rows(keys)
+    first, point = unique_rows(np.column_stack(keys))
     order = np.argsort(material[first], kind="stable")
     first, rank = first[order], np.argsort(order)
     point = rank[point].astype(np.uint32).reshape(-1, 3)
@@ -252,7 +253,7 @@ def _triangle_colors(mesh: Mesh) -> NDArray[np.float64]:
     corners, so that it doesn't matter which is first."""
     rows, points, names = mesh.colors[..., :3], mesh.vertices, mesh.faces
     if rows.ndim == 3:
-        first, names = unique_rows([mesh.faces.reshape(-1, 1), rows.reshape(-1, 3)])
+        first, names = unique_rows(np.column_stack([mesh.faces.reshape(-1, 1), rows.reshape(-1, 3)]))
         rows, points, names = rows.reshape(-1, 3)[first], points[mesh.faces.ravel()[first]], names.reshape(-1, 3)
     colors = sum(rows[names[:, k]] for k in range(3)) / 3.0
     rings = find_rings(names, mesh.polygons, points)
@@ -296,18 +297,6 @@ def number_polygons(mesh: Mesh) -> NDArray[np.uint32]:
     return (np.cumsum(is_used) - 1)[polygons].astype(np.uint32)
 
 
-def unique_rows(columns: Sequence[NDArray]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Find the different rows of side-by-side arrays, in the order of first use; return where each comes first, and
-    which of them each row equals."""
-    rows = np.ascontiguousarray(np.concatenate([np.asarray(column, np.float64) for column in columns], axis=1) + 0.0)
-    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).ravel()
-    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
-    rank = np.empty(len(order), np.uint32)
-    rank[order] = np.arange(len(order), dtype=np.uint32)
-    return first[order], rank[which.ravel()]
-
-
 # --- the directions in which the texture coordinate u grows, for materials that are brushed along it ---------
 
 
@@ -322,7 +311,7 @@ def add_tangents(part: Part, mesh: Mesh, is_flat: bool) -> Part:
     corners, corner = mesh.vertices[mesh.faces], np.asarray(part.corner)
     group, n_group = corner, len(part.points)
     if not is_flat:
-        first, group = unique_rows([corners.reshape(-1, 3), part.normals[corner].reshape(-1, 3)])
+        first, group = unique_rows(np.column_stack([corners.reshape(-1, 3), part.normals[corner].reshape(-1, 3)]))
         n_group = len(first)
     uv = mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv
     of_groups = compute_tangents(corners, uv, group.reshape(-1, 3), n_group)

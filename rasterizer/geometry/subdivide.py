@@ -25,8 +25,9 @@ from ..errors import ModelError, SceneError, shown
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, MAX_FACES, Mesh
 from ..scene.validate import is_whole
 from .normals import split_mesh, within_range
-from .points import unique_rows, units
+from .points import units
 from .polygons import Centers, Rings, find_rings, with_means
+from .weld import unique_rows
 
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 _HIDDEN_FOLD = math.sin(math.radians(DEFAULT_CREASE_ANGLE / 2))  # of a slope that both ends of an edge don't know
@@ -103,7 +104,7 @@ def _list_cuts(mesh: Mesh, normals: NDArray) -> _Cuts:
     rows, names, points = None, mesh.faces, mesh.vertices
     if of_corners and mesh.polygons is not None:
         keys = [mesh.faces.reshape(-1, 1), *(each.reshape(-1, each.shape[2]) for each in of_corners)]
-        rows, names = unique_rows(keys)
+        rows, names = unique_rows(np.column_stack(keys))
         names, points = names.reshape(-1, 3), mesh.vertices[mesh.faces.ravel()[rows]]
     rings = find_rings(names, mesh.polygons, points)
     ring = np.full(mesh.n_face, -1)

@@ -11,7 +11,6 @@ A format's reader is one file; loader.py is where reading begins.
     threemf             3MF, by lib3mf
     other_formats       what trimesh reads: OFF, COLLADA and others
     text_numbers        numbers in text, exactly rounded, by whole arrays
-    weld                equal vertices are joined, so that normals have no seams
     scene_file          a whole scene in JSON or TOML
     scene_file_write    the same, written
     png                 PNG files, in bands on threads

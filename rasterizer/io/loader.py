@@ -17,6 +17,7 @@ import numpy as np
 
 from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, counted, one_file, shown, warn_caller
+from ..geometry.weld import weld
 from ..keywords import checked_keywords
 from ..scene.arrays import fixed
 from ..scene.camera import Camera, aimed
@@ -28,7 +29,6 @@ from ..scene.scene import DepthCue, Scene, SceneLike
 from . import formats
 from .files import Folder, name_of, read_source
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of
-from .weld import weld
 
 FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
 

@@ -6,10 +6,10 @@ import re
 import numpy as np
 
 from ..errors import counted
+from ..geometry.weld import weld_triangles
 from ..scene.material import Material
 from .model_file import WHITE, ModelFile, Part, text_of
 from .text_numbers import numbers_in
-from .weld import weld_triangles
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

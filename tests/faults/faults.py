@@ -971,10 +971,10 @@ HELD_OUT = (
     ),
     Fault(
         "welding: vertices at 0 and -0 aren't joined",
-        "io/weld.py",
+        "geometry/weld.py",
         "np.ascontiguousarray(rows) + 0.0",
         "np.ascontiguousarray(rows)",
-        "io",
+        "geometry",
     ),
     Fault(
         "files: a texture outside the model's folder is read unasked",
