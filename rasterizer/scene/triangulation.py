@@ -76,6 +76,8 @@ def fan_corners(counts: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]
     polygons : (n_triangle,) int64
     """
     counts = np.asarray(counts, np.int64)
+    if (counts == 3).all():  # as in most large files
+        return np.arange(3 * len(counts)).reshape(-1, 3), np.arange(len(counts))
     n_triangle = np.maximum(counts - 2, 0)
     polygons = np.repeat(np.arange(len(counts)), n_triangle)
     step = np.arange(len(polygons)) - np.repeat(np.cumsum(n_triangle) - n_triangle, n_triangle)

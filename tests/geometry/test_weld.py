@@ -15,7 +15,6 @@ from rasterizer.errors import ModelError
 from rasterizer.geometry.points import smooth_part
 from rasterizer.geometry.weld import unique_rows, weld_triangles
 from rasterizer.io.loader import load
-from rasterizer.io.model_file import noticing_progress
 
 
 @settings(max_examples=30)
@@ -138,15 +137,6 @@ def test_smoothing_groups_polygons_and_parts_are_kept():
     broken = gltf_with(lambda tree, primitive: tree["accessors"][primitive["attributes"]["POSITION"]].update(count=4))
     with pytest.raises(ModelError):
         load(broken, format="gltf")
-
-
-def test_progress_is_told_within_its_block_only():
-    told = []
-    for _ in range(2):
-        with noticing_progress(lambda n_done, n, what: told.append((n_done, n, what))):
-            load(FILES["stl_ascii"], format="stl")
-        load(FILES["stl_ascii"], format="stl")
-    assert len(told) == 2 and told[0] == told[1] and told[0][2] == "reading numbers"
 
 
 def test_a_large_stl_file_takes_little_more_memory_than_its_mesh():

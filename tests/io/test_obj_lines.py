@@ -9,6 +9,7 @@ from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
+from rasterizer.io.model_file import noticing_progress
 from rasterizer.io.obj import LineError, ObjLines
 
 N_FILE = 240  # of random files, half of them damaged
@@ -160,3 +161,12 @@ def test_rows_that_are_no_numbers_are_refused():
     assert_refused(
         lambda given: ObjLines(given[1].encode()).rows_of(given[0]), [(each, "") for each in cases], LineError
     )
+
+
+def test_progress_is_told_within_its_block_only():
+    told, text = [], b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    for _ in range(2):
+        with noticing_progress(lambda n_done, n, what: told.append((n_done, n, what))):
+            load(text, format="obj")
+        load(text, format="obj")
+    assert told == [(0, 1, "reading lines 'f'"), (0, 3, "reading lines 'v'")] * 2
