@@ -162,7 +162,7 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     upright = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")
     add("--up", type=values.axis, choices=("auto", *choices.AXES),
-        help=f"up axis (default auto: z for {upright}, y for other models, that of a scene file)")
+        help=f"up axis (default auto: that of a scene file or a dae, z for {upright}, else y)")
 
 
 def add_look(parser, is_compared=False):

@@ -201,7 +201,7 @@ def bytes_of(texture) -> np.ndarray | None:
 
 
 def _png(pixels) -> bytes:
-    from PIL import Image  # takes a tenth of a second to import; most scenes have no textures
+    from PIL import Image  # takes long to import; most scenes have no textures
 
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "PNG")

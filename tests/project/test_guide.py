@@ -96,3 +96,26 @@ def test_a_quad_by_gouraud_differs_from_scan_line_interpolation_as_the_page_says
     left, right = value[3] + (value[0] - value[3]) * u, value[2] + (value[1] - value[2]) * u  # from the top row down
     scanned = left[:, None] + (right - left)[:, None] * u
     assert np.abs(drawn - scanned).max() == pytest.approx(0.0625, abs=1e-3) and "by up to 0.062" in text_of(PAGE)
+    # Turned by 45 degrees, both edges have the same value in each row, up to 3/4 in the middle one.
+    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (1, 1, 0), height=3)
+    drawn = rz.render(rz.Scene(mesh, scene.lights, camera), (65, 65), shading="gouraud", samples=1, outputs="color")
+    assert 0.75 - drawn.color[32, 32, 0] == pytest.approx(0.25, abs=1e-3) and "by 0.25" in text_of(PAGE)
+
+
+def test_the_rounding_of_the_increment_adds_up_as_the_page_says():
+    """One triangle of 9 000 by 9 000 px, eight rows of it, whose intensity is linear on the screen."""
+    size, value = (9000, 8), np.array([0.8, 0.656, 0.512])
+    corners = np.array([[-1.0, -1.0, 0.0], [1.0, -0.9, 0.0], [-0.9, 1.0, 0.0]])
+    normals = np.stack([np.sqrt(1 - value**2), 0 * value, value], axis=1)
+    mesh = rz.Mesh(corners, [[0, 1, 2]], normals=normals, material=rz.Material(diffuse=1.0, specular=0.0))
+    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=2 * size[1] / size[0])
+    scene = rz.Scene(mesh, rz.DirectionalLight((0, 0, -1)), camera)
+    with rz.Renderer(scene, size, shading="gouraud", samples=1, outputs="color", tolerance=1 / 256) as renderer:
+        frame = renderer.render()
+        assert renderer.plan.paths.entries == 1, "it isn't drawn incrementally"
+    x, y = np.meshgrid((np.arange(9000) + 0.5) / 4500 - 1, (3.5 - np.arange(8)) / 4500)
+    weights = np.linalg.solve(
+        np.vstack([corners[:, :2].T, np.ones(3)]), np.stack([x.ravel(), y.ravel(), x.ravel() ** 0])
+    )
+    error = np.abs(frame.color[..., 0].ravel() - value @ weights)[(frame.alpha > 0).ravel()].max()
+    assert error == pytest.approx(3.8e-4, rel=0.02) and "3.8·10⁻⁴" in text_of(PAGE), error
