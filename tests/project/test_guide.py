@@ -83,6 +83,42 @@ def test_the_classes_that_extend_it_are_those_that_are_tested():
         assert source in text_of(PAGE), f"{PAGE} has another class {cls.name} than {path.name}"
 
 
+def test_the_limits_that_the_page_states_are_those_of_the_code():
+    from rasterizer import options
+    from rasterizer.engine.bounds import EXACT
+    from rasterizer.engine.depth_range import MAX_DEPTH_RATIO, NEAREST
+    from rasterizer.engine.reflections import MIN_SUM
+    from rasterizer.engine.rounding import DOUBLE, SINGLE
+    from rasterizer.pipeline import scan, setup, transform, visibility
+    from rasterizer.pipeline.power import grazing
+    from rasterizer.scene.texture import MAX_IN_PICTURE, MAX_TEXELS
+    from rasterizer.scene.validate import COORDINATE_LIMIT
+
+    def power(base, exponent) -> str:
+        return f"{base}{str(round(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+
+    single, double = (np.degrees(2 * np.arcsin(MIN_SUM[u] / 2)) for u in (SINGLE, DOUBLE))
+    said = " ".join(text_of(PAGE).split())
+    for text in (
+        f"It has {transform.DEPTH_BITS} bits",
+        f"what an entry's {transform.DEPTH_BITS} bits",
+        f"{setup.BLOCK} triangles side by side",
+        f"{visibility.LEVEL_BITS} bits of the intensity",
+        f"Boxes of up to {scan.MAX_WIDTH} samples across",
+        f"agrees with the reference within {power(10, np.log10(EXACT))} of full scale",
+        f"The default, 1/{1 / options.DEFAULT_TOLERANCE:.0f} in linear light",
+        f"A light within {power(2, np.log2(grazing(1.0)))} rad of a surface ({power(2, np.log2(grazing(np.float32(1))))} in float32)",
+        f"within {single:.0f} degrees of that in float32, within {double:.0f} in float64",
+        f"within ±{power(10, np.log10(COORDINATE_LIMIT))} units",
+        f"at most {options.MAX_PIXELS} samples along an axis",
+        f"met by {visibility.MAX_RECORDS / 1e6:.1f} million triangles",
+        f"nearer than {power(2, np.log2(NEAREST))} of the furthest distance is clipped",
+        f"further than {power(2, np.log2(MAX_DEPTH_RATIO))} times the nearest distance",
+        f"up to {MAX_TEXELS} texels a side and {MAX_IN_PICTURE // 10**5 / 10} million in all",
+    ):
+        assert text in said, f"{PAGE} doesn't say {text!r}"
+
+
 def test_a_quad_by_gouraud_differs_from_scan_line_interpolation_as_the_page_says():
     """Scan-line interpolation of the square's left and right edges, as the intensities 1/4, 3/4, 1/4, 3/4 go round."""
     value = np.array([0.25, 0.75, 0.25, 0.75])
