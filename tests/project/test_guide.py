@@ -98,6 +98,7 @@ def test_the_limits_that_the_page_states_are_those_of_the_code():
         return f"{base}{str(round(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
 
     single, double = (np.degrees(2 * np.arcsin(MIN_SUM[u] / 2)) for u in (SINGLE, DOUBLE))
+    parallel = [power(2, np.log2(grazing(cosine))) for cosine in (1.0, np.float32(1.0))]
     said = " ".join(text_of(PAGE).split())
     for text in (
         f"It has {transform.DEPTH_BITS} bits",
@@ -107,7 +108,7 @@ def test_the_limits_that_the_page_states_are_those_of_the_code():
         f"Boxes of up to {scan.MAX_WIDTH} samples across",
         f"agrees with the reference within {power(10, np.log10(EXACT))} of full scale",
         f"The default, 1/{1 / options.DEFAULT_TOLERANCE:.0f} in linear light",
-        f"A light within {power(2, np.log2(grazing(1.0)))} rad of a surface ({power(2, np.log2(grazing(np.float32(1))))} in float32)",
+        f"A light within {parallel[0]} rad of a surface ({parallel[1]} in float32)",
         f"within {single:.0f} degrees of that in float32, within {double:.0f} in float64",
         f"within ±{power(10, np.log10(COORDINATE_LIMIT))} units",
         f"at most {options.MAX_PIXELS} samples along an axis",
