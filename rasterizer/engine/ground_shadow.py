@@ -61,8 +61,8 @@ class GroundShadow:
     ----------
     scene : Scene; its `up` says where the ground is. What is transparent lets light through
     strength : opacity of the ground where no light arrives, 0 to 1
-    size : texels along the longer side of the shadow, 16 to 4096
-    points : of the light, 1 to 1024; None = 128, and fewer for more than some 30,000 triangles
+    size : texels along the longer side of the shadow
+    points : of the light; None = 128, and fewer for more than some 30,000 triangles
     threads : how many; None = as many as the process may use
 
     Attributes
