@@ -4,6 +4,8 @@ import json
 from importlib import import_module
 
 import pytest
+from faults.faults import FAULTS
+from helpers.campaign_scenes import DEFAULT_RUN
 from helpers.raster import ROOT
 
 from bench import measure, measure_all, tables
@@ -43,7 +45,7 @@ def column(name, key="ratio", **wanted) -> list[float]:
 
 
 def sentences():
-    """What pages repeat of the results in words: where, and how it must read."""
+    """What pages repeat in words of the results, and of the tests: where, and how it must read."""
     guide, bench, front = "rasterizer/README.md", "bench/README.md", "README.md"
     for path, scene, text in (
         ("packed entries", "dense", "Without it a fine sphere takes {:.1f} times as long"),
@@ -68,9 +70,11 @@ def sentences():
     yield bench, f"takes {min(found):.1f} to {max(found):.1f} times as long by Gouraud's method"
     found = [100.0 * saved for saved in column("tolerance_modes", "saved", tolerance="1/4096")]
     yield bench, f"would save {min(found):.0f} to {max(found):.0f} % of the time at most"
+    yield "tests/README.md", f"{len(FAULTS)} small faults"
+    yield "tests/README.md", f"{DEFAULT_RUN} scenes of the campaign"
 
 
-def test_sentences_repeat_what_was_measured():
+def test_sentences_repeat_what_was_measured_and_counted():
     for page, text in sentences():
         said = " ".join((ROOT / page).read_text(encoding="utf-8").split())
         assert text in said, f"{page} doesn't say {text!r}, as the results do"
