@@ -1,6 +1,6 @@
 """`raster compare`: the shading methods beside the reference, with error maps, times and Mach-band figures.
 
-flat     Gouraud   Phong    reference        pictures, one sample a pixel, as exact as float64
+flat     Gouraud   Phong    reference        pictures, one sample a pixel, computed in float64
 error    error     error    scale            false colours, one scale for all
 """
 

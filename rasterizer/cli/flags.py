@@ -231,7 +231,7 @@ def add_look(parser, is_compared=False):
 
     group = parser.add_topic("speed")
     if not is_compared:
-        _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = as exact as float64 "
+        _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = all in float64 "
                     "(default 1/4096: 8-bit values are off by one level at most, but next to steps of the light)",
                     type=values.fraction, metavar="T")
     _add_option(group, "threads", "threads that draw a picture (default: all that the process may use)", metavar="N")
