@@ -34,8 +34,7 @@ class Stats:
     faces : triangles of the scene
     clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to
         be placed
-    culled : triangles left out because they showed their back; of a dense mesh, those in parts that lie beside the
-        picture are left out before, and not counted
+    culled : triangles left out because they showed their back
     drawn : triangles that may cover a sample: those with small boxes that cover none are left out
     covered : samples that something covers
     samples : samples of the picture
