@@ -1,4 +1,4 @@
-"""Write a scene to a file that `scene_file.read_scene` reads: JSON or TOML, with arrays and textures in files beside it.
+"""Write a scene to a file that `scene_file.read_scene` reads: JSON or TOML, arrays and textures in files beside it.
 
     scene.json             meshes, materials, lights, camera: numbers in full, so that they come back as they were
     scene.npz              the arrays of all meshes, and textures that are not 8 bits a channel
