@@ -34,8 +34,7 @@ class Stats:
     faces : triangles of the scene
     clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to
         be placed
-    culled : triangles left out because they showed their back; of a dense mesh, those in parts that lie beside the
-        picture are left out before, and not counted
+    culled : triangles left out because they showed their back
     drawn : triangles that may cover a sample: those with small boxes that cover none are left out
     covered : samples that something covers
     samples : samples of the picture
@@ -349,7 +348,7 @@ class Frame:
             `.npz` and `.exr` files all that the frame has
         format : overrides the suffix: "npy", "npz", "exr" or a name of Pillow's: "PNG", "JPEG", ...
         scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001. The file says it in a text
-            field, and that 0 is nothing
+            field, and that 0 is nothing. Normals have 16 bits a channel, of which Pillow reads 8
         options : passed to Pillow, e.g. quality=95 for a JPEG file; without options a PNG file is written by `io.png`,
             which is faster; a TIFF file has a profile of sRGB
 

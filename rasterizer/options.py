@@ -54,11 +54,10 @@ class Options:
     size : (width, height) in pixels, or one number for a square; up to 262144 samples along an axis. Stored as a pair
     shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a
         sample)
-    tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every
+    tolerance : error accepted, in linear intensity where 1 is white; 0 = all in float64. The default keeps every
         8-bit value within one level of the picture with tolerance 0, but next to steps of the illumination
-        (`Stats.steps`). Gouraud's method uses nearly all of that, textures a seventh, flat shading and Phong's method a
-        hundredth at most, also with shadows and spectra. So a larger one saves a fifth of the time by Gouraud's method
-        and a tenth by the others, at most; `raster bench` tells how much
+        (`Stats.steps`). Gouraud's method uses nearly all of that, textures some of it, flat shading and Phong's method
+        next to nothing. So a larger one saves little time; `raster bench` tells how much
     samples : samples a pixel, on a square grid: 1, 4, 9 or 16. Buffers have one sample a pixel, whatever is asked for
         beside them
     antialias : what is done for each sample: "supersample" (all), or "shade-once": what is covered, and how deep it is;

@@ -78,7 +78,7 @@ def render(
     format : text, the format of bytes, or of a file whose suffix doesn't tell it; as in `load`
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp; as in `load`
     shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
-    tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64
+    tolerance : error accepted, in linear intensity where 1 is white; 0 = all in float64
     samples : samples a pixel: 1, 4, 9 or 16; buffers have one
     antialias : "supersample" (all is done for every sample), or "shade-once" (light and textures once for each
         polygon in a pixel)

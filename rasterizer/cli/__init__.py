@@ -9,9 +9,8 @@
     drawing    one model after another; processes: several at a time
     messages   what is said, and what failed
 
-Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model
-can't be read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one
-line on stderr; so does a fault of the program's own, whose traceback is shown with -v.
+`raster --help` lists the exit codes. Where all models failed, the code is that of the first. Whatever a user may do
+wrong ends in one line on stderr; so does a fault of the program's own, whose traceback is shown with -v.
 
 Only the standard library is imported before a command runs, so that `raster --help` is quick; and next to nothing
 before `main` does, so that an interrupt at any time ends in one line, too.
@@ -44,7 +43,7 @@ def _run_as_program() -> int:
     imports.
 
     What imports make lives as long as the process. The collector of cyclic garbage has no business with it: looking
-    through it would take some 10 ms while modules are imported, and 20 more at the end.
+    through it would take time, while modules are imported and at the end.
     """
     import _thread
     import gc

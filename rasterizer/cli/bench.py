@@ -61,7 +61,7 @@ def add_flags(parser) -> None:
     add("--tolerances", type=values.list_of(values.fraction), default=(0.0, Options.tolerance, 1 / 64), metavar="LIST",
         help="errors accepted (default 0,1/4096,1/64)")  # fmt: skip
     add("--flip", dest="with_flip", action="store_true",
-        help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)")  # fmt: skip
+        help="also FLIP, 0 to 1 (needs flip-evaluator)")  # fmt: skip
     add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")
     add_camera(parser)
     add_look(parser, is_compared=True)

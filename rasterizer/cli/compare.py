@@ -1,6 +1,6 @@
 """`raster compare`: the shading methods beside the reference, with error maps, times and Mach-band figures.
 
-flat     Gouraud   Phong    reference        pictures, one sample a pixel, as exact as float64
+flat     Gouraud   Phong    reference        pictures, one sample a pixel, computed in float64
 error    error     error    scale            false colours, one scale for all
 """
 
@@ -35,7 +35,7 @@ The table says of each method:
 """
 _NAMES = {"flat": "flat", "lambert": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
 _REFERENCE = "reference: Phong, float64"
-# The reference needs some 60 microseconds a face and 1 a pixel on one core of 2 GHz: beyond this, about a second.
+# A face takes the reference as long as many pixels, counted as 60. Beyond this it takes a while.
 _SLOW = 20_000  # faces and pixels / 60 together
 _OPTIONS = ("cull", "color_range", "exposure", "spectral", "threads")  # a scene file's size is that of one picture
 _PAPER = "white"

@@ -162,7 +162,7 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     upright = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")
     add("--up", type=values.axis, choices=("auto", *choices.AXES),
-        help=f"up axis (default auto: z for {upright}, y for other models, that of a scene file)")
+        help=f"up axis (default auto: that of a scene file or a dae, z for {upright}, else y)")
 
 
 def add_look(parser, is_compared=False):
@@ -231,7 +231,7 @@ def add_look(parser, is_compared=False):
 
     group = parser.add_topic("speed")
     if not is_compared:
-        _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = as exact as float64 "
+        _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = all in float64 "
                     "(default 1/4096: 8-bit values are off by one level at most, but next to steps of the light)",
                     type=values.fraction, metavar="T")
     _add_option(group, "threads", "threads that draw a picture (default: all that the process may use)", metavar="N")

@@ -13,7 +13,7 @@ BAR_WIDTH = 24
 _MAX_LINES = 20  # about one compilation, where there is no bar
 _MANY = 5  # pictures from which on there is a bar
 _EVERY_RUN = (
-    "compiling kernels takes some seconds in every run, as there is no folder that could keep them (-v says why); "
+    "compiling kernels takes a while in every run, as there is no folder that could keep them (-v says why); "
     "RASTER_STORE names one"
 )
 

@@ -124,7 +124,7 @@ def draw_in_processes(arguments, messages, plan, draw, executor=None) -> tuple[l
     check_camera(arguments)
     pool = ProcessPool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
     if not getattr(pool, "is_warm", True):
-        messages.notice("compiling kernels for the first time, which takes some seconds: raster warmup does it ahead")
+        messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages), results:
         try:

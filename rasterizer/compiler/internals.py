@@ -12,14 +12,14 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       _codegen._tm, _codegen._module_pass_manager
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
-    core.compiler_machinery.PassManager._runPass,      30 % less to compile (short_passes.py): passes that
+    core.compiler_machinery.PassManager._runPass,      less to compile (short_passes.py): passes that
       core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
       core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
       typed_passes.NativeLowering, np.arrayobj,
       cpython.builtins.do_minmax, state.typingctx
     core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once
       _get_module_for_linking, _linking_libraries
-    njit(forceinline=, no_cpython_wrapper=,            inlining, and a quarter less to compile
+    njit(forceinline=, no_cpython_wrapper=,            inlining, and less to compile
       no_cfunc_wrapper=)
     njit(_nrt=)                                        kernels that don't allocate and count no references
     context.declare_function, .call_conv, .make_array, entry points (entry_points.py)
@@ -56,7 +56,7 @@ _OPTIONS = _DOCUMENTED | {"_nrt": False}
 _SYSTEM = CDLL(None if os.name == "posix" else "ucrtbase")  # the process, with the C library in it
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-# A call that isn't inlined pushes every field of the structures that are passed: a hundred of them take 15 ns.
+# A call that isn't inlined pushes every field of the structures that are passed.
 _INLINED = {"error_model": "numpy", "forceinline": True}
 
 _log = logging.getLogger("rasterizer")
@@ -235,7 +235,7 @@ def _compile(function, argument_types, pipeline) -> Code:
     dispatcher = numba.njit(pipeline_class=pipeline, **_UNWRAPPED, **_OPTIONS)(function)
     was_collecting = gc.isenabled()
     token = _counts.set(False)
-    gc.disable()  # the compiler makes a million objects that all live on: looking for garbage takes a tenth of the time
+    gc.disable()  # the compiler makes a million objects that all live on: looking for garbage takes time
     try:
         dispatcher.compile(argument_types)
         (result,) = dispatcher.overloads.values()

@@ -29,16 +29,16 @@ What one light adds to a material errs by the sum of
 with s of Oren-Nayar's formula (reflections.py). The table of highlights of height 1, n the exponent:
 
     model         height         rounding                        turn of N     turn of L      float32 up to about
-    phong         1              (0.7 √n + 0.7)·68 u + 1.5 n u   1.4 √n + 1.4  0.7 √n + 0.7   n = 200, F/d = 4
-    blinn         1              the same with 53 u              0.7 √n + 0.7  1.4 √n + 1.4   n = 200
-    ggx           W/(2 α³)       300 u                           4/α + 5       12             α = 0.3
-    beckmann      0.884 W/m³     1080 u                          5.6/m + 40    33             m = 0.5
+    phong         1              (0.7 √n + 0.7)·68 u + 1.5 n u   1.4 √n + 1.4  0.7 √n + 0.7   n = 500
+    blinn         1              the same with 53 u              0.7 √n + 0.7  1.4 √n + 1.4   n = 300
+    ggx           W/(2 α³)       300 u                           4/α + 5       12             α = 0.4
+    beckmann      0.884 W/m³     1080 u                          5.6/m + 40    33             m = 0.7
     normalised    (n + 2)/2 or Blinn's scale: as much more
 
 That is float32, where |L + V| is MIN_SUM at least, and W(θ) what a mirror reflects there. The last column is for
-lights of an intensity of 1 in all, a highlight of 1/2 and the default tolerance: rounding takes half of it then. What
-is far from the light for its distance from the eye, what cones and ranges make steep, and what is brighter, asks for
-less sharp highlights, or float64.
+lights of an intensity of 1 in all, a highlight of 1/2, F/d = 4 and the default tolerance: rounding takes half of it
+then. What is far from the light for its distance from the eye, what cones and ranges make steep, and what is brighter,
+asks for less sharp highlights, or float64.
 
 Float32 is taken where all of this stays below half of the tolerance; the other half is for planes and entries, triangle
 by triangle. In float64 it is next to nothing, and what counts is the rounding of a finished colour to float32: six

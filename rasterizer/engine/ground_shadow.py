@@ -37,7 +37,7 @@ SPREAD = 0.35  # radius of the light over its height: how fast shadows become so
 RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller is a point
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 MAX_POINTS, MIN_POINTS = 128, 16  # of the light, as many as there is time for
-FACES_DRAWN = 2**22  # triangles times points of the light: some 0.2 s
+FACES_DRAWN = 2**22  # triangles times points of the light
 # Prepared scenes whose masks are drawn side by side, and triangles of a scene of which there are several.
 MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
 
@@ -61,8 +61,8 @@ class GroundShadow:
     ----------
     scene : Scene; its `up` says where the ground is. What is transparent lets light through
     strength : opacity of the ground where no light arrives, 0 to 1
-    size : texels along the longer side of the shadow, 16 to 4096
-    points : of the light, 1 to 1024; None = 128, and fewer for more than some 30,000 triangles
+    size : texels along the longer side of the shadow
+    points : of the light; None = 128, and fewer for more than some 30,000 triangles
     threads : how many; None = as many as the process may use
 
     Attributes

@@ -187,7 +187,7 @@ def draw_shadow_map(
     ----------
     dtype : of the map
     room : numbers that the map may have
-    before : the light's map in the picture before, whose memory is used again: new memory costs a fifth of the time
+    before : the light's map in the picture before, whose memory is used again
 
     Raises
     ------

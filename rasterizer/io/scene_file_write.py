@@ -1,4 +1,4 @@
-"""Write a scene to a file that `file.read_scene` reads: tables as JSON or TOML, arrays and textures in files beside it.
+"""Write a scene to a file that `scene_file.read_scene` reads: JSON or TOML, arrays and textures in files beside it.
 
     scene.json             meshes, materials, lights, camera: numbers in full, so that they come back as they were
     scene.npz              the arrays of all meshes, and textures that are not 8 bits a channel
@@ -201,7 +201,7 @@ def bytes_of(texture) -> np.ndarray | None:
 
 
 def _png(pixels) -> bytes:
-    from PIL import Image  # takes a tenth of a second to import; most scenes have no textures
+    from PIL import Image  # takes long to import; most scenes have no textures
 
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "PNG")

@@ -403,7 +403,7 @@ def signed_distance(corner, plane, screen, window):
     window.
     """
     w = corner[W]
-    # Four returns: with six the compiler counts references to the corner's row, which takes eight times as long.
+    # Four returns: with six the compiler counts references to the corner's row, which takes longer.
     if plane == NEAR:
         return w - screen.near
     if plane == FAR:

@@ -1,8 +1,9 @@
 """Inner loops of the pipeline as vector instructions, in LLVM's own terms: kernels.spelled_out asks for them.
 
-The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, these take
-two to four times as long. A function here is the instructions of the plain function that names it: those of scan.py,
-samples.py and texture_lookup.py, where the parameters are explained. It is loaded only where one is compiled.
+The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, frames
+take up to 2.5 times as long (bench/README.md). A function here is the instructions of the plain function that names it:
+those of scan.py, samples.py and texture_lookup.py, where the parameters are explained. It is loaded only where one is
+compiled.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """

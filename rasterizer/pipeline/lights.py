@@ -66,7 +66,7 @@ def spot(batch, n, light):
 
 
 def shaped_spot(batch, n, light):
-    """A spot light whose fall between the cones is raised to the power CONE_FALLOFF: it takes 1.8 times as long."""
+    """A spot light whose fall between the cones is raised to the power CONE_FALLOFF: it takes longer."""
     batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     light_from_point(batch, n, light)
     end_at_range(batch, n, light)

@@ -238,7 +238,7 @@ def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_d
         normals = rounded_vectors(corner_vectors(records, record, index(0)), real)
         depths = rounded(corner_values(records.reals, record, index(DEPTH)), real)
         colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
-        # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
+        # Component by component: by vector helpers and a choice between two values this loop takes longer.
         for k in range(start, end):
             q0, q1, q2 = sample_weights(triangle, first, k)
             inverse = 1.0 / (q0 + q1 + q2)

@@ -194,7 +194,7 @@ def write_value_group(planes, target, k, first, n, block):
     """Write the planes of n attributes, three at most, from number `first` on, and the range of each over the vertices.
 
     All four planes of a group are evaluated. Where the fourth of a group that isn't a record's first lies, another
-    record may have begun before: integers, which are denormals as float32, and take some processors fifty times as long
+    record may have begun before: integers, which are denormals as float32, and take some processors far longer
     to multiply. So the fourth is 0.
     """
     write_planes(planes, target, k, first, n, block)

@@ -51,7 +51,7 @@ has a limit that is off by m e/|c|. Counted in u L, that is in m u L/|c|, and in
     4           the limit, a sum of four terms (3), and the texel's own rounding: of m, and m <= m |X|/|c|
 
 That is 22 L + 31 h. ROUNDINGS = 35 of L + h are allowed, what float32 positions may be off as well (Precision in
-engine/shadow_maps.py). What an error e of the normal, SLOPE_ERROR a tap, changes in the slopes is e/(|c| scale) and
+engine/shadow_maps.py). What an error e of the normal changes in the slopes is e/(|c| scale) and
 e/|c| of the slope itself, times |X| (1 for parallel rays); times the way to the furthest texel of the filter. SLACK has
 the roundings of the slopes, and of the position times the scale.
 Errors of a position along its own plane move what the point is compared with: an edge appears that much elsewhere.

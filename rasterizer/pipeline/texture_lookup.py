@@ -267,7 +267,7 @@ def fill_level_fractions(batch, n):
 
 @helper
 def log2_coarse(x):
-    """Return log2 x in float32 for 1 <= x <= 2^60, without a branch; within 2^-15.9.
+    """Return log2 x in float32 for 1 <= x <= 2^60, without a branch; within 2^-15.8.
 
     For a mantissa 1 + f in [√½, √2] the polynomial, f times one of degree 4, errs by 1.5e-5 at most.
     """

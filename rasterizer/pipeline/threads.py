@@ -1,7 +1,7 @@
 """The threads that a frame is drawn with: kernels release the GIL, so plain Python threads run them side by side.
 
-A thread waits for calls in a queue. An executor of `concurrent.futures` would do, but a call through it takes twenty
-times as long, and importing it 4 ms.
+A thread waits for calls in a queue. An executor of `concurrent.futures` would do, but a call through it takes
+longer, and it would have to be imported.
 """
 
 import os

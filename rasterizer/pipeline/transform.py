@@ -10,7 +10,7 @@ Skew is a shear of the view, and that is all it is: where points are measured al
 are seen as without skew. So the stages that only project, clip, or solve for weights know nothing of it. A length of
 theirs is not one of the world any more, see `skew_stretch`.
 
-Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
+Float64 throughout: float32 would move one to four vertices in a hundred to another place of the grid.
 
 What the rounding to 1/256 px does to all that is interpolated: a vertex v_i of the polygon becomes s_i, no further than
 1/512 px from it along either axis. With the weights b_i >= 0, Σ b_i = 1, of a sample p = Σ b_i s_i, what is seen there

@@ -185,8 +185,7 @@ class SpotLight:
         `outer`
     exponent : number, at least 0; 0 = even within the inner cone
     attenuation, attached, amplify, range, shadow : as for PointLight; `attached` holds for position and direction
-    falloff : number above 0, the exponent of the fall between the two cones; below 1/2 the picture is computed in
-        float64
+    falloff : number above 0, the exponent of the fall between the two cones
 
     Raises
     ------

@@ -90,7 +90,7 @@ class Material:
         Lambert. "cook-torrance": Beckmann's m or GGX' alpha, at least 0.001: root mean square slope, or its
         counterpart. The other models don't use it. Two numbers, for "cook-torrance" with "ggx" only: alpha along the
         `tangent` and across it, as of brushed metal (Burley 2012; Heitz 2014). Brushed along the tangent, a surface is
-        smooth along it and rough across: (0.05, 0.4). A picture with two different ones is computed in float64
+        smooth along it and rough across: (0.05, 0.4). A material with two different ones is lit in float64
     tangent : the direction in the surface that two numbers of `roughness` refer to: "u", that in which the texture
         coordinate u grows, for which the mesh needs `uv`; or three numbers, an axis in the world, projected onto
         the surface. Where that leaves nothing, because the axis stands upright on the surface, or u grows nowhere,
@@ -107,9 +107,9 @@ class Material:
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent
     levels : whole number within 1..256: "toon" raises N·L to the next of the steps 1/levels, 2/levels, .. 1
-        where it is above 0; its highlight is all there where (R·V)^n >= 1/2, else not at all. A picture with
-        such a material is computed in float64, because next to a step no error is small: only points within
-        about 1e-15 of a step may fall on its other side
+        where it is above 0; its highlight is all there where (R·V)^n >= 1/2, else not at all. Such a material
+        is lit in float64, because next to a step no error is small: points within about 1e-12 of a step may
+        fall on its other side
     name : text, for reports
 
     Coefficients above 1 are legal, written as floats: whole numbers above 1, as (255, 128, 0), are refused.

@@ -30,8 +30,7 @@ class DepthCue:
     That is the fall-off 1/(d + d0) by the viewer's distance of the textbooks (Rogers 1985, section 5.2), d0 being
     `scale`, and 1 where it begins. It tells parallel surfaces of one material apart that all light falls on alike. The
     depth is that of `Frame.depth`: the distance from the camera along the viewing axis. Everything that a surface sends
-    out fades, ambient and emissive light too; the background does not. Exposure has no part in `color`. Pictures with a
-    cue are computed in float64.
+    out fades, ambient and emissive light too; the background does not. Exposure has no part in `color`.
 
     Parameters
     ----------

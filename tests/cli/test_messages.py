@@ -124,7 +124,7 @@ with compilation_shown(Messages(1)): pass
     environment = environment_with(RASTER_STORE=tmp_path / "file" / "below")
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     first, *lines, reason = done.stderr.splitlines()
-    assert "takes some seconds in every run" in first and "RASTER_STORE names one" in first and len(lines) == 3
+    assert "takes a while in every run" in first and "RASTER_STORE names one" in first and len(lines) == 3
     assert reason.startswith("raster: the store of kernels: ")
 
 

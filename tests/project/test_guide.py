@@ -83,6 +83,43 @@ def test_the_classes_that_extend_it_are_those_that_are_tested():
         assert source in text_of(PAGE), f"{PAGE} has another class {cls.name} than {path.name}"
 
 
+def test_the_limits_that_the_page_states_are_those_of_the_code():
+    from rasterizer import options
+    from rasterizer.engine.bounds import EXACT
+    from rasterizer.engine.depth_range import MAX_DEPTH_RATIO, NEAREST
+    from rasterizer.engine.reflections import MIN_SUM
+    from rasterizer.engine.rounding import DOUBLE, SINGLE
+    from rasterizer.pipeline import scan, setup, transform, visibility
+    from rasterizer.pipeline.power import grazing
+    from rasterizer.scene.texture import MAX_IN_PICTURE, MAX_TEXELS
+    from rasterizer.scene.validate import COORDINATE_LIMIT
+
+    def power(base, exponent) -> str:
+        return f"{base}{str(round(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+
+    single, double = (np.degrees(2 * np.arcsin(MIN_SUM[u] / 2)) for u in (SINGLE, DOUBLE))
+    parallel = [power(2, np.log2(grazing(cosine))) for cosine in (1.0, np.float32(1.0))]
+    said = " ".join(text_of(PAGE).split())
+    for text in (
+        f"It has {transform.DEPTH_BITS} bits",
+        f"what an entry's {transform.DEPTH_BITS} bits",
+        f"{setup.BLOCK} triangles side by side",
+        f"{visibility.LEVEL_BITS} bits of the intensity",
+        f"Boxes of up to {scan.MAX_WIDTH} samples across",
+        f"agrees with the reference within {power(10, np.log10(EXACT))} of full scale",
+        f"The default, 1/{1 / options.DEFAULT_TOLERANCE:.0f} in linear light",
+        f"A light within {parallel[0]} rad of a surface ({parallel[1]} in float32)",
+        f"within {single:.0f} degrees of that in float32, within {double:.0f} in float64",
+        f"within ±{power(10, np.log10(COORDINATE_LIMIT))} units",
+        f"at most {options.MAX_PIXELS} samples along an axis",
+        f"met by {visibility.MAX_RECORDS / 1e6:.1f} million triangles",
+        f"nearer than {power(2, np.log2(NEAREST))} of the furthest distance is clipped",
+        f"further than {power(2, np.log2(MAX_DEPTH_RATIO))} times the nearest distance",
+        f"up to {MAX_TEXELS} texels a side and {MAX_IN_PICTURE // 10**5 / 10} million in all",
+    ):
+        assert text in said, f"{PAGE} doesn't say {text!r}"
+
+
 def test_a_quad_by_gouraud_differs_from_scan_line_interpolation_as_the_page_says():
     """Scan-line interpolation of the square's left and right edges, as the intensities 1/4, 3/4, 1/4, 3/4 go round."""
     value = np.array([0.25, 0.75, 0.25, 0.75])
@@ -96,3 +133,26 @@ def test_a_quad_by_gouraud_differs_from_scan_line_interpolation_as_the_page_says
     left, right = value[3] + (value[0] - value[3]) * u, value[2] + (value[1] - value[2]) * u  # from the top row down
     scanned = left[:, None] + (right - left)[:, None] * u
     assert np.abs(drawn - scanned).max() == pytest.approx(0.0625, abs=1e-3) and "by up to 0.062" in text_of(PAGE)
+    # Turned by 45 degrees, both edges have the same value in each row, up to 3/4 in the middle one.
+    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (1, 1, 0), height=3)
+    drawn = rz.render(rz.Scene(mesh, scene.lights, camera), (65, 65), shading="gouraud", samples=1, outputs="color")
+    assert 0.75 - drawn.color[32, 32, 0] == pytest.approx(0.25, abs=1e-3) and "by 0.25" in text_of(PAGE)
+
+
+def test_the_rounding_of_the_increment_adds_up_as_the_page_says():
+    """One triangle of 9 000 by 9 000 px, eight rows of it, whose intensity is linear on the screen."""
+    size, value = (9000, 8), np.array([0.8, 0.656, 0.512])
+    corners = np.array([[-1.0, -1.0, 0.0], [1.0, -0.9, 0.0], [-0.9, 1.0, 0.0]])
+    normals = np.stack([np.sqrt(1 - value**2), 0 * value, value], axis=1)
+    mesh = rz.Mesh(corners, [[0, 1, 2]], normals=normals, material=rz.Material(diffuse=1.0, specular=0.0))
+    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=2 * size[1] / size[0])
+    scene = rz.Scene(mesh, rz.DirectionalLight((0, 0, -1)), camera)
+    with rz.Renderer(scene, size, shading="gouraud", samples=1, outputs="color", tolerance=1 / 256) as renderer:
+        frame = renderer.render()
+        assert renderer.plan.paths.entries == 1, "it isn't drawn incrementally"
+    x, y = np.meshgrid((np.arange(9000) + 0.5) / 4500 - 1, (3.5 - np.arange(8)) / 4500)
+    weights = np.linalg.solve(
+        np.vstack([corners[:, :2].T, np.ones(3)]), np.stack([x.ravel(), y.ravel(), x.ravel() ** 0])
+    )
+    error = np.abs(frame.color[..., 0].ravel() - value @ weights)[(frame.alpha > 0).ravel()].max()
+    assert error == pytest.approx(3.8e-4, rel=0.02) and "3.8·10⁻⁴" in text_of(PAGE), error

@@ -1,15 +1,20 @@
 """The pages: their examples run, their commands make their pictures and end as they say, and what they name exists."""
 
 import argparse
+import ast
+import builtins
 import configparser
 import dataclasses
 import glob
 import inspect
+import io
+import keyword
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import tokenize
 from importlib import import_module
 from pathlib import Path, PurePosixPath
 from types import ModuleType
@@ -369,3 +374,45 @@ def test_the_action_finds_what_has_changed(folder):
     assert code == 1
     assert [line.split(":")[0] for line in said.splitlines()] == ["cube.png", "old.png", "small/gear.png"]
     assert "old.png: gone" in said and "gear.png: new" in said
+
+
+# ---------------------------------------------------------------- what docstrings and comments name
+
+
+def identifiers(tree) -> set[str]:
+    """Every name of a module's code, and every word that stands alone in a text."""
+    found = set()
+    for node in ast.walk(tree):
+        found |= {getattr(node, field, None) for field in ("name", "arg", "id", "attr", "asname", "module")}
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.add(node.value)
+    return {part for name in found if isinstance(name, str) for part in name.split(".")}
+
+
+def notes(source, tree) -> list[str]:
+    """The docstrings and comments of a module."""
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    found = [ast.get_docstring(node) or "" for node in ast.walk(tree) if isinstance(node, kinds)]
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return found + [token.string for token in tokens if token.type == tokenize.COMMENT]
+
+
+def test_what_docstrings_and_comments_name_exists():
+    """Names between backquotes, constants, and files: what goes away leaves no sentence behind."""
+    sources = {path: path.read_text(encoding="utf-8") for path in (ROOT / "rasterizer").rglob("*.py*")}
+    sources = {path: text for path, text in sources.items() if path.suffix in (".py", ".pyi")}
+    trees = {path: ast.parse(text) for path, text in sources.items()}
+    files = {
+        path.name for folder in ("rasterizer", "tests", "bench", "models") for path in (ROOT / folder).rglob("*.*")
+    }
+    known = set().union(*map(identifiers, trees.values())) | {Path(name).stem for name in files} | {"rasterizer", "pyi"}
+    known |= {*dir(builtins), *keyword.kwlist, *sys.stdlib_module_names, "futures", "Tr"}
+    known |= {"cv2", "undistort", "dask", "distributed", "ma", "notebook", "pointee", "rgb2lab", "Trimesh"}  # of others
+    missing = []
+    for path, text in sources.items():
+        for note in notes(text, trees[path]):
+            named = re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", note) + re.findall(r"\b[A-Z]{3,}(?:_[A-Z\d]+)+\b", note)
+            missing += [(path.name, name) for name in named if name not in files and not known >= set(name.split("."))]
+            named = set(re.findall(r"\b\w+\.(?:py|md|ipynb)\b", note))
+            missing += [(path.name, name) for name in named - files]
+    assert not missing, f"named, and not there: {sorted(set(missing))}"

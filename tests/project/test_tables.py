@@ -4,6 +4,9 @@ import json
 from importlib import import_module
 
 import pytest
+from faults.faults import FAULTS
+from helpers.campaign_scenes import DEFAULT_RUN
+from helpers.raster import ROOT
 
 from bench import measure, measure_all, tables
 
@@ -33,6 +36,48 @@ def test_results_tell_their_machine_and_no_folders():
         assert path.stem.startswith(record["bench"]) and record["rows"], path.name
         assert {"cpu", "cores", "python", "numba", "load"} <= set(record["machine"]), path.name
         assert measure.without_folders(record) == record, path.name
+
+
+def column(name, key="ratio", **wanted) -> list[float]:
+    """A column of those rows of a result that have it, and these values."""
+    rows = [row for row in tables.load(name)["rows"] if key in row]
+    return [row[key] for row in rows if all(row.get(field) == value for field, value in wanted.items())]
+
+
+def sentences():
+    """What pages repeat in words of the results, and of the tests: where, and how it must read."""
+    guide, bench, front = "rasterizer/README.md", "bench/README.md", "README.md"
+    for path, scene, text in (
+        ("packed entries", "dense", "Without it a fine sphere takes {:.1f} times as long"),
+        ("planes", "scan", "With exact records alone a scan takes {:.1f} times as long"),
+        ("boxes filled whole", "scan", "Without that a scan takes {:.1f} times as long"),
+    ):
+        yield guide, text.format(*column("paths", path=path, scene=scene))
+    found = column("paths", path="float32")
+    yield guide, f"Without it frames take {min(found):.1f} to {max(found):.1f} times as long"
+    yield guide, "draw {:.2f} times as fast as one".format(*column("throughput", "gain", processes=2))
+    (found,) = column("startup", "yards", program="first picture")
+    yield guide, f"takes {found:.2f} of the time of `import numba`"
+    found = column("frame", "ms_1", case="stanford-bunny")
+    fast = min(column("frame", "ms_2", case="stanford-bunny"))
+    yield front, f"takes {fast:.0f} to {max(found):.0f} ms at 1920×1080"
+    found = column("peers", peer="llvmpipe")
+    yield front, f"llvmpipe takes {min(found):.1f} to {max(found):.1f} times as long"
+    found = [row["ratio_of_cpu"] for row in tables.load("peers")["rows"] if row.get("speck", "plain") != "plain"]
+    yield guide, f"costs at most {100.0 * max(found) - 100.0:.0f} %"
+    plain = {row["case"]: row["ms_1"] for row in tables.load("frame")["rows"] if row["shading"] == "gouraud"}
+    found = [row["ms_1"] / plain[row["case"]] for row in tables.load("frame_rgb")["rows"]]
+    yield bench, f"takes {min(found):.1f} to {max(found):.1f} times as long by Gouraud's method"
+    found = [100.0 * saved for saved in column("tolerance_modes", "saved", tolerance="1/4096")]
+    yield bench, f"would save {min(found):.0f} to {max(found):.0f} % of the time at most"
+    yield "tests/README.md", f"{len(FAULTS)} small faults"
+    yield "tests/README.md", f"{DEFAULT_RUN} scenes of the campaign"
+
+
+def test_sentences_repeat_what_was_measured_and_counted():
+    for page, text in sentences():
+        said = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+        assert text in said, f"{page} doesn't say {text!r}, as the results do"
 
 
 @pytest.fixture
