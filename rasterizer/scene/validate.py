@@ -78,7 +78,7 @@ def position3(value: object, what: str) -> tuple[float, float, float]:
 
 
 def unit3(value: object, what: str) -> tuple[float, float, float]:
-    """Return `value` as a unit 3-vector, as it is where it is one; SceneError where it has no length or is not finite."""
+    """Return `value` as a unit 3-vector, itself where it is one; SceneError where it has no length or isn't finite."""
     x, y, z = vector3(value, what)
     if abs(x * x + y * y + z * z - 1.0) <= UNIT_SLACK:
         return x, y, z

@@ -19,7 +19,7 @@ import numpy as np
 
 import rasterizer as rz
 from helpers.against_reference import depth_resolution
-from helpers.campaign import EDGES, LABELS, OUTPUTS, ROUNDED, all_clear, has_shadows, is_opaque, next_to_step
+from helpers.campaign import EDGES, LABELS, ROUNDED, all_clear, has_shadows, is_opaque, next_to_step
 from helpers.campaign_scenes import Case, make_case, make_texture
 from helpers.pinhole import unit
 from rasterizer import reference
@@ -79,7 +79,7 @@ def make_full_case(seed: int, index: int) -> Case:
     options["edges"] = EDGES[rng.integers(len(EDGES))] if chance(0.3, "edges") else ()
     options["edge_width"], options["edge_color"] = float(rng.uniform(0.5, 3)), tuple(rng.random(3))
     options["samples"] = 4 if chance(0.4, "4 samples") else 1
-    options["ground"] = chance(0.06, "ground")
+    options |= {"ground": True} if chance(0.06, "ground") else {}
     scene = replace(scene, meshes=meshes, lights=lights)
     return case._replace(scene=scene, options=options, words=" ".join(words))
 
@@ -186,8 +186,8 @@ def frozen(case, rng, folder):
 
 
 def split(case, rng, folder):
-    """Every mesh as two."""
-    if not can_freeze(case) or case.options["edges"] or has_tangents(case):
+    """Every mesh as two. Shadow maps are fitted to the meshes' boxes, and tangents are means over a mesh."""
+    if not can_freeze(case) or case.options["edges"] or has_tangents(case) or has_shadows(case.scene):
         return None
     meshes = [*map(freeze, case.scene.meshes), corners_of(case.scene)]
     frame = draw(with_meshes(case, [part for mesh in meshes for part in halves(mesh, rng)]))
@@ -227,7 +227,8 @@ def copies(case, rng, folder):
 
 def scaled(case, rng, folder):
     """In a unit that is a power of two times as long, with all lengths."""
-    factor = 2.0 ** int(rng.integers(-12, 13))
+    factor = 2.0 ** int(rng.integers(1, 13))  # towards usual units: depths are float32
+    factor = factor if np.abs(case.scene.bounds).max() < 1.0 else 1.0 / factor
     scene, camera = case.scene, case.scene.camera
     lengths = {"position": 1, "target": 1, "height": 1, "near": 1, "far": 1}
     cue = scene.depth_cue
@@ -355,9 +356,9 @@ def window(case, rng, folder):
     size = int(rng.integers(2, width - left + 1)), int(rng.integers(2, height - top + 1))
     middle = center_x - left - 0.5, center_y - top - 0.5  # OpenCV counts from the first pixel's centre
     lens = {"fov": None, "intrinsics": (scale_x, scale_y, *middle), "size": size, "skew": skew}
-    part = case._replace(scene=replace(case.scene, camera=replace(camera, **lens)), size=size)
-    frame = draw(part)
-    return Twin(arrays_of(frame), frame, False, part=(slice(top, top + size[1]), slice(left, left + size[0])))
+    frame = draw(case._replace(scene=replace(case.scene, camera=replace(camera, **lens)), size=size), edges=())
+    whole = draw(case, edges=()) if case.options["edges"] else None  # what hides them is seen beside them
+    return Twin(arrays_of(frame), frame, False, of=whole, part=(slice(top, top + size[1]), slice(left, left + size[0])))
 
 
 def two_lights(case, rng, folder):
@@ -440,7 +441,7 @@ def can_freeze(case) -> bool:
 
 
 def has_tangents(case) -> bool:
-    """Tell whether a surface is brushed along u: tangents are means over the faces of a mesh."""
+    """Tell whether a surface is brushed along u."""
     return any(np.size(material.roughness) > 1 and material.tangent == "u" for material in case.scene.materials)
 
 
@@ -467,18 +468,19 @@ def unshared(mesh) -> rz.Mesh:
 # ── what is compared ───────────────────────────────────────────────────────────────────────────────────────
 
 
-def find_faults(case, n_relation=len(RELATIONS)) -> list:
+def find_faults(case, n_relation=None) -> list:
     """Draw a case and its twins; say which relations don't hold.
 
     Parameters
     ----------
-    n_relation : how many relations, chosen by the case's number
+    n_relation : how many relations, chosen by the case's number; None = all
     """
     frame, faults = draw(case), []
+    n_relation = n_relation or len(RELATIONS)
     for k in range(n_relation):
         number = (case.index * n_relation + k) % len(RELATIONS)
         relation, rng = RELATIONS[number], np.random.default_rng((case.seed, case.index, number, 2))
-        if case.options["ground"] and relation not in WITH_GROUND:
+        if "ground" in case.options and relation not in WITH_GROUND:
             continue
         with tempfile.TemporaryDirectory() as folder:
             twin = relation(case, rng, folder)
@@ -567,7 +569,8 @@ def clear_centers(case) -> np.ndarray:
 def report(case, faults) -> str:
     """What a person needs to see a fault again."""
     lines = "".join(f"\n    {fault}" for fault in faults)
-    return f"seed {case.seed}, scene {case.index}: {case.words}{lines}\n    python -m helpers.relations {case.seed} {case.index}"
+    head = f"seed {case.seed}, scene {case.index}: {case.words}"
+    return f"{head}{lines}\n    python -m helpers.relations {case.seed} {case.index}"
 
 
 def main(seed, first, stop=None) -> int:
