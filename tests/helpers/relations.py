@@ -79,9 +79,10 @@ def make_full_case(seed: int, index: int) -> Case:
     options["edges"] = EDGES[rng.integers(len(EDGES))] if chance(0.3, "edges") else ()
     options["edge_width"], options["edge_color"] = float(rng.uniform(0.5, 3)), tuple(rng.random(3))
     options["samples"] = 4 if chance(0.4, "4 samples") else 1
+    size = (53, 41) if chance(0.1, "large") else case.size  # so that threads have bands of several rows
     options |= {"ground": True} if chance(0.06, "ground") else {}
     scene = replace(scene, meshes=meshes, lights=lights)
-    return case._replace(scene=scene, options=options, words=" ".join(words))
+    return case._replace(scene=scene, size=size, options=options, words=" ".join(words))
 
 
 def clipped_polygon(camera, rng) -> rz.Mesh:
