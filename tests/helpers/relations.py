@@ -167,7 +167,7 @@ def black_light(case, rng, folder):
 
 
 def without_area(case, rng, folder):
-    """With a face without an area, last in a mesh, and vertices that no face uses."""
+    """With a face without an area, last in a mesh."""
     mesh = case.scene.meshes[-1]
     if mesh.polygons is not None or case.options["edges"]:
         return None
