@@ -4,9 +4,9 @@
     python bench/hard_cases.py --small               small versions, as the tests draw them
     python bench/hard_cases.py --only perspective 10 --save pictures
 
-Each case is drawn with the default tolerance, with tolerance 0 and, but where that would take minutes, by the float64
-reference. The scenes are in hard_scenes.py. The exit code is 1 where anything is wrong. The last
-line is JSON.
+Each case is drawn with the default tolerance or its own, with tolerance 0 and, but where that would take minutes, by
+the float64 reference. The table names the paths that drew it, which must be those that the case is about. The scenes
+are in hard_scenes.py. The exit code is 1 where anything is wrong. The last line is JSON.
 """
 
 import argparse
@@ -24,11 +24,13 @@ from rasterizer import RasterizerError, Renderer, reference
 EXACT = 1e-6  # of full scale: what tolerance 0 promises
 STORED = 2.0**-23  # relative, of an intensity that is kept as float32
 DEPTH = 1e-6  # relative
+PATHS = ("entries", "planes", "exact")  # as `stats.plan.paths` counts them
 
 COLUMNS = [
     ("case" + " " * 38, "case", ""), ("seen", "seen", "d"), ("wrong", "wrong", "d"), ("unclear", "unclear", "d"),
     ("depth err", "depth", ".1e"), ("at 0", "exact", ".1e"), ("error ", "error", ".1e"), ("bound ", "bound", ".1e"),
-    ("/bound", "of_bound", ".3f"), ("result" + " " * 12, "result", ""),
+    ("/bound", "of_bound", ".3f"), ("drawn by" + " " * 7, "path", ""), ("result" + " " * 12, "result", ""),
+    ("figure", "figure", ""),
 ]  # fmt: skip
 
 
@@ -74,8 +76,13 @@ def measure_case(case, is_small) -> tuple[dict, object]:
         faults.append("a colour or a depth isn't finite")
     if made.expect is not None and made.expect(frame):
         faults.append(made.expect(frame))
+    row["path"] = ", ".join(name for name, n in zip(PATHS, frame.stats.plan.paths, strict=True) if n)
+    if row["path"] != case.path:
+        faults.append(f"it is drawn by {row['path']}, not by {case.path}")
     if made.has_reference:
-        row |= compare(made, frame, exact, faults, case.why.startswith("A limit"))
+        expected = reference_picture(made)
+        row |= compare(made, frame, exact, faults, expected, case.why.startswith("A limit"))
+        row["figure"] = "" if made.figure is None else made.figure(frame, expected)
     row["faults"] = faults
     row["result"] = "; ".join(faults) or ("right, but next to steps" if row.get("is_at_step") else "right")
     return row, frame
@@ -90,7 +97,7 @@ def refuse(case, made) -> dict:
         except RasterizerError:
             continue
         faults.append(f"{name} are not refused")
-    return {"case": case.name, "why": case.why, "seen": 0, "bound": None, "steps": [], "faults": faults,
+    return {"case": case.name, "why": case.why, "seen": 0, "bound": None, "steps": [], "path": "", "faults": faults,
             "result": "; ".join(faults) or "refused"}  # fmt: skip
 
 
@@ -101,15 +108,19 @@ def draw(made, **options):
         return renderer.render()
 
 
-def compare(made, frame, exact, faults, is_limit=False) -> dict:
+def reference_picture(made):
+    """The reference's picture of a scene."""
+    settings = {"shading": "gouraud"} | {k: v for k, v in made.options.items() if k not in ("outputs", "tolerance")}
+    with np.errstate(all="ignore"):
+        return reference.render(made.scene, made.size, **settings)
+
+
+def compare(made, frame, exact, faults, expected, is_limit=False) -> dict:
     """Compare both frames with the reference's picture; add what is wrong to the faults.
 
     A pixel in which two surfaces are nearer to each other than depth can tell is unclear: counted, not compared.
     Errors above their bounds are no faults of a limit, if the frame says that its illumination has steps.
     """
-    settings = {"shading": "gouraud"} | {name: value for name, value in made.options.items() if name != "outputs"}
-    with np.errstate(all="ignore"):
-        expected = reference.render(made.scene, made.size, **settings)
     resolution = margins.depth_resolution(made.scene, made.size, expected.depth)
     is_hit, is_clear = expected.face >= 0, expected.margin > resolution
     wrong = int(((frame.face >= 0) != is_hit).sum() + (is_clear & is_hit & (frame.face != expected.face)).sum())

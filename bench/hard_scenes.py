@@ -28,6 +28,7 @@ class Scene(NamedTuple):
     options: dict = {}
     has_reference: bool = True  # False where that would take minutes: `expect` says what is right then
     expect: Callable | None = None  # function from the Frame to None, or to what is wrong with it
+    figure: Callable | None = None  # function from the Frame and the reference's Picture to a figure in words
 
 
 class Refused(NamedTuple):
@@ -42,17 +43,18 @@ class Case(NamedTuple):
     name: str
     why: str  # what happens, and why that is right
     make: Callable  # function from `is_small` to a Scene, or to a Refused
+    path: str  # the paths that draw it: "entries", "planes", "exact", or several; "" where it is refused
     is_shown: bool = True  # whether its picture shows anything
 
 
 CASES: list[Case] = []
 
 
-def case(name, why, is_shown=True):
+def case(name, why, path="", is_shown=True):
     """Put a function that makes a Scene into the table."""
 
     def add(make):
-        CASES.append(Case(name, why, make, is_shown))
+        CASES.append(Case(name, why, make, path, is_shown))
         return make
 
     return add
@@ -102,6 +104,7 @@ def every_face(name, faces):
 @case(
     "slivers of 1/256 px by 8000 px",
     "The fill rule is integer: a sliver shows at the samples that lie in it, and nowhere else.",
+    path="entries",
 )
 def slivers(is_small):
     size = (512 if is_small else 8192, 24)
@@ -114,7 +117,11 @@ def slivers(is_small):
     return Scene(on_screen(size, points, 2.0, np.arange(3 * n).reshape(-1, 3)), size)
 
 
-@case("20 000 triangles below a pixel", "Each covers a sample or none. The nearest one at a sample is seen.")
+@case(
+    "20 000 triangles below a pixel",
+    "Each covers a sample or none. The nearest one at a sample is seen.",
+    path="entries",
+)
 def soup(is_small):
     n, rng = 2000 if is_small else 20_000, np.random.default_rng(2)
     corners = rng.uniform((0, 0), SIZE, (n, 1, 2)) + rng.uniform(-0.7, 0.7, (n, 3, 2))
@@ -122,18 +129,39 @@ def soup(is_small):
     return Scene(on_screen(SIZE, corners.reshape(-1, 2), depth, np.arange(3 * n).reshape(-1, 3)))
 
 
-@case("a triangle of 10⁶ px", "Edges reach 2²⁰ px beyond the picture before anything is clipped: no pixel of it moves.")
+@case(
+    "a triangle of 10⁶ px",
+    "Edges reach 2²⁰ px beyond the picture before anything is clipped: no pixel of it moves.",
+    path="entries",
+)
 def wide_triangle(_):
     points = [(-500_000.3, -400_000.7), (600_000.1, 20.4), (-300_000.9, 700_000.2)]
     return Scene(on_screen(SIZE, points, [2.0, 3.0, 7.0], [[0, 1, 2]]))
 
 
 @case(
-    "a span of 16 384 px",
-    "What is summed up along a span are whole numbers; a step's rounding is bounded over all of it.",
+    "a span of 16 384 px, in entries",
+    "ΔI is rounded to a level of 2⁻²⁴: half a level a step adds up, within a bound over the whole span.",
+    path="entries",
 )
-def long_span(is_small):
-    size = (2048 if is_small else 16_384, 4)
+def long_packed_span(_):
+    made = long_span(_)
+
+    def drift(frame, expected):
+        errors = np.abs(frame.color - expected.color).max(axis=(0, 2))
+        first, last = (errors[columns].max() for columns in (slice(0, 1024), slice(-1024, None)))
+        return f"error {first:.1e} in the first 1024 px, {last:.1e} in the last"
+
+    return made._replace(options={"tolerance": 1 / 256}, figure=drift)
+
+
+@case(
+    "a span of 16 384 px",
+    "Entries would add up more than the default tolerance; planes evaluate value + k·gradient at every sample.",
+    path="planes",
+)
+def long_span(_):
+    size = (16_384, 4)
     points = [(-3.0, -2.0), (size[0] + 5.0, 1.0), (size[0] - 1.0, 9.0), (-9.0, 8.0)]
     normals = [(1, 0, 1), (-1, 0, 1), (0, 1, 1), (0, -1, 1)]
     return Scene(on_screen(size, points, [2.0, 3.0, 4.0, 5.0], [[0, 1, 2], [0, 2, 3]], normals=normals), size)
@@ -142,6 +170,7 @@ def long_span(is_small):
 @case(
     "10⁶ faces in one pixel",
     "The nearest at the pixel's centre is seen; of those at equal depth the one with the lowest index.",
+    path="entries",
 )
 def crowded_pixel(is_small):
     n, rng = 10_000 if is_small else 1_000_000, np.random.default_rng(3)
@@ -174,6 +203,7 @@ def crowded_pixel(is_small):
 @case(
     "depths from 1 to 10³ … 10⁷ in one triangle",
     "Interpolation is that of I/w and 1/w, in float64 where a triangle's perspective needs it.",
+    path="exact",
 )
 def deep_triangles(_):
     points = [(4.0, 4.0), (92.0, 10.0), (40.0, 69.0)]
@@ -186,7 +216,12 @@ def deep_triangles(_):
     return Scene(rz.Scene(moved, LIGHTS, camera))
 
 
-@case("the eye in a triangle's plane", "Seen from its edge a triangle has no area, and covers nothing.", is_shown=False)
+@case(
+    "the eye in a triangle's plane",
+    "Seen from its edge a triangle has no area, and covers nothing.",
+    path="entries",
+    is_shown=False,
+)
 def edge_on(_):
     vertices = [(-1, 0, -3), (1, 0, -3), (0, 0, -9), (-1, -1, -5), (1, -1, -5), (0, 1, -5)]
     camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=60)
@@ -195,7 +230,9 @@ def edge_on(_):
 
 
 @case(
-    "near : far of 10⁻⁶", "Depths are 38-bit integers: a step of the z-buffer is far below what separates these faces."
+    "near : far of 10⁻⁶",
+    "Depths are 38-bit integers: a step of the z-buffer is far below what separates these faces.",
+    path="entries, planes",
 )
 def wide_range(_):
     points = [(x + 30 * k, y) for k in range(3) for x, y in ((2, 2), (60, 8), (20, 66))]
@@ -206,6 +243,7 @@ def wide_range(_):
 @case(
     "a model 10¹⁰ away from the origin",
     "Coordinates are float64. What they can't tell there, 2⁻¹⁹ of a unit, no renderer can draw.",
+    path="entries, planes",
 )
 def far_from_origin(_):
     center = np.array([1e10, -3e10, 2e10])
@@ -214,12 +252,12 @@ def far_from_origin(_):
     return framed([rz.Mesh(vertices, mesh.faces)], (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8)))
 
 
-@case("units of 10⁻³⁰", "Everything is relative to the scene's extent.")
+@case("units of 10⁻³⁰", "Everything is relative to the scene's extent.", path="exact")
 def tiny_units(_):
     return framed([ball(12, 1e-30)])
 
 
-@case("units of 10³⁰", "Everything is relative to the scene's extent.")
+@case("units of 10³⁰", "Everything is relative to the scene's extent.", path="exact")
 def huge_units(_):
     return framed([ball(12, 1e30)])
 
@@ -227,6 +265,7 @@ def huge_units(_):
 @case(
     "lengths whose squares are denormal, or 0",
     "Areas are those of coordinates times a power of two. Scenes below 10⁻¹⁴⁴ are refused; float32 depths before.",
+    path="exact",
 )
 def denormals(_):
     return framed([ball(8, 1e-140)], outputs=("color", "face"))
@@ -235,6 +274,7 @@ def denormals(_):
 @case(
     "coplanar and coincident faces",
     "At equal depth the face with the lower index is seen, in every mode and with any number of threads.",
+    path="entries",
 )
 def coincident(_):
     points = [(5, 5), (90, 5), (90, 68), (5, 68)]
@@ -243,9 +283,58 @@ def coincident(_):
     return Scene(scene, expect=every_face("coincident", [0, 1]))
 
 
+def tilted(places, factor=1.0):
+    """Depths (n,) at places (n, 2) of the picture, px, of a plane that is tilted."""
+    width, height = SIZE
+    x, y = (np.asarray(places, float) - (width / 2, height / 2)).T / (height / 2)
+    return 3.0 * factor / (1.0 + 0.5 * x - 0.2 * y)
+
+
+def wrong_share(places, wrong, what):
+    """A figure: in what share of the pixels within a convex polygon, and a pixel away from its border, a face is seen
+    that should not be. Judged by the planes as they are given: no vertex is rounded."""
+    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
+    corners = np.asarray(places, float)
+    along = np.roll(corners, -1, axis=0) - corners
+    sides = [(x - px) * dy - (y - py) * dx for (px, py), (dx, dy) in zip(corners, along, strict=True)]
+    far = np.stack(sides) / np.linalg.norm(along, axis=1)[:, None, None]
+    is_inside = (far > 1.0).all(axis=0) | (far < -1.0).all(axis=0)
+
+    def figure(frame, _):
+        n_wrong = int((is_inside & np.isin(frame.face, wrong)).sum())
+        return f"{what} at {n_wrong} of {is_inside.sum()} px"
+
+    return figure
+
+
+@case(
+    "tilted planes 10⁻⁶ of their depth apart",
+    "A limit: corners are rounded to 1/256 px and depths are not, so the further one of two may be seen.",
+    path="entries",
+)
+def nearly_coplanar(_):
+    far, near = [(3, 3), (93, 6), (90, 69), (6, 66)], [(10, 9), (84, 5), (88, 60), (13, 64)]
+    depth = np.concatenate([tilted(far), tilted(near, 1.0 - 1e-6)])
+    scene = on_screen(SIZE, far + near, depth, [[0, 1, 2, 3], [4, 5, 6, 7]], True)
+    return Scene(scene, figure=wrong_share(near, [0, 1], "the further one is seen"))
+
+
+@case(
+    "a decal",
+    "A limit: of faces in one plane, on other corners, either may be seen.",
+    path="entries",
+)
+def decal(_):
+    own, wall = [(10, 9), (84, 5), (88, 60), (13, 64)], [(3, 3), (93, 6), (90, 69), (6, 66)]
+    depth = np.concatenate([tilted(own), tilted(wall)])
+    scene = on_screen(SIZE, own + wall, depth, [[0, 1, 2, 3], [4, 5, 6, 7]], True)
+    return Scene(scene, figure=wrong_share(own, [2, 3], "the wall behind it is seen"))
+
+
 @case(
     "interpenetrating triangles",
     "Visibility is decided at every sample: the line where they cross comes out by itself.",
+    path="entries, planes",
 )
 def interpenetrating(_):
     rng = np.random.default_rng(4)
@@ -256,6 +345,7 @@ def interpenetrating(_):
 @case(
     "T-junctions",
     "A vertex on a neighbour's edge is rounded like any other: a pixel may show through, as the mesh has a gap there.",
+    path="entries",
 )
 def t_junctions(_):
     points = [(3, 3), (93, 7), (48, 70), (3 + 90 / 3, 3 + 4 / 3), (40.3, 0.2), (3 + 60, 3 + 8 / 3)]
@@ -268,6 +358,7 @@ def t_junctions(_):
 @case(
     "normals that cancel",
     "Where an interpolated normal vanishes nothing is divided by 0; `stats.steps` says how near no bound holds.",
+    path="exact",
 )
 def vanishing_normals(_):
     points = [(4, 4), (92, 6), (90, 68), (6, 70)]
@@ -278,6 +369,7 @@ def vanishing_normals(_):
 @case(
     "normals of length 0",
     "A vertex that is said to have none gets the normal of its faces, as where no normals are given.",
+    path="entries, planes",
 )
 def zero_normals(_):
     mesh = ball(8)
@@ -289,6 +381,7 @@ def zero_normals(_):
 @case(
     "exponents from 0.1 to 10⁶",
     "Powers are exp2 and log2 with a bound for each exponent; sharp ones are lit in float64.",
+    path="planes, exact",
 )
 def exponents(_):
     meshes = [ball(12, center=(2.1 * k, 0, 0), material=rz.Material(specular=0.8, shininess=n))
@@ -299,18 +392,23 @@ def exponents(_):
 @case(
     "a light on the surface",
     "Its direction is that of nothing in the nearest point: such points have no bound, and are told of.",
+    path="exact",
 )
 def light_on_surface(_):
     return framed([ball(12)], (rz.AmbientLight(0.1), rz.PointLight((0.0, 1.0, 0.0), 0.5)), shading="phong")
 
 
-@case("a light inside, and one very far away", "Only what it faces is lit; from 10¹² units away rays are parallel.")
+@case(
+    "a light inside, and one very far away",
+    "Only what it faces is lit; from 10¹² units away rays are parallel.",
+    path="planes, exact",
+)
 def lights_inside_and_far(_):
     lights = (rz.PointLight((0.1, 0.2, 0.1), 1.0), rz.PointLight((1e12, 1e12, 3e11), 0.7, (1.0, 0.0, 0.0)))
     return framed([ball(12)], lights, shading="phong")
 
 
-@case("intensities of 10⁻³⁰", "The picture is black; its colours keep their digits.", is_shown=False)
+@case("intensities of 10⁻³⁰", "The picture is black; its colours keep their digits.", path="entries", is_shown=False)
 def dim(_):
     return framed([ball(12)], (rz.DirectionalLight((-0.4, -0.5, -0.8), 1e-30),))
 
@@ -318,13 +416,14 @@ def dim(_):
 @case(
     "intensities of 10³⁰",
     "The picture is white; its colours keep their digits, the tolerance is of white 1.",
+    path="exact",
     is_shown=False,
 )
 def bright(_):
     return framed([ball(12)], (rz.DirectionalLight((-0.4, -0.5, -0.8), 1e30),))
 
 
-@case("attenuation next to 0", "1/(kc + kl d + kq d²) has the limit 1, unless `amplify` asks for more.")
+@case("attenuation next to 0", "1/(kc + kl d + kq d²) has the limit 1, unless `amplify` asks for more.", path="exact")
 def attenuation(_):
     lights = (rz.PointLight((0.0, 0.0, 1.05), 1.0, (0.0, 0.0, 1.0)),
               rz.PointLight((1.05, 0.0, 0.0), 0.02, (0.0, 1.0, 1e-9), amplify=True))  # fmt: skip
@@ -335,22 +434,70 @@ def attenuation(_):
 
 
 @case(
-    "a dihedral equal to the crease angle",
-    "An edge is a crease if its angle is above the given one: at exactly that angle it is smooth.",
+    "edges at exactly the crease angle",
+    "They are no creases: neither split in shading nor drawn as edges, however the corners are rounded.",
+    path="entries, planes",
 )
 def on_the_crease(_):
-    angle = np.radians(30.0)
-    vertices = [(0, -1, 0), (0, 1, 0), (-1, 0, 0), (np.cos(angle), 0, -np.sin(angle))]
-    return framed([rz.Mesh(vertices, [[0, 1, 2], [1, 0, 3]], crease_angle=30.0)])
+    turn = 2 * np.pi * np.arange(12) / 12
+    ring = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1)
+    corners = (
+        np.concatenate([ring - (0, 0.8, 0), ring + (0, 0.8, 0)]) @ rz.Camera(position=(1, 2, 3), fov=40).view()[1:]
+    )
+    sides = [[(k + 1) % 12, k, 12 + k, 12 + (k + 1) % 12] for k in range(12)]
+    faces = [*sides, list(range(12)), list(range(23, 11, -1))]
+    options = {"edges": "crease", "edge_color": "white"}
+
+    def drawn(angle):
+        mesh = rz.Mesh(corners, faces, crease_angle=angle)
+        return framed([mesh], **options)
+
+    def expect(frame):
+        at, above, below = (rz.render(drawn(angle).scene, SIZE, samples=1, **options).rgb for angle in (30, 31, 29.99))
+        return None if (at == above).all() and (at != below).any() else "edges between the walls are drawn, or never"
+
+    return drawn(30.0)._replace(expect=expect)
 
 
-@case("three faces at an edge", "Normals are averaged among the faces that meet at less than the crease angle.")
+@case(
+    "three faces at an edge",
+    "Normals are averaged among the faces that meet at less than the crease angle.",
+    path="entries, planes",
+)
 def non_manifold(_):
     vertices = [(0, -1, 0), (0, 1, 0), (-1, 0, 0.2), (1, 0, 0.3), (0.1, 0, 1.0)]
     return framed([rz.Mesh(vertices, [[0, 1, 2], [1, 0, 3], [0, 1, 4]], crease_angle=60.0)])
 
 
-@case("a Möbius strip", "It has no inside: faces are lit on the side that the viewer sees.")
+@case(
+    "a spiral of 24 turns, as one polygon",
+    "Concave polygons are cut into triangles between their corners: covered is what the outline encloses.",
+    path="entries",
+)
+def spiral(is_small):
+    turns = 8 if is_small else 24
+    turn = np.linspace(0.0, 2 * np.pi * turns, 40 * turns)
+    radius = 2.0 + 33.0 * turn / turn[-1]
+    outer, inner = radius + 0.5 * 33.0 / turns, radius
+    arms = [np.stack([48 + r * np.cos(turn), 36 + r * np.sin(turn)], axis=1) for r in (outer, inner)]
+    grid = np.rint(np.concatenate([arms[0], arms[1][::-1]]) * 256).astype(np.int64)
+
+    def expect(frame):
+        """Count how often a ray to the right crosses the outline (even-odd rule), in whole numbers."""
+        x, y = np.meshgrid(256 * np.arange(SIZE[0]) + 128, 256 * np.arange(SIZE[1]) + 128)
+        is_inside, is_at_border = np.zeros(x.shape, bool), np.zeros(x.shape, bool)
+        for (ax, ay), (bx, by) in zip(grid, np.roll(grid, -1, axis=0), strict=True):
+            side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+            spans = (ay <= y) != (by <= y)
+            is_inside ^= spans & ((side > 0) == (by > ay))
+            is_at_border |= (side == 0) & (min(ay, by) <= y) & (y <= max(ay, by))
+        n_wrong = (((frame.face >= 0) != is_inside) & ~is_at_border).sum()
+        return f"{n_wrong} samples are covered wrongly" if n_wrong else None
+
+    return Scene(on_screen(SIZE, grid / 256, 2.0, [list(range(len(grid)))]), expect=expect)
+
+
+@case("a Möbius strip", "It has no inside: faces are lit on the side that the viewer sees.", path="entries, planes")
 def moebius(is_small):
     n = 24 if is_small else 96
     turn = np.linspace(0.0, 2.0 * np.pi, n + 1)[:-1]
@@ -367,10 +514,27 @@ def moebius(is_small):
 @case(
     "a model that is inside out",
     "Nothing is culled by default, and lighting is two-sided: it looks like the right one.",
+    path="entries, planes",
 )
 def inside_out(_):
     mesh = ball(12)
     return framed([rz.Mesh(mesh.vertices, mesh.faces[:, ::-1], normals=mesh.normals)])
+
+
+@case(
+    "texture coordinates of 10³ … 10⁷",
+    "Whole repeats are taken off in float64; planes hold what is left, which float32 can tell.",
+    path="planes",
+)
+def large_uv(_):
+    places = [(x + 19 * k, y) for k in range(5) for x, y in ((2, 3), (17, 5), (16, 69), (3, 66))]
+    start = np.repeat(10.0 ** np.arange(3, 8), 4)[:, None]
+    uv = start + np.tile([(0, 1.9), (1.1, 1.7), (0.9, 0.1), (-0.1, 0)], (5, 1))
+    image = np.random.default_rng(7).random((8, 8, 3))
+    faces = [[4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3] for k in range(5)]
+    material = rz.Material(texture=rz.Texture(image, filter="bilinear"))
+    depth = np.tile([3.0, 4.0, 3.5, 3.0], 5)
+    return Scene(on_screen(SIZE, places, depth, faces, True, uv=uv, material=material))
 
 
 # ── what is known not to be exact ─────────────────────────────────────────────────────────────────────────
@@ -379,6 +543,7 @@ def inside_out(_):
 @case(
     "shadows from a map",
     "A limit: shadow edges come from maps here and from rays in the reference; 1 texel wide, `stats.steps` says so.",
+    path="planes",
 )
 def shadow_map(_):
     floor = rz.Mesh([(-3, -1, -3), (3, -1, -3), (3, -1, 3), (-3, -1, 3)], [[0, 2, 1], [0, 3, 2]])
@@ -387,7 +552,29 @@ def shadow_map(_):
 
 
 @case(
-    "transparent layers in one place", "Sorted at every sample by depth, then by index: no order of the file matters."
+    "a closed room in the sun",
+    "A limit: a map knows walls to one texel, so light may leak in along inner edges.",
+    path="planes, exact",
+)
+def closed_room(_):
+    corners = np.array([(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (-2, 2)], float)
+    walls = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    lights = (SUN, rz.PointLight((5.0, 4.0, 3.0), 0.9, shadow=rz.Shadow(512)))
+    camera = rz.Camera.perspective((1.2, 0.3, 1.4), (-2, -0.6, -2), fov=100)
+    material = rz.Material(ambient=0, diffuse=0.8, specular=0)
+    made = Scene(rz.Scene(rz.Mesh(corners, walls, material=material), lights, camera), options={"shading": "phong"})
+
+    def leaks(frame, _):
+        is_lit = frame.color.max(axis=-1) > 1e-3
+        return f"light leaks to {is_lit.sum()} of {is_lit.size} px"
+
+    return made._replace(figure=leaks)
+
+
+@case(
+    "transparent layers in one place",
+    "Sorted at every sample by depth, then by index: no order of the file matters.",
+    path="planes",
 )
 def layers(_):
     points = [(6, 6), (90, 9), (45, 66)]
@@ -400,6 +587,7 @@ def layers(_):
 @case(
     "steps of the illumination",
     "A limit: within float32's rounding of a toon's step no error is small; `stats.steps` says how near.",
+    path="exact",
 )
 def toon(_):
     return framed([ball(12, material=rz.Material(reflection="toon"))], shading="phong")
@@ -408,7 +596,11 @@ def toon(_):
 # ── what it doesn't do ────────────────────────────────────────────────────────────────────────────────────
 
 
-@case("a highlight inside a polygon", "A limit of Gouraud's method: no vertex sees the highlight, so no sample does.")
+@case(
+    "a highlight inside a polygon",
+    "A limit of Gouraud's method: no vertex sees the highlight, so no sample does.",
+    path="entries",
+)
 def lost_highlight(_):
     normals = [(-0.5, -0.5, 0.7), (0.5, -0.5, 0.7), (0.5, 0.5, 0.7), (-0.5, 0.5, 0.7)]
     square = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [[0, 1, 2], [0, 2, 3]], normals,
@@ -422,7 +614,7 @@ def lost_highlight(_):
     return made._replace(expect=expect)
 
 
-@case("the alpha of vertex colours", "A limit: it isn't drawn; the colours are, as if opaque.")
+@case("the alpha of vertex colours", "A limit: it isn't drawn; the colours are, as if opaque.", path="planes")
 def vertex_alpha(_):
     mesh = ball(8)
     colors = np.concatenate([np.abs(mesh.normals), np.full((len(mesh.vertices), 1), 0.25)], axis=1)
@@ -432,7 +624,11 @@ def vertex_alpha(_):
     )
 
 
-@case("a polygon that crosses itself", "A limit: no triangles between its corners fill it; it is warned of.")
+@case(
+    "a polygon that crosses itself",
+    "A limit: no triangles between its corners fill it; it is warned of.",
+    path="entries",
+)
 def crossing_polygon(_):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -449,6 +645,7 @@ def crossing_polygon(_):
 @case(
     "a shadow on a floor of two triangles",
     "A limit of Gouraud's method: shadows are those of vertices, so this one is lost.",
+    path="entries",
 )
 def shadow_of_vertices(_):
     plate = rz.Mesh([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)], [[0, 2, 1], [0, 3, 2]])
@@ -462,7 +659,7 @@ def shadow_of_vertices(_):
     return made._replace(expect=expect)
 
 
-@case("a shadow of a pane", "A limit: transparent surfaces cast no shadow.")
+@case("a shadow of a pane", "A limit: transparent surfaces cast no shadow.", path="planes")
 def shadow_of_glass(_):
     pane = rz.Mesh([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)], [[0, 2, 1], [0, 3, 2]],
                    material=rz.Material(opacity=0.5))  # fmt: skip
@@ -481,7 +678,9 @@ def shadow_of_glass(_):
 
 
 @case(
-    "a highlight at the terminator", "A limit: classic highlights end with a step where N·L = 0; `stats.steps` says so."
+    "a highlight at the terminator",
+    "A limit: classic highlights end with a step where N·L = 0; `stats.steps` says so.",
+    path="planes, exact",
 )
 def terminator(_):
     material = rz.Material(diffuse=0.2, specular=0.8, shininess=1)
@@ -491,6 +690,7 @@ def terminator(_):
 @case(
     "a light parallel to a surface",
     "Within 2⁻²⁰ rad, 2⁻⁴⁰ in float64, it counts as parallel, so that no rounding decides.",
+    path="planes",
 )
 def grazing(_):
     lights = tuple(rz.DirectionalLight((1.0, -angle, 0.0), 0.3) for angle in (0.0, 2.0**-60, 2.0**-21, 1e-3))
@@ -499,7 +699,11 @@ def grazing(_):
     return Scene(scene, options={"shading": "phong"})
 
 
-@case("Blinn's highlight against the light", "A limit: H = L + V vanishes; `stats.steps` says how near no bound holds.")
+@case(
+    "Blinn's highlight against the light",
+    "A limit: H = L + V vanishes; `stats.steps` says how near no bound holds.",
+    path="planes, exact",
+)
 def against_the_light(_):
     material = rz.Material(diffuse=0.3, specular=0.7, shininess=20, reflection="blinn")
     return framed(
@@ -507,7 +711,11 @@ def against_the_light(_):
     )
 
 
-@case("brushed metal where u is mirrored, and at a pole", "A limit: tangents cancel there, and no direction is left.")
+@case(
+    "brushed metal where u is mirrored, and at a pole",
+    "A limit: tangents cancel there, and no direction is left.",
+    path="exact",
+)
 def mirrored_seam(is_small):
     n = 8 if is_small else 16
     mesh = ball(n)
@@ -517,7 +725,11 @@ def mirrored_seam(is_small):
     return framed([replace(mesh, uv=uv, material=material)], shading="phong")
 
 
-@case("colours of vertices under a spectrum", "A limit: they are RGB, and multiply what the spectra have become.")
+@case(
+    "colours of vertices under a spectrum",
+    "A limit: they are RGB, and multiply what the spectra have become.",
+    path="planes",
+)
 def spectral_colors(_):
     mesh = ball(8)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), rz.Spectrum.blackbody(3000)))
@@ -528,7 +740,9 @@ def spectral_colors(_):
 
 
 @case(
-    "a convex polygon of 24 corners", "It is drawn about its centre, so that no diagonal shows; faces are its edges'."
+    "a convex polygon of 24 corners",
+    "It is drawn about its centre, so that no diagonal shows; faces are its edges'.",
+    path="entries",
 )
 def convex_polygon(_):
     turn = np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
@@ -537,7 +751,11 @@ def convex_polygon(_):
     return Scene(rz.Scene(mesh, (*LIGHTS, LAMP), rz.Camera.perspective((0, 0, 4))))
 
 
-@case("what is nearer than 2⁻²⁰ of the furthest distance", "A limit: it is clipped, the rest is as it was.")
+@case(
+    "what is nearer than 2⁻²⁰ of the furthest distance",
+    "A limit: it is clipped, the rest is as it was.",
+    path="entries",
+)
 def nearer_than_near(_):
     points = [(8, 60), (88, 60), (48, 8)] * 2
     faces, depths = [[0, 1, 2], [3, 4, 5]], np.repeat([2.0**-22, 1.0], 3)
@@ -552,6 +770,7 @@ def only(face):
 @case(
     "faces nearer together than depth can tell",
     "A limit: 38 bits of the range of depths; there either may be in front.",
+    path="entries",
 )
 def too_near(_):
     points = [(8, 60), (88, 60), (48, 8)] * 2 + [(90, 2), (95, 2), (92, 6)]

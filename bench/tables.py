@@ -240,7 +240,7 @@ def finer(rows) -> list[str]:
 
 
 def hard_cases(rows) -> list[str]:
-    """How the hard cases end, and how much of its bound the largest error takes."""
+    """How the hard cases end, how many each path draws a part of, and how much of its bound the largest error takes."""
     found = []
     for name, is_one in (
         ("right", lambda row: row["result"] == "right" and not row["why"].startswith("A limit")),
@@ -251,8 +251,10 @@ def hard_cases(rows) -> list[str]:
     ):  # fmt: skip
         own = [row for row in rows if is_one(row)]
         shares = [row["of_bound"] for row in own if row.get("of_bound") is not None and not row.get("is_at_step")]
-        found.append([name, str(len(own)), figure(max(shares)) if shares else ""])
-    return lines_of(["what happens", "cases", "largest error / bound"], found)
+        by_paths = [sum(path in row["path"] for row in own) for path in ("entries", "planes", "exact")]
+        found.append([name, str(len(own)), *map(str, by_paths), figure(max(shares)) if shares else ""])
+    columns = ["cases", "by entries", "by planes", "by exact records", "largest error / bound"]
+    return lines_of(["what happens", *columns], found)
 
 
 # ── features ──────────────────────────────────────────────────────────────────────────────────────────────

@@ -76,9 +76,10 @@ class Options:
         5 nm) where a light or material has a Spectrum, else red, green and blue alone
     threads : how many, 1 to 1024; None = as many as the process may use
     edges : which edges of polygons are drawn over the picture, where nothing hides them: "wire" (all of them), "crease"
-        (where faces meet at more than the mesh's crease angle, or end), "silhouette" (where the surface turns away from
-        the viewer, or ends), "all"; one or several; None or () = none. Stored as a tuple. They are drawn inside of what
-        is seen, so alpha stays the model's coverage; buffers don't show them
+        (where faces end, or shading is split between them: by the mesh's crease angle, else by its smoothing groups; by
+        30 degrees where normals are given), "silhouette" (where the surface turns away from the viewer, or ends),
+        "all"; one or several; None or () = none. Stored as a tuple. They are drawn inside of what is seen, so alpha
+        stays the model's coverage; buffers don't show them
     edge_color : of the edges: "#rrggbb", the name of a CSS colour, or linear (r, g, b); stored as linear RGB
     edge_width : of the edges, in pixels, above 0 to 256
     ground : whether the scene stands on the ground of a tabletop: a soft shadow lies under the picture, in its alpha,

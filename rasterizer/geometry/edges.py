@@ -23,7 +23,7 @@ class Edges(NamedTuple):
     ends: NDArray[np.float64]  # (n, 2, 3) world space
     first: NDArray[np.int64]  # (n,) the first side of each
     is_open: NDArray[np.bool_]  # (n,) one polygon has the edge, or more than two have it
-    is_crease: NDArray[np.bool_]  # (n,) open, or the polygons meet at more than the mesh's crease angle
+    is_crease: NDArray[np.bool_]  # (n,) open, or a crease of the mesh: see `are_joined`
     normals: NDArray[np.float64]  # (n_side, 3) of the polygons, unit or zero
     is_along: NDArray[np.bool_]  # (n_side,) the polygon goes from the edge's start to its end, else it comes back
 
@@ -61,11 +61,30 @@ def gather_edges(mesh: Mesh) -> Edges:
     turn = np.where(is_along[at] == is_along[at + 1], -1.0, 1.0)
     fill_planes(normals, np.stack([owner[at], owner[at + 1]], axis=1), turn, ends[is_pair])
     of_sides, is_crease = normals[owner], ~is_pair
-    angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
     has_planes = of_sides[at].any(axis=1) & of_sides[at + 1].any(axis=1)
     cosines = turn * (of_sides[at] * of_sides[at + 1]).sum(axis=1)
-    is_crease[is_pair] = has_planes & ~is_smooth(cosines, smooth_cosine(angle))
+    is_crease[is_pair] = has_planes & ~are_joined(mesh, polygons, np.stack([owner[at], owner[at + 1]]), cosines)
     return Edges(ends, first, ~is_pair, is_crease, of_sides, is_along)
+
+
+def are_joined(mesh: Mesh, polygons: NDArray, sides: NDArray, cosines: NDArray) -> NDArray[np.bool_]:
+    """Tell of edges between two polygons whether shading goes on across them, by the rule of `split_mesh`: its crease
+    angle, else its smoothing groups. Where normals are given, these say nothing of edges; the default angle counts.
+
+    Parameters
+    ----------
+    polygons : (n_face,) of each triangle
+    sides : (2, n) the two polygons at each edge
+    cosines : (n,) of the angles between their normals, wound alike
+    """
+    if mesh.crease_angle is not None or mesh.normals is not None or mesh.smoothing is None:
+        angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
+        return is_smooth(cosines, smooth_cosine(angle))
+    group = np.zeros(polygons.max(initial=0) + 1, mesh.smoothing.dtype)
+    group[polygons] = mesh.smoothing
+    one, other = group[sides]
+    # Of two faces in one plane the normals are the same, also where they are not averaged.
+    return ((one != 0) & (one == other)) | is_smooth(cosines, smooth_cosine(0.0))
 
 
 def _runs(*columns: NDArray) -> tuple[NDArray, NDArray]:

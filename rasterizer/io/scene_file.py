@@ -340,10 +340,6 @@ class Entry:
 COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
 FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 
-# A unit vector that was computed once has n·n = 1 to 10 roundings of 2^-53: 3 of the sum, 1 of the root and 1 of the
-# division of each component count twice in the square, 3 of this sum, and 1 to spare.
-_UNIT_SLACK = 10 * 2.0**-53
-
 
 class Context:
     """Hold what all parts of one scene file share.
@@ -472,7 +468,7 @@ def read_material(entry, context, name="") -> Material:
             settings[key] = _read_texture(field, context)
         else:
             settings[key] = color_value(field) if key in COLORS else field.value
-    return keeping_units(entry.call(Material, **settings), settings, ("tangent",))
+    return entry.call(Material, **settings)
 
 
 def _read_texture(entry, context) -> Texture:
@@ -536,8 +532,7 @@ def _read_light(entry):
         for name, field in table.items()
         if name != "kind"
     }
-    vectors = [name for name, field in described.items() if field.holds == "vector"]
-    return keeping_units(entry.call(LIGHT_TYPES[kind.value], **settings), settings, vectors)
+    return entry.call(LIGHT_TYPES[kind.value], **settings)
 
 
 def _read_shadow(entry):
@@ -564,32 +559,7 @@ def read_camera(entry) -> tuple[Camera | None, dict | None]:
         return None, framing
     table = entry.table([field.name for field in fields(Camera)])
     settings = {key: field.value for key, field in table.items()}
-    return keeping_units(entry.call(Camera, **settings), settings, ("up",)), None
-
-
-def keeping_units(made, given, names):
-    """Give fields of what was made back the unit vectors that were given; to normalise one again moves it by a
-    rounding."""
-    for name in names:
-        vector = given.get(name)
-        if not isinstance(vector, list) or not hasattr(made, name):
-            continue
-        vector = tuple(map(float, vector))
-        is_unit = abs(math.fsum(x * x for x in vector) - 1.0) <= _UNIT_SLACK
-        if is_unit and all(abs(x - y) <= _UNIT_SLACK for x, y in zip(vector, getattr(made, name), strict=True)):
-            object.__setattr__(made, name, vector)
-    return made
-
-
-def keeping_normals(mesh, normals):
-    """Give a mesh back the normals (.., 3) that were saved, where all are unit vectors or zero; see `keeping_units`."""
-    if mesh.normals is None or mesh.normals.shape != normals.shape or normals.dtype != np.float64:
-        return mesh
-    squares = np.einsum("...i,...i", normals, normals)
-    if (((np.abs(squares - 1.0) <= _UNIT_SLACK) | (squares == 0.0)) & np.isfinite(squares)).all():
-        normals.flags.writeable = False
-        object.__setattr__(mesh, "normals", normals)
-    return mesh
+    return entry.call(Camera, **settings), None
 
 
 # ----------------------------------------------------------------
@@ -742,10 +712,7 @@ def _read_arrays(entry, context) -> Mesh:
         settings["material"] = read_material(table["material"], context)
     if "materials" in table:
         settings["materials"] = [read_material(item, context) for item in table["materials"].items()]
-    mesh = entry.call(Mesh, **arrays, **settings)
-    if "normals" in arrays:
-        mesh = keeping_normals(mesh, np.asarray(arrays["normals"]))
-    return _placed(mesh, table, entry)
+    return _placed(entry.call(Mesh, **arrays, **settings), table, entry)
 
 
 def _numbers(entry, key):

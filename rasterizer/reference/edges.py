@@ -37,6 +37,7 @@ class Edge(NamedTuple):
     normals: NDArray[np.float64]  # (n_polygon, 3) unit; 0 of one without area
     is_along: NDArray[np.bool_]  # (n_polygon,) it goes from the first end to the second, else it comes back
     crease_angle: float  # degrees
+    groups: tuple[int, ...] | None  # the polygons' smoothing groups, 0 = none; None where the angle decides
 
     @property
     def is_open(self) -> bool:
@@ -45,11 +46,15 @@ class Edge(NamedTuple):
 
     @property
     def is_crease(self) -> bool:
-        """Whether it is open, or the polygons meet at more than the crease angle."""
+        """Whether it is open, or the polygons meet at more than the crease angle: at any, but for those of one
+        smoothing group, where groups decide."""
         if self.is_open or not self.normals.any(axis=1).all():
             return self.is_open
+        if self.groups is not None and self.groups[0] == self.groups[1] != 0:
+            return False
+        angle = self.crease_angle if self.groups is None else 0.0
         sign = np.where(self.is_along[:1] == self.is_along[1:], -1, 1)
-        return bool(is_crease(self.normals[:1], self.normals[1:], sign, self.crease_angle)[0])
+        return bool(is_crease(self.normals[:1], self.normals[1:], sign, angle)[0])
 
 
 def list_edges(mesh: Mesh) -> list[Edge]:
@@ -71,12 +76,16 @@ def list_edges(mesh: Mesh) -> list[Edge]:
         sides[ends] = sorted(dict(side for side in reversed(at) if n_time[side[0]] % 2).items())
     _fill_planes(normals, sides, points)
     angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
+    has_groups = mesh.crease_angle is None and mesh.normals is None and mesh.smoothing is not None
+    group = dict(zip(polygons, mesh.smoothing.tolist(), strict=True)) if has_groups else {}
     found = []
     for ends, at in sides.items():
         if not at:
             continue
         of_polygons = np.array([normals[polygon] for polygon, _ in at])
-        found.append(Edge(points[list(ends)], of_polygons, np.array([is_along for _, is_along in at]), angle))
+        groups = tuple(group[polygon] for polygon, _ in at) if has_groups else None
+        is_along = np.array([is_along for _, is_along in at])
+        found.append(Edge(points[list(ends)], of_polygons, is_along, angle, groups))
     return found
 
 

@@ -18,7 +18,7 @@ from ..errors import ModelError, shown, warn_caller
 from .arrays import is_masked, real_array
 from .color import linear_from_srgb_bytes
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
-from .validate import COORDINATE_LIMIT
+from .validate import COORDINATE_LIMIT, UNIT_SLACK
 
 CHUNK = 1 << 16  # faces looked at in one go
 _FIRST_CHUNK = 1 << 8
@@ -264,7 +264,7 @@ def filled_normals(attributes: dict[str, Any], weighting: str) -> NDArray[np.flo
 
 
 def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Return a copy of normals (..., 3) with unit length; a zero stays zero."""
+    """Return a copy of normals (..., 3) with unit length; a zero stays zero, and a unit vector what it is."""
     if normals is None:
         return None
     normals = normals.copy()
@@ -275,5 +275,6 @@ def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | N
         normals /= np.where(largest > 0.0, largest, 1.0)
         squares = np.einsum("...i,...i", normals, normals)
         squares[squares == 0.0] = 1.0
+    squares[np.abs(squares - 1.0) <= UNIT_SLACK] = 1.0
     normals /= np.sqrt(squares)[..., None]
     return normals

@@ -197,6 +197,13 @@ FAULTS = (
         "geometry reference pictures",
     ),
     Fault(
+        "creases: edges between faces of smoothing group 0 are none",
+        "geometry/edges.py",
+        "((one != 0) & (one == other))",
+        "(one == other)",
+        "geometry/test_edges.py geometry",
+    ),
+    Fault(
         "creases: faces of smoothing group 0 are smoothed over",
         "geometry/normals.py",
         "group != 0 and group == smoothing",

@@ -1,5 +1,6 @@
 """The edges of polygons: each once, with the planes on both sides."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -56,26 +57,57 @@ def prism(n: int) -> tuple[np.ndarray, list]:
     return np.concatenate([ring, ring + (0, 0, 1)]), [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
 
 
-@pytest.mark.parametrize("n", range(3, 61))
+def list_walls(vertices, quads, form: int):
+    """Vertices, faces and polygons: quads, triangles of polygons, triangles alone, or quads that share no vertex."""
+    n = len(quads)
+    triangles = np.array([corners for a, b, c, d in quads for corners in ((a, b, c), (a, c, d))])
+    if form == 3:
+        return vertices[np.array(quads)].reshape(-1, 3), np.arange(4 * n).reshape(-1, 4), None
+    return vertices, quads if form == 0 else triangles, np.repeat(np.arange(n), 2) if form == 1 else None
+
+
+@pytest.mark.parametrize("n", range(3, 65))
 def test_a_crease_is_drawn_where_normals_are_split_and_not_at_exactly_the_crease_angle(n):
-    """Whatever rounding makes of a prism whose angle is the crease angle, or a thousandth of a degree off."""
+    """Whatever rounding makes of a prism whose angle is the crease angle, or a thousandth of a degree off, and however
+    its walls are listed. Triangles without polygons have diagonals, which are none."""
     rng = np.random.default_rng(n)
     points, quads = prism(n)
-    for scale in (1e-3, 1.0, 1e3):
-        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-        moved = scale * (points @ turn.T + rng.uniform(-5, 5, 3))
-        for angle, is_sharp in ((360 / n, False), (360 / n - 1e-3, True), (min(360 / n + 1e-3, 180.0), False)):
-            for vertices in (moved, moved.astype(np.float32)):
-                mesh = rz.Mesh(vertices, quads, crease_angle=angle)
-                edges = gather_edges(mesh)
-                assert not differences(edges.is_crease[~edges.is_open], is_sharp) and edges.is_open.sum() == 2 * n
-                slow = list_edges(mesh)
-                assert {edge.is_crease for edge in slow if not edge.is_open} == {is_sharp}
-                split = split_creases(mesh.vertices, mesh.faces, angle)
-                assert len(split.source) == (4 * n if is_sharp else 2 * n), f"{n} sides, {scale}, {angle} degrees"
-                normals = corner_normals(mesh.vertices, mesh.faces, angle).reshape(-1, 3)
-                keys = np.concatenate([mesh.faces.reshape(-1, 1), normals.round(6) + 0.0], axis=1)
-                assert len(np.unique(keys, axis=0)) == (4 * n if is_sharp else 2 * n)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    moved = 10.0 ** rng.integers(-3, 4) * (points @ turn.T + rng.uniform(-5, 5, 3))
+    exact, below, above = 360 / n, 360 / n - 1e-3, min(360 / n + 1e-3, 180.0)
+    for number, (angle, dtype) in enumerate(itertools.product((exact, exact, below, above), (np.float64, np.float32))):
+        form, n_crease = (n + number + number // 2) % 4, n if angle == below else 0
+        vertices, faces, polygons = list_walls(moved.astype(dtype), quads, form)
+        mesh = rz.Mesh(vertices, faces, crease_angle=angle, polygons=polygons)
+        where = f"{n} sides, {angle} degrees, {dtype.__name__}, form {form}"
+        edges, slow = gather_edges(mesh), [edge for edge in list_edges(mesh) if not edge.is_open]
+        assert edges.is_open.sum() == 2 * n and len(slow) == n + (n if form == 2 else 0), where
+        assert edges.is_crease[~edges.is_open].sum() == n_crease, where
+        assert sum(edge.is_crease for edge in slow) == n_crease, where
+        if form == 3:
+            continue  # there is nothing to split
+        split = split_creases(mesh.vertices, mesh.faces, angle)
+        assert len(split.source) == 2 * n + 2 * n_crease, where
+        normals = corner_normals(mesh.vertices, mesh.faces, angle).reshape(-1, 3)
+        keys = np.concatenate([mesh.faces.reshape(-1, 1), normals.round(6) + 0.0], axis=1)
+        assert len(np.unique(keys, axis=0)) == 2 * n + 2 * n_crease, where
+
+
+def test_smoothing_groups_decide_where_there_is_no_crease_angle():
+    """As in shading: faces of one group have no crease, those of none have, unless they lie in one plane."""
+    points, quads = prism(6)
+    flat = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    for groups, expected in (([1] * 6, 0), ([1, 1, 1, 2, 2, 2], 2), ([0] * 6, 6), ([1, 0, 1, 1, 1, 1], 2)):
+        mesh = rz.Mesh(points, quads, smoothing=groups)
+        for angle, n_crease in ((None, expected), (90.0, 0), (10.0, 6)):
+            edges, slow = (find(replace(mesh, crease_angle=angle)) for find in (gather_edges, list_edges))
+            assert edges.is_crease[~edges.is_open].sum() == n_crease, f"{groups}, {angle}"
+            assert sum(edge.is_crease for edge in slow if not edge.is_open) == n_crease, f"{groups}, {angle}"
+        split = split_creases(mesh.vertices, mesh.faces, 30.0, smoothing=mesh.smoothing)
+        shown = np.concatenate([split.source[:, None], split.normals.round(6) + 0.0], axis=1)
+        assert len(np.unique(shown, axis=0)) == 12 + 2 * expected, f"{groups}"
+    sheet = rz.Mesh(flat, [(0, 1, 2), (0, 2, 3)], smoothing=[0, 0])
+    assert gather_edges(sheet).is_crease.sum() == 4 == sum(edge.is_crease for edge in list_edges(sheet))
 
 
 def test_degenerate_faces_make_no_creases_of_their_own():

@@ -408,7 +408,7 @@ def make_material(dice, is_grey, has_texture, is_clear) -> rz.Material:
         fresnel=_fresnel(dice, is_grey),
         normalized=dice.chance(0.25),
         levels=int(dice.rng.integers(1, 7)),
-        texture=_texture(dice) if has_texture else None,
+        texture=make_texture(dice.rng) if has_texture else None,
         **brush,
     )
     notes = ("clear", not material.is_opaque), (getattr(material.texture, "filter", ""), has_texture)
@@ -429,13 +429,13 @@ def _opacity(dice) -> float:
     return float(dice.rng.choice(shares, p=[0.6, 0.2, 0.1, 0.1]))
 
 
-def _texture(dice) -> rz.Texture:
+def make_texture(rng) -> rz.Texture:
     """A small picture, of bytes or floats, some with alpha."""
-    n_channel = int(dice.rng.choice([1, 3, 3, 4]))
-    image = dice.rng.random((*dice.rng.integers(1, 6, 2), n_channel))
-    image = (255 * image).astype(np.uint8) if dice.chance(0.4) else image
-    wrap = tuple(str(word) for word in dice.rng.choice(WRAPS, 2))
-    return rz.Texture(image, str(dice.rng.choice(FILTERS)), wrap)
+    n_channel = int(rng.choice([1, 3, 3, 4]))
+    image = rng.random((*rng.integers(1, 6, 2), n_channel))
+    image = (255 * image).astype(np.uint8) if rng.random() < 0.4 else image
+    wrap = tuple(str(word) for word in rng.choice(WRAPS, 2))
+    return rz.Texture(image, str(rng.choice(FILTERS)), wrap)
 
 
 # ── lights ────────────────────────────────────────────────────────────────────────────────────────────────

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helpers.against_reference import assert_matches_reference
 from helpers.pairs import pairs
-from helpers.pinhole import SHADINGS, octasphere
+from helpers.pinhole import octasphere
 
 import rasterizer as rz
 
@@ -132,34 +132,6 @@ def test_bands_and_threads_do_not_change_a_bit():
     for name, make in SCENES.items():
         options = dict(zip(("shading", "samples", "tolerance"), next(WAYS), strict=True))
         assert_same_in_all_bands(make(), f"{name}, {options}", **options)
-
-
-def check_random_scenes(cases):
-    """Any looks at any places, also a background, all ranges of colours and shapes of pictures."""
-    for case in cases:
-        rng = np.random.default_rng((11, case))
-        looks = rng.choice(list(LOOKS), rng.integers(1, 7)).tolist()
-        lights = [GREY, LAMPS, (rz.DirectionalLight((0.2, -1, -0.4), CLAY),)][rng.integers(3)]
-        scene = balls(looks, rng, lights) if rng.random() < 0.7 else patchwork(looks, lights)
-        if rng.random() < 0.2:
-            scene = rz.Scene(scene.meshes, scene.lights, scene.camera, background=tuple(rng.uniform(0, 1, 3)))
-        options = {
-            "shading": str(rng.choice(SHADINGS)),
-            "samples": int(rng.choice([1, 4])),
-            "tolerance": float(rng.choice([0, 1e-6, 1 / 4096, 0.05])),
-            "color_range": str(rng.choice(["clamp", "clamp", "local"])),
-        }
-        size = tuple(int(n) for n in rng.integers(9, 80, 2))
-        assert_same_in_all_bands(scene, f"case {case}: {looks}, {options}", size, **options)
-
-
-def test_no_band_changes_a_bit_of_random_scenes():
-    check_random_scenes(range(8))
-
-
-@pytest.mark.nightly
-def test_no_band_changes_a_bit_of_many_random_scenes():
-    check_random_scenes(range(8, 200))
 
 
 SPECK = octasphere(0)

@@ -113,22 +113,6 @@ def test_what_is_no_camera_is_refused():
                 renderer.render(given)
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_outputs_do_not_change_the_picture(shading):
-    """Each output alone, and pairs, against all at once; 8 bits alone take a shorter way than colours."""
-    for samples, background in ((1, None), (4, "navy")):
-        scene = scene_of(camera=next(walk(1)), background=background)
-        options = {"size": SIZE, "shading": shading, "samples": samples}
-        whole = rz.render(scene, outputs=ALL, **{"samples": 1} | options)
-        for names in [(name,) for name in ALL] + [("rgb", "depth"), ("normal", "color"), ("face", "rgb")]:
-            some = rz.render(scene, outputs=names, **{"samples": 1} | options)
-            for name in names:
-                assert getattr(some, name).tobytes() == getattr(whole, name).tobytes(), f"{name} of {names}"
-            if "rgb" in names:
-                assert not differences(some.rgba, whole.rgba)
-            assert not any(some.has(name) for name in ALL if name not in (*names, "rgb"))
-
-
 def test_faces_that_look_away_leave_a_dense_closed_mesh_as_it_is():
     """Also of what is seen from close by."""
     scene = rz.Scene(rz.Mesh(*octasphere(6)), COLORED)

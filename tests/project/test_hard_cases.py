@@ -34,7 +34,7 @@ def test_a_wrong_picture_is_a_fault():
         y, x = np.argwhere(frame.face >= 0)[40]
         frame.array(change)[y, x] += 1
         faults = []
-        hard_cases.compare(made, frame, exact, faults)
+        hard_cases.compare(made, frame, exact, faults, hard_cases.reference_picture(made))
         assert len(faults) == 1, (change, faults)
 
 

@@ -91,7 +91,7 @@ MACHINE = {"cpu": "C", "cores": 2, "python": "3", "numpy": "2", "numba": "0", "l
 
 
 def test_what_is_kept_comes_into_the_page(own_folder, capsys):
-    row = {"case": "a", "why": "b.", "result": "right", "of_bound": 0.5}
+    row = {"case": "a", "why": "b.", "result": "right", "of_bound": 0.5, "path": "entries, exact"}
     record = {"bench": "hard_cases", "machine": MACHINE, "settings": {"model": "/a/b/scan.obj"}, "rows": [row]}
     measure.keep(record, tables.RESULTS / "hard_cases.json")
     assert tables.load("hard_cases") == record | {"settings": {"model": "scan.obj"}}
@@ -100,7 +100,7 @@ def test_what_is_kept_comes_into_the_page(own_folder, capsys):
     assert tables.main(["--check"]) == 1 and "hard cases is not what" in capsys.readouterr().out
     assert tables.main([]) == 0 and tables.main(["--check"]) == 0
     text = page.read_text()
-    assert "| right | 1 | 0.50 |" in text and "old" not in text and "on 2 cores of C" in text
+    assert "| right | 1 | 1 | 0 | 1 | 0.50 |" in text and "old" not in text and "on 2 cores of C" in text
     assert "Other work" not in text and "Other work took 30 %" in tables.said_of(MACHINE | {"others": 0.3})
 
 

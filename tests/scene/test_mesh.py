@@ -114,6 +114,10 @@ def test_normals_become_unit_length():
     corners = np.random.default_rng(0).normal(size=(2, 3, 3))
     mesh = Mesh(SQUARE, TWO, corners)
     assert mesh.normals == pytest.approx(corners / np.linalg.norm(corners, axis=2, keepdims=True))
+    many = Mesh(
+        np.tile(SQUARE, (250, 1)), np.arange(999).reshape(-1, 3), np.random.default_rng(0).normal(size=(1000, 3))
+    )
+    assert not differences(replace(many, name="again").normals, many.normals)
 
 
 def test_colours_are_linear_and_uv_by_vertex_or_corner():
