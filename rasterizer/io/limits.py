@@ -8,8 +8,8 @@ may have
     meshes   one for MESH_BYTES bytes of these files, and LEAST_MESHES
 
 Loading a file below 1 MB takes up to 300 MB and 10 s then: arrays are there four times at most while meshes are made,
-and a mesh takes 0.3 ms. Real files stay far below: text of numbers packs to a tenth, quantised vertices grow eightfold,
-and 64 bytes for a mesh are less than its name and place.
+and a mesh takes half a millisecond. Real files stay far below: text of numbers packs to a tenth, quantised vertices
+grow eightfold, and 128 bytes for a mesh are less than its name, place and faces.
 """
 
 from ..errors import ModelError
@@ -17,7 +17,7 @@ from ..errors import ModelError
 RATIO = 32
 LEAST = 2**26
 LEAST_TEXT = 2**23  # of what is unpacked and then parsed: trees of XML take several times as much
-LEAST_MESHES, MESH_BYTES = 2**13, 64
+LEAST_MESHES, MESH_BYTES = 2**13, 128
 MAX_NAME = 200  # letters of the name of a mesh or material
 MAX_WARNINGS = 20  # of one file
 
@@ -60,4 +60,4 @@ class Allowance:
         legal = LEAST_MESHES + self.n_byte // MESH_BYTES
         if self.n_mesh > legal:
             size = f"a file of {self.n_byte} bytes"
-            raise ModelError(f"{self.name}shows {self.n_mesh} meshes: too many for {size}, {legal} are legal")
+            raise ModelError(f"{self.name}shows {self.n_mesh} meshes or nodes: too many for {size}, {legal} are legal")

@@ -226,9 +226,9 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         drawn = {key for key, part in parts.items() if _is_worth_drawing(part, settings.drop_bad_faces)}
         placed = [pair for pair in placed if id(pair[0]) in drawn] or placed[:1]
     made = {id(part): None for part, _ in placed}
-    if all(material.opacity == 0.0 for key in made for material in materials_of(parts[key])):
-        model.warn("all its materials have the opacity 0: drawn as if they were opaque")
-        parts |= {key: _opaque(parts[key]) for key in made}
+    seen = (material.opacity > 0.0 for key in made for material in materials_of(parts[key]))
+    if model.format != "obj" and not any(seen):  # MTL warns of each such material
+        model.warn("all its materials are invisible: opacity 0")
     for key in made:
         part = _prepare(model, parts[key], settings)
         # The reader's own arrays, which nobody else has: the mesh needs no copies.
@@ -248,12 +248,6 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
                 raise model.error(f"{_label(part)}the transform of its node: {fault}") from fault
         meshes.append(mesh)
     return meshes
-
-
-def _opaque(part: Part) -> Part:
-    """Return a part with the opacity 1."""
-    several = {"materials": tuple(replace(material, opacity=1.0) for material in part.get("materials", ()))}
-    return part | {"material": replace(part["material"], opacity=1.0)} | (several if "materials" in part else {})
 
 
 def _label(part: Part) -> str:

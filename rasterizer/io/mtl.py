@@ -411,7 +411,7 @@ class Maps:
             return None
         if path not in self._pictures:
             try:
-                self._pictures[path] = read_picture(BytesIO(content), str(path), self._budget)
+                self._pictures[path] = read_picture(BytesIO(content), path.name, self._budget)
             except ModelError as fault:
                 self._pictures[path] = None
                 library.warn(f"{what}: {fault}; the material keeps its plain colour")

@@ -380,7 +380,7 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
     if is_bad.any() or counts.min(initial=least) < least:
         row = int(((counts < least) | is_bad.any(axis=1)).argmax())
         if is_bad[row].any():
-            raise LineError(int(lines[row]), f"'{words.text(places[row, is_bad[row].argmax()])}' is not a number")
+            raise LineError(int(lines[row]), f"'{cut(words.text(places[row, is_bad[row].argmax()]), 60)}' is not a number")
         raise LineError(int(lines[row]), f"a {_ATTRIBUTES[keyword]} has {counts[row]} numbers, {least} are needed")
     return np.append(values, 0.0)[places]
 
@@ -417,7 +417,7 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
             reason = f"face refers to {_ATTRIBUTES[attribute]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
             word = words.text(corner)
             if word.startswith("/") or not is_number[place[corner]]:
-                reason = f"'{word}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
+                reason = f"'{cut(word, 60)}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
             faults.append((corner, k, line, reason))
         indices.append(index if attribute == "v" or total else None)
     if faults:

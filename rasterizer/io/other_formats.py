@@ -34,9 +34,10 @@ from .limits import LEAST_TEXT, most, name_in
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, text_of
 
 DEEPEST = 100  # nodes within nodes
-_TREE = 4  # times as many bytes as may be made of a file that the trees of its XML may take
+_TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take
 _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
 _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML file
+_SLOW = 6  # times as long as another mesh takes to be made: a primitive of COLLADA, or where it is shown
 _LAYERED = {"multiproperties": "pids", "compositematerials": "matindices"}
 LAYER = 64  # bytes of a colour in a layer
 _TRIANGLE = 24  # bytes, of its corners' numbers
@@ -103,7 +104,9 @@ def read_dae(model: ModelFile) -> Contents:
             graph.open(attributes.get("id") or f"a {word} at {graph.n_opened}", above)
         elif word in ("instance_node", "instance_geometry", "instance_visual_scene"):
             graph.add(attributes.get("url", "").removeprefix("#"), above)
+            model.allowance.show(_SLOW)
         elif word in ("triangles", "polylist", "polygons"):
+            model.allowance.show(_SLOW)
             stride, n_corner = 1, 3 if word == "triangles" else 1  # a polygon may have a triangle a corner
         elif word == "input":
             offset = attributes.get("offset", "0")
@@ -312,6 +315,8 @@ class _Graph:
             parser.Parse(text, True)
         except expat.ExpatError as fault:
             raise self.model.error(f"not a readable {self.model.format} file (its XML: {cut(fault)})") from fault
+        except ModelError:
+            raise
         except KeyError as fault:
             raise self.model.error(f"a '{open_words[-1][:40]}' element has no {cut(fault)}") from fault
         except ValueError as fault:
@@ -349,7 +354,7 @@ class _Graph:
 
         totals = [count(name, 0) for name in self._roots]
         n_node, n_triangle = sum(n for n, _ in totals), sum(n for _, n in totals)
-        self.model.allowance.show(n_node // 3)  # a mesh of each format has up to two nodes above it
+        self.model.allowance.show(n_node)
         self.model.allowance.make(_TRIANGLE * n_triangle)
         return n_node
 

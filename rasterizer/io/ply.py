@@ -58,7 +58,7 @@ def read_ply(model: ModelFile) -> Contents:
     if "vertex" not in tables:
         raise model.error("no vertices")
     parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
-    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])]
+    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])[:MAX_PICTURES]]
     for part in parts:
         number = part.pop("picture", None)
         part |= _with_pictures(model, names, number) if "uv" in part and names else {}
@@ -258,6 +258,7 @@ _TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
+MAX_PICTURES = 256  # of a file
 MAX_PROPERTIES = 256  # of an element, and elements of a file
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 

@@ -212,6 +212,8 @@ def _parse(source, name, format=None) -> "Entry":
             root = Entry(json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse), name)
         root.n_byte = len(data)
         return root
+    except ModelError:
+        raise
     except UnicodeDecodeError as fault:
         raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
     except RecursionError as fault:

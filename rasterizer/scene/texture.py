@@ -9,6 +9,7 @@ stands in its header, and is looked at before anything is decoded: see `max_texe
 more with mipmaps.
 """
 
+import math
 import os
 import struct
 import warnings
@@ -37,6 +38,7 @@ MAX_TEXELS = 2**14  # along a side
 MAX_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
 ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MAX_IN_PICTURE
 LEAST_TEXELS, TEXELS_A_BYTE = 5 * 2**21, 8  # of all textures of a file, whatever its size, or by its size; see `Budget`
+MAX_WEBP = 2**24  # texels of a WebP picture, each of which takes 13 bytes on the way, unless its file is large
 MAX_SCANNED = 2**30  # texels of a JPEG picture times its scans, each of which goes through all of them
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
@@ -245,11 +247,13 @@ def read_picture(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
             with Image.open(source, formats=FORMATS) as picture:
+                size = "{} x {}".format(*picture.size)
                 _check_size(picture, name)
+                if picture.format == "WEBP" and 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > MAX_WEBP:
+                    raise ModelError(f"{name}: a WebP picture of {size} in {n_byte} bytes is not read")
                 divisor = 1 if budget is None else budget.divisor(*picture.size, n_byte, name)
                 with _silenced() if picture.format == "TIFF" else nullcontext():
                     pixels = _pixels_of(picture, name) if divisor == 1 else _reduced(picture, divisor)
-                size = "{} x {}".format(*picture.size)
     except (ModelError, SceneError):
         raise
     except UnidentifiedImageError as fault:
