@@ -480,8 +480,8 @@ def read_material(entry, context, name="") -> Material:
     if isinstance(entry.value, str) and entry.value in NAMED_MATERIALS:
         return Material.named(entry.value)
     if not isinstance(entry.value, dict):
-        known = cut(", ".join(context.materials), 100) or "none"
-        classic = ", ".join(NAMED_MATERIALS)
+        known = cut(", ".join(context.materials), 60) or "none"
+        classic = cut(", ".join(NAMED_MATERIALS), 80)
         legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({classic})"
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}

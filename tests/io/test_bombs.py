@@ -4,12 +4,15 @@ import io
 import json
 import struct
 import subprocess
+import sys
 import tracemalloc
 import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_bombs import BOMBS, LONG, QUICK
 from helpers.file_fuzz import MTL, OBJ, TRIANGLE, npz, picture
 from helpers.model_bytes import gltf_with
 from helpers.refusals import assert_refused
@@ -290,3 +293,42 @@ def test_names_that_are_no_text_of_unicode_are_drawn_but_not_saved(tmp_path):
     assert scene.n_face == 12 and rz.render(scene, 8, samples=1).stats.covered
     with pytest.raises(rz.SceneError, match="Unicode"):
         scene.save(tmp_path / "x.toml")
+
+
+# --- every container ----------------------------------------------------------------------------------------
+
+
+def assert_bounded(*names):
+    """Load bombs in processes of their own: none takes more than 300 MB and 10 s, each is drawn, or refused in a line."""
+    command = [sys.executable, "-m", "helpers.file_bombs", *names]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[1], check=False)
+    assert ended.returncode == 0 and not ended.stderr, ended.stderr[-2000:]
+    rows = [json.loads(line) for line in ended.stdout.splitlines()]
+    for row in rows:
+        assert row["bytes"] <= 2**20 and row["outcome"] != "died" and "internal error" not in row["outcome"], row
+        assert row["megabytes"] <= 300 and row["seconds"] <= 10, row
+        assert row["longest"] <= 300 and row["lines"] == 1 and row["n_warning"] <= 20, row
+    return rows
+
+
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="the peak of memory is Linux' own")
+
+
+@on_linux
+def test_bombs_of_every_container_are_drawn_or_refused_in_a_line():
+    assert len(assert_bounded(*QUICK)) == len(QUICK)
+
+
+@on_linux
+@pytest.mark.nightly
+def test_all_bombs_are_drawn_or_refused_in_a_line():
+    names = [name for name in BOMBS | LONG if name not in QUICK]
+    assert len(assert_bounded(*names)) == len(names)
+
+
+@on_linux
+@pytest.mark.nightly
+def test_files_whose_counts_are_others_are_drawn_or_refused_in_a_line():
+    rows = assert_bounded("0-3000")
+    n_drawn = sum(row["outcome"] == "drawn" for row in rows)
+    assert len(rows) == 3000 and 300 < n_drawn < 2700, n_drawn
