@@ -380,9 +380,8 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
     if is_bad.any() or counts.min(initial=least) < least:
         row = int(((counts < least) | is_bad.any(axis=1)).argmax())
         if is_bad[row].any():
-            raise LineError(
-                int(lines[row]), f"'{cut(words.text(places[row, is_bad[row].argmax()]), 60)}' is not a number"
-            )
+            word = cut(words.text(places[row, is_bad[row].argmax()]), 60)
+            raise LineError(int(lines[row]), f"'{word}' is not a number")
         raise LineError(int(lines[row]), f"a {_ATTRIBUTES[keyword]} has {counts[row]} numbers, {least} are needed")
     return np.append(values, 0.0)[places]
 

@@ -192,11 +192,12 @@ class Budget:
         self.n_made += n_texel
         self._check(self.n_made, self.limit, name)
 
-    def divisor(self, width: int, height: int, n_byte: int, name: str) -> int:
+    def divisor(self, size: tuple[int, int], n_byte: int, name: str) -> int:
         """Count a picture of so many texels and bytes that is to be read, and return by what its size is divided.
 
         Raises ModelError where too many have been read.
         """
+        width, height = size
         self.n_byte += n_byte
         self.n_read += width * height // 4
         self._check(self.n_read, 2 * max_texels(), name)
@@ -251,7 +252,7 @@ def read_picture(
                 _check_size(picture, name)
                 if picture.format == "WEBP" and 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > MAX_WEBP:
                     raise ModelError(f"{name}: a WebP picture of {size} in {n_byte} bytes is not read")
-                divisor = 1 if budget is None else budget.divisor(*picture.size, n_byte, name)
+                divisor = 1 if budget is None else budget.divisor(picture.size, n_byte, name)
                 with _silenced() if picture.format == "TIFF" else nullcontext():
                     pixels = _pixels_of(picture, name) if divisor == 1 else _reduced(picture, divisor)
     except (ModelError, SceneError):

@@ -2,11 +2,11 @@
 
 import base64
 import io
-from contextlib import nullcontext
 import json
 import math
 import struct
 import warnings
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
