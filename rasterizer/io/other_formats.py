@@ -319,8 +319,8 @@ class _Graph:
             raise
         except KeyError as fault:
             raise self.model.error(f"a '{open_words[-1][:40]}' element has no {cut(fault)}") from fault
-        except ValueError as fault:
-            raise self.model.error(cut(fault)) from fault
+        except (ValueError, LookupError) as fault:  # of an encoding that there is not
+            raise self.model.error(fault) from fault
 
     def open(self, name: str, above: str | None) -> None:
         """Begin a node within another, or None; its elements are in it until it ends."""

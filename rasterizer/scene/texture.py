@@ -207,6 +207,7 @@ class Budget:
         if ENVIRONMENT in os.environ or min(width, height) < divisor:
             divisor = 1
         self.n_made += (width // divisor) * (height // divisor) // 4
+        self._check(self.n_made, self.limit, name)
         return divisor
 
     def _check(self, n_texel: int, limit: int, name: str) -> None:

@@ -249,8 +249,8 @@ LONG = {  # those that take seconds
     "PNG: palette": lambda: textured(plain("PNG", "P")),
     "TIFF: 16 bits": lambda: textured(plain("TIFF", "I;16", compression="tiff_lzw")),
     "PNG: alpha": lambda: textured(plain("PNG", "RGBA")),
-    "glTF: nodes just legal": lambda: glb(nodes=[{"mesh": 0, "scale": [2, 1, 1]}] * 12_000),
-    "DAE: instances just legal": lambda: {"a.dae": dae(nodes=f"<node>{SHOWN * 1800}</node>")},
+    "glTF: nodes just legal": lambda: glb(nodes=[{"mesh": 0, "scale": [2, 1, 1]}] * 10_000),
+    "DAE: instances just legal": lambda: {"a.dae": dae(nodes=f"<node>{SHOWN * 1700}</node>")},
     "OBJ: materials": lambda: {
         "a.obj": "mtllib a.mtl\n" + FACE + "".join(f"usemtl {k}\nf 1 2 3\n" for k in range(40_000)),
         "a.mtl": "".join(f"newmtl {k}\nKd 1 0 0\n" for k in range(40_000))},

@@ -299,7 +299,7 @@ def test_names_that_are_no_text_of_unicode_are_drawn_but_not_saved(tmp_path):
 
 
 def assert_bounded(*names):
-    """Load bombs in processes of their own: none takes more than 300 MB or 10 s, all are drawn, or refused in a line."""
+    """Load bombs, each in a process: none takes more than 300 MB or 10 s, and all are drawn, or refused in a line."""
     command = [sys.executable, "-m", "helpers.file_bombs", *names]
     ended = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[1], check=False)
     assert ended.returncode == 0 and not ended.stderr, ended.stderr[-2000:]

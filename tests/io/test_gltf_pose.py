@@ -112,7 +112,8 @@ def test_a_texture_of_another_format_falls_back_on_the_one_beside_it():
     uri = "data:;base64," + base64.b64encode(picture()).decode()
     texture = {"source": 0, "extensions": {"KHR_texture_basisu": {"source": 1}}}
     data = file_of(
-        [POINTS, FACES.reshape(-1, 1), uv], {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0},
+        [POINTS, FACES.reshape(-1, 1), uv],
+        {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0},
         nodes=[{"mesh": 0}], images=[{"uri": uri}, {"uri": "data:;base64,AAAA"}], textures=[texture],
         materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
     )  # fmt: skip
