@@ -61,14 +61,13 @@ def read_gltf(model: ModelFile) -> Contents:
         shown = _shown_meshes(tree, places)
         # Primitives without positions show nothing.
         primitives = {
-            pose.mesh: [
-                each for each in item(tree, "meshes", pose.mesh)["primitives"] if "POSITION" in each["attributes"]
-            ]
-            for pose, _ in shown
+            number: [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
+            for number in dict.fromkeys(pose.mesh for pose, _ in shown)
         }
         model.allowance.show(sum(len(primitives[pose.mesh]) for pose, _ in shown))
-        for pose in dict.fromkeys(pose for pose, _ in shown):
-            model.allowance.make(sum(_n_byte(tree, each, pose) for each in primitives[pose.mesh]))
+        poses = {pose: _weights_of(tree, pose) for pose in dict.fromkeys(pose for pose, _ in shown)}
+        for pose, weights in poses.items():
+            model.allowance.make(sum(_n_byte(tree, each, pose, weights) for each in primitives[pose.mesh]))
         listed = [primitive for each in primitives.values() for primitive in each]
         used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
@@ -76,8 +75,8 @@ def read_gltf(model: ModelFile) -> Contents:
             read_paint(source, pictures) if number in used else _NO_PAINT
             for number, source in enumerate(tree.get("materials", []))
         ]
-        joints = {pose.skin: _joint_matrices(tree, pose.skin, places, buffers) for pose, _ in shown}
-        parts = _make_parts(tree, dict.fromkeys(pose for pose, _ in shown), primitives, buffers, paints, joints)
+        joints = {skin: _joint_matrices(tree, skin, places, buffers) for skin in {pose.skin for pose in poses}}
+        parts = _make_parts(tree, poses, primitives, buffers, paints, joints)
         left_out, unused = list_left_out(tree, used)
         counts = count_points_and_lines(tree, listed)
     except ModelError:
@@ -109,7 +108,7 @@ class Pose(NamedTuple):
 
     mesh: int  # its number
     skin: int | None  # number of the skin whose joints carry it; None = its node does
-    weights: tuple[float, ...]  # of its morph targets
+    node: int | None  # number of the node that has weights for its morph targets; None = its own count
 
 
 def _shown_meshes(tree, places) -> list[tuple[Pose, np.ndarray]]:
@@ -118,21 +117,27 @@ def _shown_meshes(tree, places) -> list[tuple[Pose, np.ndarray]]:
     for number in sorted(places):
         node = nodes[number]
         if "mesh" in node:
-            weights = node.get("weights", item(tree, "meshes", node["mesh"]).get("weights", ()))
-            pose = Pose(node["mesh"], node.get("skin"), tuple(float(weight) for weight in weights))
+            item(tree, "meshes", node["mesh"])  # which may be no number
+            pose = Pose(node["mesh"], node.get("skin"), number if "weights" in node else None)
             # Where joints carry a mesh, its node's place doesn't count: 3.7.3.3.
             found.append((pose, places[number] if pose.skin is None else np.eye(4)))
     return sorted(found, key=lambda pair: pair[0].mesh)
 
 
-def _n_byte(tree, primitive, pose) -> int:
+def _weights_of(tree, pose) -> list[float]:
+    """Return the weights of the morph targets of a mesh."""
+    holder = item(tree, "meshes", pose.mesh) if pose.node is None else item(tree, "nodes", pose.node)
+    return [float(weight) for weight in holder.get("weights", ())]
+
+
+def _n_byte(tree, primitive, pose, weights) -> int:
     """Return how many bytes of arrays a primitive becomes."""
     mode, attributes = primitive.get("mode", _TRIANGLES), primitive["attributes"]
     if mode not in (_TRIANGLES, _STRIP, _FAN):
         return 0
     n_vertex = whole(item(tree, "accessors", attributes["POSITION"]), "count")
     n_corner = whole(item(tree, "accessors", _counted_accessor(primitive)), "count")
-    n_number = 3 * len(attributes) + (0 if pose.skin is None else 24) + 6 * sum(map(bool, pose.weights))
+    n_number = 3 * len(attributes) + (0 if pose.skin is None else 24) + 6 * sum(map(bool, weights))
     return 8 * n_number * min(n_vertex, _SPARSE_USE * n_corner) + (8 if mode == _TRIANGLES else 24) * n_corner
 
 
@@ -144,7 +149,7 @@ def _counted_accessor(primitive):
 def _make_parts(tree, poses, primitives, buffers, paints, joints) -> dict[Pose, list[Part]]:
     """Return the parts of each mesh in each pose, one a primitive of triangles; each gets a name of its own."""
     parts, names = {}, {}
-    for pose in poses:
+    for pose, weights in poses.items():
         parts[pose] = []
         name = name_in(item(tree, "meshes", pose.mesh).get("name", "GLTF"))
         for primitive in primitives[pose.mesh]:
@@ -154,7 +159,7 @@ def _make_parts(tree, poses, primitives, buffers, paints, joints) -> dict[Pose, 
                 number_of_paint = primitive.get("material")
                 is_there = isinstance(number_of_paint, int) and number_of_paint < len(paints)
                 paint = paints[number_of_paint] if is_there else _NO_PAINT
-                part = _part(primitive, buffers, paint, own, pose.weights, joints[pose.skin])
+                part = _part(primitive, buffers, paint, own, weights, joints[pose.skin])
                 parts[pose] += [part] if len(part["faces"]) else []
     return parts
 
