@@ -522,10 +522,12 @@ class TextRows(Rows):
 
     def _keep_named(self) -> bool:
         """Keep of each line what the header names; return False where a line has less, or none has more."""
-        lines = (line.split() for line in self.text.splitlines())
-        lines, kept, n_more = [line for line in lines if line], [], 0
-        rows = [element for element in self.elements_of_file if element.properties for _ in range(element.n_row)]
-        for element, words in zip(rows, lines, strict=False):
+        lines = [line for line in self.text.splitlines() if line and not line.isspace()]
+        elements, kept, n_more = [each for each in self.elements_of_file if each.properties], array("d"), 0
+        if sum(element.n_row for element in elements) > len(lines):
+            return False
+        rows = (element for element in elements for _ in range(element.n_row))
+        for element, words in zip(rows, map(str.split, lines), strict=False):
             end = 0
             for each in element.properties:
                 length = 1
@@ -535,11 +537,11 @@ class TextRows(Rows):
                 end += length
             if end > len(words):
                 return False
-            kept += words[:end]
+            kept.extend(map(float, words[:end]))
             n_more += len(words) - end
-        if n_more == 0 or len(lines) < len(rows):
+        if n_more == 0:
             return False
-        self.data = np.array(kept, np.float64).view(np.uint8)
+        self.data = np.frombuffer(kept, np.uint8)
         return True
 
     def dtype(self, _type) -> np.dtype:
