@@ -40,6 +40,8 @@ _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML
 _SLOW = 6  # times as long as another mesh takes to be made: a primitive of COLLADA, or where it is shown
 _LAYERED = {"multiproperties": "pids", "compositematerials": "matindices"}
 LAYER = 64  # bytes of a colour in a layer
+_VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^>]*>([^<]*)")
+_CORNER = 32  # bytes that pycollada takes for a corner of a polygon before it has seen it
 _TRIANGLE = 24  # bytes, of its corners' numbers
 _FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
 _UP_TO_4 = ("0", "1", "2", "3", "4")
@@ -93,6 +95,8 @@ def read_dae(model: ModelFile) -> Contents:
             raise model.error("there is no .dae file in it")
         text, pictures = members[name], _Pictures(model, lambda name: _member(members, name))
     _check_tree(model, text)
+    for counts in _VCOUNT.findall(text):
+        model.allowance.make(_CORNER * sum(int(word[:18]) for word in counts.split() if word.isdigit()))
     graph = _Graph(model)
     unit, axis, others, stride, n_corner = "1", "", set(), 1, 1
 

@@ -204,6 +204,7 @@ BOMBS = {
     "ZAE: entities": lambda: {"a.zae": zipped({"a.dae": dae().replace("<COLLADA", f"{LAUGHS}<COLLADA")})},
     "DAE: nodes": lambda: {"a.dae": dae(nodes="<node/>" * 100_000)},
     "DAE: instances": lambda: {"a.dae": dae(nodes=f"<node>{SHOWN * 5000}</node>")},
+    "DAE: corners": lambda: {"a.dae": dae().replace("<vcount>4<", "<vcount>10000000<")},
     "DAE: nodes that double": lambda: {"a.dae": dae(nodes=DOUBLED + f'<node id="n30">{SHOWN}</node>')},
     "3DXML: faces": lambda: {"a.3dxml": threedxml(**{"a.3DRep": REP.replace("<Face ", "<Face/>" * 10**6 + "<Face ")})},
     "3DXML: instances": lambda: {"a.3dxml": threedxml(
@@ -239,7 +240,8 @@ QUICK = (  # those that the default run makes
     "glTF: nodes x primitives", "glTF: accessors to the same indices", "glTF: primitives of the same indices",
     "glTF: copies", "glTF: rows in no buffer", "glTF: rows at every byte", "glTF: extensions", "glTF: targets",
     "3MF: a large member", "3MF: overlapping members", "3MF: components", "3MF: layers", "3MF: composites",
-    "ZAE: entities", "DAE: instances", "DAE: nodes that double", "3DXML: faces", "XAML: entities", "scene: names",
+    "ZAE: entities", "DAE: instances", "DAE: corners", "DAE: nodes that double", "3DXML: faces",
+    "XAML: entities", "scene: names",
     "npz: a lying directory", "OBJ: objects", "OBJ: names", "STL: solids", "PLY: pictures", "JPEG: scans", "PNG: text",
 )  # fmt: skip
 LONG = {  # those that take seconds
