@@ -108,6 +108,15 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
+def cut(text: object, length: int = 200) -> str:
+    """Return a text on one line, without what a terminal would obey, and its middle left out where it is longer than
+    `length` letters."""
+    letters = str(text)
+    if len(letters) > length:
+        letters = f"{letters[: length // 2]} ... {letters[-(length // 2 - 5) :]}"
+    return " ".join("".join(each if each.isprintable() else " " for each in letters).split())
+
+
 def counted(n: int, noun: str) -> str:
     """Return a number with what is counted, as "1 face", "2 faces"."""
     plural = {"mesh": "meshes", "vertex": "vertices"}.get(noun, f"{noun}s")

@@ -27,7 +27,7 @@ import os
 import stat
 from pathlib import Path
 
-from ..errors import ModelError, OutputError, shown
+from ..errors import ModelError, OutputError, cut, shown
 
 _SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe must not make us wait
@@ -200,8 +200,7 @@ def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:
     found, left = {}, max_bytes
     with zipfile.ZipFile(BytesIO(data)) as archive:
         for member in archive.infolist():
-            check_member(member)
-            with archive.open(member) as stream:
+            with open_member(archive, member) as stream:
                 found[member.filename] = stream.read(left + 1)
             left -= len(found[member.filename])
             if left < 0:
@@ -209,12 +208,15 @@ def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:
     return found
 
 
-def check_member(member) -> None:
-    """Raise ValueError for a member of a zip file that is encrypted, or packed by a method other than deflate."""
+def open_member(archive, member):
+    """Return a stream of a member of a `ZipFile`; ValueError where it is encrypted, or packed otherwise than by
+    deflate."""
+    name = cut(member.filename, 80)
     if member.flag_bits & 1:
-        raise ValueError(f"'{member.filename[:80]}' in it is encrypted")
+        raise ValueError(f"'{name}' in it is encrypted")
     if member.compress_type not in (0, 8):  # stored and deflated: the others unpack without a limit
-        raise ValueError(f"'{member.filename[:80]}' in it is packed by method {member.compress_type}, not by deflate")
+        raise ValueError(f"'{name}' in it is packed by method {member.compress_type}, not by deflate")
+    return archive.open(member)
 
 
 def identity_of(path) -> tuple[int, int] | None:

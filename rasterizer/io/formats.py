@@ -64,7 +64,7 @@ _BY_CONTENT = (
     (rb"(?s)PK\x03\x04.{26,200}?(Manifest\.xml|\.3dxml|\.3DRep)", "3dxml"),
     (rb"(?s)PK\x03\x04.{26,200}?\.dae", "zae"),
     (rb"PK\x03\x04", f"the file is a ZIP archive: {_PACKED}"),
-    (rb"(\s|#[^\n]*\n)*(ST)?C?N?4?n?OFF\s", "off"),
+    (rb"(\s|#[^\n]*\n)*(ST)?C?N?4?n?OFF[\s\d]", "off"),
     (rb"(?si)\s*solid\b.*\b(facet|endsolid)\b", "stl"),
     (rb"(?s)\s*\{.*\"(asset|accessors|bufferViews|meshes)\"", "gltf"),
     (rb"(?s)(#[^\n]*\n|\s)*((mtllib|o|g) [^\n]+\n(#[^\n]*\n|\s)*)*v[ \t]+[-+.\d]", "obj"),

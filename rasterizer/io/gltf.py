@@ -3,8 +3,8 @@
     bytes ─ tree ─ primitives ─ parts ─ placed by their nodes
                    buffers      each as often as nodes show it
 
-Nothing of a file is followed before it has been checked. Parts share their arrays; a file may ask for up to
-`MAX_COPIES` triangles more than it holds.
+Nothing of a file is followed before it has been checked, and what it asks for is counted first, as `limits.py` says.
+Meshes stand as their nodes, joints and weights of morph targets do: in the pose of the file, without its animations.
 Format: Khronos, glTF 2.0 Specification, 2021.
 """
 
@@ -20,18 +20,19 @@ from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, warn_caller
+from ..errors import ModelError, SceneError
 from ..scene.camera import Camera
 from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.texture import Budget, Texture, read_picture
+from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part
 
-MAX_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+_CARRIED = ("JOINTS_", "WEIGHTS_")  # attributes: four joints and weights each
 _SPARSE_USE = 4  # times as many vertices as corners: then only those in use are taken out
 
 
@@ -61,9 +62,12 @@ def read_gltf(model: ModelFile) -> Contents:
         # Primitives without positions show nothing.
         primitives = {
             number: [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
-            for number, _ in shown
+            for number in dict.fromkeys(pose.mesh for pose, _ in shown)
         }
-        _check_copies(model, tree, shown, primitives)
+        model.allowance.show(sum(len(primitives[pose.mesh]) for pose, _ in shown))
+        poses = {pose: _weights_of(tree, pose) for pose in dict.fromkeys(pose for pose, _ in shown)}
+        for pose, weights in poses.items():
+            model.allowance.make(sum(_n_byte(tree, each, pose, weights) for each in primitives[pose.mesh]))
         listed = [primitive for each in primitives.values() for primitive in each]
         used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
@@ -71,14 +75,17 @@ def read_gltf(model: ModelFile) -> Contents:
             read_paint(source, pictures) if number in used else _NO_PAINT
             for number, source in enumerate(tree.get("materials", []))
         ]
-        parts = _make_parts(tree, primitives, buffers, paints)
-        others = (*count_points_and_lines(tree, listed), (), list_left_out(tree, listed, used))
+        joints = {skin: _joint_matrices(tree, skin, places, buffers) for skin in {pose.skin for pose in poses}}
+        parts = _make_parts(tree, poses, primitives, buffers, paints, joints)
+        left_out, unused = list_left_out(tree, used)
+        counts = count_points_and_lines(tree, listed)
     except ModelError:
         raise
     except (TypeError, AttributeError, LookupError, ValueError, ArithmeticError, SceneError) as fault:
-        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:200]}"
+        reason = f"{type(fault).__name__}: {fault}"
         raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
-    return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera, *others)
+    placed = [(part, matrix) for pose, matrix in shown for part in parts[pose]]
+    return Contents(placed, lights, camera, *counts, left_out=left_out, unused=unused)
 
 
 def _check_version_and_extensions(model, tree) -> None:
@@ -93,31 +100,45 @@ def _check_version_and_extensions(model, tree) -> None:
     unknown = sorted({*required} - USED)
     if unknown:
         names = ", ".join(name[:80] for name in unknown[:5])
-        warn_caller(f"{model.name}: the file needs {names}, which is not read: it may look otherwise than it should")
+        model.warn(f"the file needs {names}, which is not read: it may look otherwise than it should")
 
 
-def _shown_meshes(tree, places) -> list[tuple[int, np.ndarray]]:
-    """Return the numbers of the meshes that nodes show, and their places, in the order of the meshes."""
-    nodes = tree.get("nodes", [])
-    found = [(nodes[number]["mesh"], places[number]) for number in sorted(places) if "mesh" in nodes[number]]
-    for number, _ in found:
-        item(tree, "meshes", number)  # which may be no number
-    return sorted(found, key=lambda pair: pair[0])
+class Pose(NamedTuple):
+    """A mesh as a node shows it."""
+
+    mesh: int  # its number
+    skin: int | None  # number of the skin whose joints carry it; None = its node does
+    node: int | None  # number of the node that has weights for its morph targets; None = its own count
 
 
-def _check_copies(model, tree, shown, primitives) -> None:
-    """Raise ModelError where nodes and primitives repeat more triangles than may be made."""
-    accessors, wanted = {}, dict.fromkeys(primitives, 0)
-    for number, of_mesh in primitives.items():
-        for primitive in of_mesh:
-            source = _counted_accessor(primitive)
-            accessors[source] = item(tree, "accessors", source)["count"]
-            wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
-    asked, held = sum(wanted[number] for number, _ in shown), sum(accessors.values())
-    if asked > held + MAX_COPIES:
-        raise model.error(
-            f"its nodes and primitives ask for {asked} triangles, more than {MAX_COPIES} of them copies: too many"
-        )
+def _shown_meshes(tree, places) -> list[tuple[Pose, np.ndarray]]:
+    """Return the meshes that nodes show, and their places, in the order of the meshes."""
+    nodes, found = tree.get("nodes", []), []
+    for number in sorted(places):
+        node = nodes[number]
+        if "mesh" in node:
+            item(tree, "meshes", node["mesh"])  # which may be no number
+            pose = Pose(node["mesh"], node.get("skin"), number if "weights" in node else None)
+            # Where joints carry a mesh, its node's place doesn't count: 3.7.3.3.
+            found.append((pose, places[number] if pose.skin is None else np.eye(4)))
+    return sorted(found, key=lambda pair: pair[0].mesh)
+
+
+def _weights_of(tree, pose) -> list[float]:
+    """Return the weights of the morph targets of a mesh."""
+    holder = item(tree, "meshes", pose.mesh) if pose.node is None else item(tree, "nodes", pose.node)
+    return [float(weight) for weight in holder.get("weights", ())]
+
+
+def _n_byte(tree, primitive, pose, weights) -> int:
+    """Return how many bytes of arrays a primitive becomes."""
+    mode, attributes = primitive.get("mode", _TRIANGLES), primitive["attributes"]
+    if mode not in (_TRIANGLES, _STRIP, _FAN):
+        return 0
+    n_vertex = whole(item(tree, "accessors", attributes["POSITION"]), "count")
+    n_corner = whole(item(tree, "accessors", _counted_accessor(primitive)), "count")
+    n_number = 3 * len(attributes) + (0 if pose.skin is None else 24) + 6 * sum(map(bool, weights))
+    return 8 * n_number * min(n_vertex, _SPARSE_USE * n_corner) + (8 if mode == _TRIANGLES else 24) * n_corner
 
 
 def _counted_accessor(primitive):
@@ -125,20 +146,21 @@ def _counted_accessor(primitive):
     return primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
 
 
-def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
-    """Return the parts of each mesh by its number, one a primitive of triangles; each gets a name of its own."""
+def _make_parts(tree, poses, primitives, buffers, paints, joints) -> dict[Pose, list[Part]]:
+    """Return the parts of each mesh in each pose, one a primitive of triangles; each gets a name of its own."""
     parts, names = {}, {}
-    for number in sorted(primitives):
-        parts[number] = []
-        name = str(item(tree, "meshes", number).get("name", "GLTF"))
-        for primitive in primitives[number]:
+    for pose, weights in poses.items():
+        parts[pose] = []
+        name = name_in(item(tree, "meshes", pose.mesh).get("name", "GLTF"))
+        for primitive in primitives[pose.mesh]:
             if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
                 names[name] = names.get(name, -1) + 1
                 own = f"{name}_{names[name]}" if names[name] else name
                 number_of_paint = primitive.get("material")
                 is_there = isinstance(number_of_paint, int) and number_of_paint < len(paints)
-                part = _part(primitive, buffers, paints[number_of_paint] if is_there else _NO_PAINT, own)
-                parts[number] += [part] if len(part["faces"]) else []
+                paint = paints[number_of_paint] if is_there else _NO_PAINT
+                part = _part(primitive, buffers, paint, own, weights, joints[pose.skin])
+                parts[pose] += [part] if len(part["faces"]) else []
     return parts
 
 
@@ -161,8 +183,9 @@ def _read_tree(model):
     return tree, tail
 
 
-def _part(primitive, buffers, paint, name) -> Part:
-    """Turn one primitive into a part; its vertex colours multiply its base colour."""
+def _part(primitive, buffers, paint, name, weights, joints) -> Part:
+    """Turn one primitive into a part, moved by the weights of its morph targets and by joints (n, 4, 4), if any; its
+    vertex colours multiply its base colour."""
     attributes = primitive["attributes"]
     vertices = buffers.array(attributes["POSITION"])
     n_vertex = len(vertices)
@@ -172,6 +195,12 @@ def _part(primitive, buffers, paint, name) -> Part:
     faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
     wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
     found = {key: buffers.array(attributes[source]) for key, source in wanted.items() if source in attributes}
+    if joints is not None:
+        found |= {key: buffers.array(attributes[key]) for key in attributes if key.startswith(_CARRIED)}
+    for key, source in (("vertices", "POSITION"), ("normals", "NORMAL")):
+        if source in attributes and any(weights):
+            rows = vertices if key == "vertices" else found["normals"]
+            found[key] = _morphed(rows, attributes[source], primitive.get("targets", ()), source, weights, buffers)
     arrays = {"vertices": vertices} | {key: array for key, array in found.items() if len(array) == n_vertex}
     if n_vertex > _SPARSE_USE * faces.size > 0 and faces.max() < n_vertex:
         used, faces = np.unique(faces, return_inverse=True)
@@ -181,6 +210,8 @@ def _part(primitive, buffers, paint, name) -> Part:
     part["material"] = paint.material
     if np.shape(arrays.get("normals"))[1:] == (3,):
         part["normals"] = _real(arrays["normals"], attributes["NORMAL"], buffers)
+    if joints is not None and "JOINTS_0" in arrays and "WEIGHTS_0" in arrays:
+        _carry(part, arrays, joints)
     if np.shape(arrays.get("uv"))[1:] == (2,):
         part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
     if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
@@ -189,8 +220,56 @@ def _part(primitive, buffers, paint, name) -> Part:
     return part
 
 
+def _morphed(rows, number, targets, source, weights, buffers) -> np.ndarray:
+    """Return the rows of an accessor with what morph targets add to them, float64."""
+    moved = _real(rows, number, buffers)
+    for target, weight in zip(targets, weights, strict=False):
+        if weight and source in target:
+            moved = moved + weight * _real(buffers.array(target[source]), target[source], buffers)
+    return moved
+
+
+def _joint_matrices(tree, number, places, buffers) -> np.ndarray | None:
+    """Return world-from-bound matrices (n, 4, 4) of a skin's joints; None for no skin. Source: 3.7.3.1."""
+    if number is None:
+        return None
+    skin = item(tree, "skins", number)
+    joints = [item(tree, "nodes", joint) and places.get(joint, np.eye(4)) for joint in skin["joints"]]
+    world = np.array(joints).reshape(-1, 4, 4)
+    if "inverseBindMatrices" not in skin:
+        return world
+    bound = buffers.array(skin["inverseBindMatrices"])[: len(world)].astype(np.float64)
+    with np.errstate(all="ignore"):  # Mesh refuses vertices that are not finite
+        return world @ bound.reshape(-1, 4, 4).transpose(0, 2, 1)
+
+
+def _carry(part, arrays, joints) -> None:
+    """Move the vertices of a part as its joints carry them, each by the sum of their matrices, weighted."""
+    numbers = [np.asarray(arrays[key]) for key in sorted(arrays) if key.startswith(_CARRIED[0])]
+    weights = [linear_values(arrays[key]) for key in sorted(arrays) if key.startswith(_CARRIED[1])]
+    vertices, matrices, total = part["vertices"], np.zeros((len(part["vertices"]), 3, 4)), 0.0
+    for number, weight in zip(np.concatenate(numbers, axis=1).T, np.concatenate(weights, axis=1).T, strict=True):
+        number = np.where(weight == 0.0, 0, number)
+        if number.dtype.kind not in "iu" or number.max() >= len(joints):
+            raise ValueError(f"a vertex is carried by joint {number.max()}; its skin has {len(joints)}")
+        matrices += weight[:, None, None] * joints[number, :3]
+        total = total + weight
+    with np.errstate(all="ignore"):
+        matrices /= np.where(total == 0.0, 1.0, total)[:, None, None]
+        part["vertices"] = np.einsum("nij,nj->ni", matrices[..., :3], vertices) + matrices[..., 3]
+        a, b, c = matrices[:, 0, :3], matrices[:, 1, :3], matrices[:, 2, :3]
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        side = np.sign(np.einsum("ni,ni->n", a, cofactors[:, 0]))  # below 0 where the matrix mirrors
+        if "normals" in part:
+            part["normals"] = side[:, None] * np.einsum("nij,nj->ni", cofactors, part["normals"])
+    if (side < 0.0).mean() > 0.5:
+        part["faces"] = part["faces"][:, ::-1]
+
+
 def _real(rows, number, buffers) -> np.ndarray:
     """Return rows of an accessor as float64; integers that are meant as fractions become such."""
+    if rows.dtype == np.float64:  # moved by morph targets
+        return rows
     is_fraction = item(buffers.tree, "accessors", number).get("normalized") is True
     with np.errstate(invalid="ignore"):  # of a signalling NaN, which Mesh refuses
         return linear_values(rows) if is_fraction else rows.astype(np.float64)
@@ -216,9 +295,8 @@ def _faces(corners, mode) -> np.ndarray:
 #                 one replaces some of them
 #
 # Arrays are views of the bytes that were read: however often accessors refer to a buffer, it is there once. Rows that
-# are in no buffer could be any number of them, so together they are limited. Specification, 3.6.
+# are in no buffer could be any number of them, so they are counted. Specification, 3.6.
 
-MAX_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
 _BIN_CHUNK = 0x004E4942
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -237,7 +315,6 @@ class Buffers:
     def __init__(self, model: ModelFile, tree: dict, tail: bytes):
         self.model, self.tree, self.tail = model, tree, tail
         self._buffers, self._arrays = {}, {}
-        self._n_made = 0  # numbers in arrays that no buffer holds
 
     def uri(self, uri, max_bytes: int | None = None) -> bytes:
         """Return what a URI holds or names, up to `max_bytes` bytes.
@@ -277,6 +354,8 @@ class Buffers:
             buffer = item(self.tree, "buffers", number)
             length = whole(buffer, "byteLength")
             data = self.uri(buffer["uri"], length) if "uri" in buffer else self._chunk()
+            if not buffer.get("uri", "data:").startswith("data:"):
+                self.model.allowance.n_byte += len(data)
             if len(data) < length:
                 raise ValueError(f"buffer {number} must have {length} bytes, but has {len(data)}")
             self._buffers[number] = data
@@ -310,9 +389,9 @@ class Buffers:
         rows = self._rows(accessor, dtype, (count, width), label) if has_view else None
         if rows is not None and "sparse" not in accessor:
             return rows
-        self._n_made += count * width
-        if count < 1 or self._n_made > MAX_MADE:
-            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MAX_MADE} numbers are legal")
+        if count < 1:
+            raise ValueError(f"{label}: {count} rows; 1 is needed")
+        self.model.allowance.make(count * width * dtype.itemsize)
         made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
         if "sparse" in accessor:
             self._replace(made, accessor["sparse"], label)
@@ -411,7 +490,7 @@ class Pictures:
 
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
-        self._pixels, self._textures, self._budget = {}, {}, Budget()
+        self._pixels, self._textures, self._budget = {}, {}, Budget(self.model.name)
 
     def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
         """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
@@ -430,19 +509,25 @@ class Pictures:
         sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
         self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
         wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
-        texture = Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
-        if alpha_mode == "BLEND":
-            return texture
-        rgba = np.array(texture.image)
-        with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
-            rgba[..., 3] = rgba[..., 3] * alpha >= cutoff if alpha_mode == "MASK" else 1.0
-        return Texture(rgba, texture.filter, texture.wrap, texture.name)
+        if alpha_mode != "BLEND":
+            pixels = pixels[..., None] if pixels.ndim == 2 else pixels
+            has_alpha = pixels.shape[2] in (2, 4)
+            colors, alphas = (pixels[..., :-1], pixels[..., -1:]) if has_alpha else (pixels, np.uint8([[[255]]]))
+            shares = np.arange(256) / np.float32(255.0)
+            with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
+                is_seen = shares.astype(np.float32) * alpha >= cutoff
+            is_opaque = alpha_mode == "OPAQUE" or is_seen[alphas].all()
+            alphas = np.broadcast_to((255 * is_seen.astype(np.uint8))[alphas], (*colors.shape[:2], 1))
+            pixels = colors if is_opaque else np.concatenate([colors, alphas], axis=2)
+        return Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
 
     def _source(self, number) -> tuple[dict, int | None]:
         """Return a texture of the tree, and the number of its image."""
         source = item(self.tree, "textures", number)
-        extensions = source.get("extensions", {}).values()
-        return source, next((each["source"] for each in extensions if "source" in each), source.get("source"))
+        extensions = source.get("extensions", {})
+        webp = extensions.get("EXT_texture_webp", {}).get("source")
+        others = [each["source"] for each in extensions.values() if "source" in each]  # of formats that aren't read
+        return source, next((each for each in (webp, source.get("source"), *others) if each is not None), None)
 
     def mean(self, use: dict) -> np.ndarray | None:
         """Return the mean (4,) of the texels of a texture of numbers, within 0..1; None, and a UserWarning, if it is
@@ -473,7 +558,7 @@ class Pictures:
             except (ModelError, LookupError, TypeError, ValueError) as fault:
                 reason = str(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
-                warn_caller(f"{self.model.name}: {what}: {reason}; its materials keep their plain colour")
+                self.model.warn(f"{what}: {reason}; its materials keep their plain colour")
                 self._pixels[number] = None
         return self._pixels[number]
 
@@ -498,7 +583,7 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     texture = None if use is None else pictures.texture(use["index"], mode, alpha, cutoff)
     # With a texture, MASK has been decided texel by texel.
     opacity = {"OPAQUE": 1.0, "BLEND": alpha, "MASK": 1.0 if texture is not None else float(alpha >= cutoff)}[mode]
-    common = {"opacity": opacity, "texture": texture, "name": str(source.get("name", ""))}
+    common = {"opacity": opacity, "texture": texture, "name": name_in(source.get("name", ""))}
     place = () if texture is None else _placement(use)
     base = (red, green, blue)
     if _UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light
@@ -755,9 +840,12 @@ def world_matrices(tree: dict) -> dict[int, np.ndarray]:
         if number in found:  # not legal; the first place counts
             continue
         with np.errstate(all="ignore"):  # what is not finite is refused where something stands there
-            found[number] = parent @ _own_matrix(node)
+            found[number] = parent @ _own_matrix(node) if _PLACES & node.keys() else parent
         open_nodes += [(child, found[number]) for child in node.get("children", [])]
     return found
+
+
+_PLACES = {"matrix", "rotation", "scale", "translation"}
 
 
 def _own_matrix(node) -> np.ndarray:
@@ -786,7 +874,7 @@ def _made(model, word, number, sources, make, matrix):
     if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(sources):
         raise model.error(f"a node refers to {word} {number!r}; the file has {len(sources)}")
     source = sources[number]
-    label = f"{word} {number}" + (f" '{source['name']}'" if source.get("name") else "")
+    label = f"{word} {number}" + (f" '{name_in(source['name'])}'" if source.get("name") else "")
     try:
         return make(source, matrix)
     except KeyError as fault:
@@ -852,14 +940,13 @@ _TEXTURES = {
 }
 
 
-def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, ...]:
-    """Return texts about what isn't used of materials, extensions and motion.
+def list_left_out(tree: dict, used: set) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return texts about what isn't used of materials, extensions and motion: what would be seen, and what wouldn't.
 
     Parameters
     ----------
     tree : the file's JSON tree
-    primitives : those that are shown
-    used : the numbers of their materials
+    used : the numbers of the materials that are shown
     """
     materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
     found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
@@ -871,12 +958,11 @@ def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, .
         for surface, source in zip(surfaces, materials, strict=True)
     ):
         found.append("KHR_materials_unlit of textured materials, which are lit")
-    if any(not source.get("doubleSided", False) for source in materials):
-        found.append("doubleSided = false (backs are drawn unless they are culled)")
     extensions = {*tree.get("extensionsUsed", [])}.union(*(source.get("extensions", ()) for source in materials))
-    found += [f"the extension {name}" for name in sorted(map(str, extensions - USED))]
-    found += [what for what in ("animations", "skins") if tree.get(what)]
-    return (*found, *(["morph targets"] if any("targets" in each for each in primitives) else []))
+    found += [f"the extension {name[:60]}" for name in sorted(map(str, extensions - USED))]
+    found += ["animations"] if tree.get("animations") else []
+    is_one_sided = any(not source.get("doubleSided", False) for source in materials)
+    return tuple(found), ("doubleSided = false (backs are drawn unless they are culled)",) * is_one_sided
 
 
 def count_points_and_lines(tree: dict, primitives: list[dict]) -> tuple[int, int]:

@@ -16,7 +16,12 @@ from typing import IO, Any, TypeAlias
 import numpy as np
 
 from ..choices import Axis, Weighting
-from ..errors import ModelError, SceneError, counted, one_file, shown, warn_caller
+from ..errors import ModelError
+from ..errors import SceneError
+from ..errors import counted
+from ..errors import cut
+from ..errors import one_file
+from ..errors import shown
 from ..geometry.weld import weld
 from ..keywords import checked_keywords
 from ..scene.arrays import fixed
@@ -26,9 +31,17 @@ from ..scene.lights import Light
 from ..scene.mesh import Mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
+from ..scene.triangulation import listed
 from . import formats
 from .files import Folder, name_of, read_source
-from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of
+from .model_file import Contents
+from .model_file import MeshSettings
+from .model_file import ModelFile
+from .model_file import Part
+from .model_file import Report
+from .model_file import bytes_of_copy
+from .model_file import materials_of
+from .limits import name_in
 
 FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
 
@@ -212,32 +225,45 @@ def keep_quiet(_text: str) -> None:
 
 
 def _make_meshes(model, contents, settings) -> list[Mesh]:
-    """Make the meshes of the parts of a file, and move them to where their nodes are."""
+    """Make the meshes of the parts of a file, each once, and move them to where their nodes are."""
     placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
-    parts = [part for part, _ in placed]
-    for part in parts:
+    parts = {id(part): part for part, _ in placed}
+    for part in parts.values():
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
-    _report(model, contents, parts, settings.crease_angle)
+        part["name"] = name_in(part["name"])
+    _report(model, contents, [part for part, _ in placed], settings.crease_angle)
     if len(placed) > 1:
-        placed = [pair for pair in placed if _is_worth_drawing(pair[0], settings.drop_bad_faces)] or placed[:1]
+        drawn = {key for key, part in parts.items() if _is_worth_drawing(part, settings.drop_bad_faces)}
+        placed = [pair for pair in placed if id(pair[0]) in drawn] or placed[:1]
+    made = {id(part): None for part, _ in placed}
+    seen = (material.opacity > 0.0 for key in made for material in materials_of(parts[key]))
+    if model.format != "obj" and not any(seen):  # MTL warns of each such material
+        model.warn("all its materials are invisible: opacity 0")
+    for key in made:
+        part = _prepare(model, parts[key], settings)
+        # The reader's own arrays, which nobody else has: the mesh needs no copies.
+        arrays = {key: fixed(value) for key, value in part.items() if isinstance(value, np.ndarray)}
+        try:
+            made[key] = Mesh(**part | arrays, **settings.arguments())
+        except ModelError as fault:
+            raise model.error(f"{_label(part)}{fault}") from fault
     meshes = []
     for part, matrix in placed:
-        part = _prepare(model, part, settings)
-        label = f"mesh '{part['name']}': " if part["name"] else ""
-        try:
-            # The reader's own arrays, which nobody else has: the mesh needs no copies.
-            arrays = {key: fixed(value) for key, value in part.items() if isinstance(value, np.ndarray)}
-            mesh = Mesh(**part | arrays, **settings.arguments())
-        except ModelError as fault:
-            raise model.error(f"{label}{fault}") from fault
+        mesh = made[id(part)]
         if matrix is not None and not np.array_equal(matrix, np.eye(4)):
+            model.allowance.make(bytes_of_copy(mesh))
             try:
                 mesh = mesh.transformed(matrix)
             except (ModelError, SceneError) as fault:
-                raise model.error(f"{label}the transform of its node: {fault}") from fault
+                raise model.error(f"{_label(part)}the transform of its node: {fault}") from fault
         meshes.append(mesh)
     return meshes
+
+
+def _label(part: Part) -> str:
+    """Return what begins a message about a part."""
+    return f"mesh '{cut(part['name'], 80)}': " if part["name"] else ""
 
 
 def _why_no_faces(contents) -> str:
@@ -262,9 +288,9 @@ def _without_useless_textures(model, part: Part) -> Part:
     useless = [material.name for material in materials_of(part) if material.texture is not None]
     if "uv" in part or not useless:
         return part
-    names = ", ".join(f"'{name}'" for name in useless)
-    what = f"{model.name}: mesh '{part['name']}' has no texture coordinates"
-    warn_caller(f"{what}; it is drawn without the texture of its material {names}")
+    names = listed([f"'{cut(name, 40)}'" for name in useless])
+    what = f"mesh '{cut(part['name'], 80)}' has no texture coordinates"
+    model.warn(f"{what}; it is drawn without the texture of its material {names}")
     if "materials" in part:
         return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
     return {**part, "material": replace(part["material"], texture=None)}
@@ -288,8 +314,7 @@ def _mend_normals(model, part: Part) -> Part:
         is_bad = ~((length > 0.0) & np.isfinite(length))
         if not is_bad.any():
             return part
-    what = f"{int(is_bad.sum())} file normals are zero or not finite"
-    model.log(f"{model.name}: {what}; they are computed from the faces")
+    model.tell(f"{int(is_bad.sum())} file normals are zero or not finite; they are computed from the faces")
     return {**part, "normals": np.where(is_bad[..., None], 0.0, normals)}
 
 
@@ -298,10 +323,17 @@ def _report(model, contents, parts, crease_angle):
     has = {key for part in parts for key in part}
     facts = [counted(sum(len(part["faces"]) for part in parts), "face"), *_counts(contents, parts)]
     facts += [what for key, what in _ATTRIBUTES.items() if key in has]
-    left_out = [counted(n, what) for n, what in ((contents.n_point, "point"), (contents.n_line, "line")) if n]
+    seen = [counted(n, what) for n, what in ((contents.n_point, "point"), (contents.n_line, "line")) if n]
+    seen += [cut(what, 80) for what in contents.left_out]
+    colors = [part[key] for part in parts for key in ("colors", "face_colors") if key in part]
+    if any(array.shape[-1] == 4 and array[..., 3].min(initial=255) < _OPAQUE[array.dtype.kind] for array in colors):
+        seen.append("the alpha of vertex colours")
+    if seen:
+        model.warn(f"not used: {listed(seen)}")
+    left_out = [*seen]
     if "uv" in has and not any(material.needs_uv for part in parts for material in materials_of(part)):
         left_out.append("texture coordinates")
-    left_out += contents.left_out
+    left_out += contents.unused
     normals = next((what for key, what in _NORMALS.items() if key in has), None)
     if normals and crease_angle is not None:
         facts.append(f"{normals} not used: crease angle {crease_angle} asked for")
@@ -316,6 +348,7 @@ _ATTRIBUTES = {
     "colors": "vertex colours",
     "face_colors": "face colours",
 }
+_OPAQUE = {"u": 255, "f": 1.0}
 _NORMALS = {"normals": "file normals", "smoothing": "smoothing groups"}
 
 

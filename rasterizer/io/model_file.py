@@ -6,17 +6,21 @@ In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a di
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ModelError, warn_caller
+from ..errors import ModelError, cut, warn_caller
 from ..scene.material import Material
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder
+from .limits import MAX_WARNINGS, Allowance
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
 WHITE = Material(diffuse=1.0)
+
+MAX_MESSAGE = 250  # letters of a message, beside the file's name
 
 Part = dict
 
@@ -31,7 +35,8 @@ class Contents(NamedTuple):
     camera : Camera or None; its target is any point ahead of it
     n_point, n_line : points and lines that the file has as elements of their own; they aren't drawn
     facts : texts, what the file says about itself, as "unit millimeter"
-    left_out : texts, what else the file has and isn't used, as "normal textures"
+    left_out : texts, what else the file has, and would be seen if it were used, as "normal textures": it is warned of
+    unused : texts, what else it has that nobody would see
     up : text, the up axis that the file states; None = that of its format
     """
 
@@ -42,6 +47,7 @@ class Contents(NamedTuple):
     n_line: int = 0
     facts: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
     up: str | None = None
 
 
@@ -51,7 +57,7 @@ class Report(str):
     Parameters
     ----------
     text : the fact
-    left_out : texts, as in `Contents`
+    left_out : texts, as `left_out` and `unused` of `Contents`
     """
 
     left_out: tuple[str, ...]
@@ -76,24 +82,52 @@ class MeshSettings(NamedTuple):
         return {name: value for name, value in asked.items() if value is not None}
 
 
+def bytes_of_copy(mesh) -> int:
+    """Return how many bytes count where a mesh is placed once more: a quarter of those of its vertices and normals,
+    which are there once then, not four times; and some for its materials."""
+    n_byte = mesh.vertices.nbytes + (0 if mesh.normals is None else mesh.normals.nbytes)
+    return n_byte // 4 + 256 * len(mesh.palette)
+
+
 def materials_of(part: Part) -> tuple[Material, ...]:
     """Return the materials of a part, whether it has one or several."""
     return part.get("materials") or (part["material"],)
 
 
-class ModelFile(NamedTuple):
-    """One file: name for messages, format, bytes, the files that it may name, and who is told."""
+@dataclass(frozen=True, eq=False)
+class ModelFile:
+    """One file: name for messages, format, bytes, the files that it may name, who is told, and what may be made of
+    it."""
 
     name: str
     format: str
     data: bytes
     beside: Folder
     log: Callable[[str], object]
+    allowance: Allowance = None  # None = its own, by its size
 
-    def error(self, fault: str, line: int | None = None) -> ModelError:
-        """Make the error `name:line: fault`."""
-        place = self.name if line is None else f"{self.name}:{line}"
-        return ModelError(f"{place}: {fault}")
+    def __post_init__(self) -> None:
+        if self.allowance is None:
+            object.__setattr__(self, "allowance", Allowance(len(self.data), f"{self.name}: "))
+
+    def error(self, fault: object, line: int | None = None) -> ModelError:
+        """Make the error `name:line: fault`, whose fault is cut."""
+        return ModelError(f"{self._place(line)}: {cut(fault, MAX_MESSAGE)}")
+
+    def warn(self, fault: object, line: int | None = None) -> None:
+        """Warn of `name:line: fault`, cut; of a file that has many faults only of the first."""
+        self.allowance.n_warning += 1
+        if self.allowance.n_warning < MAX_WARNINGS:
+            warn_caller(f"{self._place(line)}: {cut(fault, MAX_MESSAGE)}")
+        elif self.allowance.n_warning == MAX_WARNINGS:
+            warn_caller(f"{self.name}: there is more to warn of, which is left out")
+
+    def tell(self, fact: object, line: int | None = None) -> None:
+        """Log `name:line: fact`, cut."""
+        self.log(f"{self._place(line)}: {cut(fact, MAX_MESSAGE)}")
+
+    def _place(self, line) -> str:
+        return self.name if line is None else f"{self.name}:{line}"
 
 
 def text_of(data: bytes) -> str:

@@ -42,7 +42,6 @@ Format: Wavefront, MTL specification 4.2, 1995.
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain
@@ -50,18 +49,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, warn_caller
+from ..errors import ModelError, SceneError, cut
 from ..scene.material import Material
 from ..scene.spectrum import rgb_from_xyz
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.triangulation import listed
-from .files import OutsideError
+from .files import OutsideError, identity_of
+from .limits import name_in
 from .model_file import ModelFile, text_of
 
 MAX_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
 LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones
 MAX_LIBRARIES = 256  # material files that an OBJ file may name
-MAX_WARNINGS = 20  # lines of one file that are warned of one by one
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
 _MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters of all keywords that name a picture
@@ -90,42 +89,50 @@ def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> 
     -----
     UserWarning : files or materials that are missing
     """
-    materials, missing, maps = {}, [], Maps(model.log)
+    materials, missing, maps = {}, [], Maps(model)
     wanted = list(dict.fromkeys(libraries))[:MAX_LIBRARIES]
     # A name with blanks is written like several names; what was read to find out is not read again.
-    found = {name: _library(model, name) for name in wanted if len(name) < 256}
+    known = {}  # under several names it is one file
+    found = {name: _library(model, name, known) for name in wanted if len(name) < 256}
     named = list(dict.fromkeys(chain(*([name] if found.get(name) else name.split() for name in wanted))))
     if len(named) > MAX_LIBRARIES:
-        warn_caller(f"{model.name}: names {len(named)} material files; the first {MAX_LIBRARIES} are looked for")
+        model.warn(f"names {len(named)} material files; the first {MAX_LIBRARIES} are looked for")
+    read = set()
     for name in named[:MAX_LIBRARIES]:
-        library = found[name] if name in found else _library(model, name)
+        library = found[name] if name in found else _library(model, name, known)
         if library is None:
             missing.append(name)
-        else:
+        elif id(library) not in read:
+            read.add(id(library))
             materials |= read_materials(library, set(names), maps)
     unknown = [name for name in names if name not in materials]
     if missing:
         files = listed([f"'{name[:80]}'" for name in missing])
-        warn_caller(f"{model.name}: material file {files} not found; the default material is used")
+        model.warn(f"material file {files} not found; the default material is used")
     elif unknown:
         unknown = listed([f"'{name[:80]}'" for name in unknown])
-        warn_caller(f"{model.name}: no definition of material {unknown}; the default is used")
+        model.warn(f"no definition of material {unknown}; the default is used")
     return materials
 
 
-def _library(model, name) -> ModelFile | None:
-    """Return an MTL file beside the model, or None."""
+def _library(model, name, known) -> ModelFile | None:
+    """Return an MTL file beside the model, or None; `known` are those that were read, by their identity."""
     if len(name) > LONGEST_NAME:
         return None
     try:
         path = model.beside.find_alike(name)
+        identity = identity_of(path)
+        if identity in known:
+            return known[identity]
         data = model.beside.read_bytes(path)
     except OutsideError as fault:
-        warn_caller(f"{model.name}: material file '{name}' {fault}")
+        model.warn(f"material file '{cut(name, 80)}' {fault}")
         return None
     except (OSError, ValueError):
         return None
-    return ModelFile(str(path), "mtl", data, model.beside.below(path.parent), model.log)
+    beside = model.beside.below(path.parent)
+    known[identity] = ModelFile(str(path), "mtl", data, beside, model.log, model.allowance)
+    return known[identity]
 
 
 def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Material]:
@@ -146,7 +153,7 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
     UserWarning : a line that can't be read or is taken otherwise than it stands there, with file and line; a texture
         that can't be
     """
-    maps = Maps(library.log) if maps is None else maps
+    maps = Maps(library) if maps is None else maps
     doubts, found = set(), {}  # pairs of a line and what is doubtful about it
     blocks = _blocks(library)
     is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
@@ -155,10 +162,9 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
         own = doubts if is_used else set()  # of no concern
         own.update(faults)
-        found[name] = _material(library, name, values, texture, is_opacity, own)
-    for k, (line, text) in enumerate(sorted(doubts)[:MAX_WARNINGS]):
-        more = f" (and {len(doubts) - MAX_WARNINGS} lines more)" if k == MAX_WARNINGS - 1 < len(doubts) - 1 else ""
-        warn_caller(f"{library.name}:{line}: {text}{more}")
+        found[name] = _material(library, name_in(name), values, texture, is_opacity, own)
+    for line, text in sorted(doubts):
+        library.warn(text, line)
     return found
 
 
@@ -184,7 +190,9 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
             values[key], ignored = _map_line(library, line_number, key, rest)
             faults += [(line_number, fault) for fault in ignored]
         elif key.startswith(_MAPS):
-            library.log(f"{library.name}: texture '{rest}' ({key}) of material '{name}' is not drawn by this version")
+            library.tell(
+                f"texture '{cut(rest, 80)}' ({key}) of material '{cut(name, 80)}' is not drawn by this version"
+            )
     if name is not None:
         blocks.append((name, values, faults))
     return blocks
@@ -218,7 +226,7 @@ def _map_line(library, line_number, key, rest) -> tuple[tuple[str, str], list[st
         if neutral and all(map(_is_number, values)) and [*map(float, values)] != neutral:
             ignored.append(fault)
         else:
-            library.log(f"{library.name}:{line_number}: {fault}")
+            library.tell(fault, line_number)
     return (" ".join(words), wrap), ignored
 
 
@@ -290,7 +298,7 @@ def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material
         1.0,
     ):
         del coefficients["ambient"]
-        library.log(f"{library.name}:{values['ka'][1]}: 'Ka 1 1 1' of material '{name}' is taken as its Kd")
+        library.tell(f"'Ka 1 1 1' of material '{name}' is taken as its Kd", values["ka"][1])
     illum, line = values.get("illum", (2.0, 0))
     if illum not in range(11):
         doubts.add((line, f"illum {illum:g} is none of 0..10; the material '{name}' is drawn as with illum 2"))
@@ -299,7 +307,7 @@ def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material
     _add_shininess(name, values, coefficients, doubts)
     coefficients["opacity"] = _opacity(name, values, is_tr_opacity, doubts)
     if illum == 0.0 and texture is not None:
-        library.log(f"{library.name}: material '{name}' has illum 0 and a texture: it is lit all the same")
+        library.tell(f"material '{name}' has illum 0 and a texture: it is lit all the same")
     elif illum == 0.0:
         plain = Material(**coefficients)
         emission = tuple(kd + ke for kd, ke in zip(plain.diffuse, plain.emissive, strict=True))
@@ -349,13 +357,16 @@ class Maps:
 
     Parameters
     ----------
-    log : function of one text, called with what is ignored
+    model : ModelFile that names the material files, or the pictures
     """
 
-    log: Callable[[str], None]
+    model: ModelFile
     _pictures: dict[Path, np.ndarray | None] = field(default_factory=dict)
     _textures: dict[tuple, Texture | None] = field(default_factory=dict)
-    _budget: Budget = field(default_factory=Budget)
+    _budget: Budget = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._budget = Budget(self.model.name)
 
     def texture(self, library, material, color, alpha) -> Texture | None:
         """Return the texture of a material, or None where it has none that can be read.
@@ -388,7 +399,7 @@ class Maps:
         """Return the file of a map once it has been read; None, and a warning, where that fails."""
         if given is None:
             return None
-        what = f"{library.name}: texture '{given[0][:200]}' of material '{material}'"
+        what = f"texture '{cut(given[0], 80)}' of material '{cut(material, 80)}'"
         try:
             if len(given[0]) > LONGEST_NAME:
                 raise ValueError("too long a name")
@@ -396,14 +407,14 @@ class Maps:
             content = None if path in self._pictures else library.beside.read_bytes(path)
         except (OSError, ValueError) as fault:  # also a name that the system refuses
             reason = fault if isinstance(fault, OutsideError) else "not found"
-            warn_caller(f"{what} {reason}; the material keeps its plain colour")
+            library.warn(f"{what} {reason}; the material keeps its plain colour")
             return None
         if path not in self._pictures:
             try:
-                self._pictures[path] = read_picture(BytesIO(content), str(path), self._budget)
+                self._pictures[path] = read_picture(BytesIO(content), path.name, self._budget)
             except ModelError as fault:
                 self._pictures[path] = None
-                warn_caller(f"{what}: {fault}; the material keeps its plain colour")
+                library.warn(f"{what}: {fault}; the material keeps its plain colour")
         return None if self._pictures[path] is None else path
 
     def _make(self, library, material, color_path, alpha_path, wrap) -> Texture:
@@ -420,8 +431,8 @@ class Maps:
             return texture
         grey = _grey(self._pictures[alpha_path])
         if grey.shape != texture.image.shape[:2]:
-            what = f"{library.name}: map_d '{alpha_path.name}' of material '{material}'"
-            self.log(f"{what} has another size than its map_Kd; it is not applied")
+            what = f"map_d '{alpha_path.name}' of material '{cut(material, 80)}'"
+            library.tell(f"{what} has another size than its map_Kd; it is not applied")
             return texture
         return replace(texture, image=np.dstack([texture.image[..., :3], grey]))
 

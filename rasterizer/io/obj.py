@@ -8,7 +8,8 @@ surfaces are left out.
 
 Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name. A `v` of four or five
 numbers is a position, of six or more a position and its colour (0..1, or 0..255 where one is above 1), used where all
-`v` lines have one. A `vt` after the last is none. `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced
+`v` lines have one. Texture coordinates and normals that a face names and the file doesn't have are none, which is
+warned of. `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced
 Visualizer manual, appendix B1, 1995.
 """
 
@@ -22,10 +23,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import counted, warn_caller
+from ..errors import counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
+from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, report_progress, text_of
 from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
@@ -64,9 +66,9 @@ def _with_others(parts, lines) -> Contents:
     if not parts and n_point + n_line == 0 and not curved:
         n_point = len(lines.lines_of("v"))
     left_out = (f"curved elements ({', '.join(curved)})",) if curved else ()
-    if parts and not all("normals" in part for part in parts) and len(lines.lines_of("vn")):
-        left_out += ("normals of meshes in which some faces have none",)
-    return Contents(parts, n_point=n_point, n_line=n_line, left_out=left_out)
+    has_rest = parts and not all("normals" in part for part in parts) and len(lines.lines_of("vn"))
+    unused = ("normals of meshes in which some faces have none",) if has_rest else ()
+    return Contents(parts, n_point=n_point, n_line=n_line, left_out=left_out, unused=unused)
 
 
 def _read_parts(model, lines) -> list[Part]:
@@ -74,6 +76,9 @@ def _read_parts(model, lines) -> list[Part]:
     corners = lines.corners()
     if corners.counts.max(initial=0) < 3:
         return []
+    for what, n in lines.missing.items():
+        if n:
+            model.warn(f"{counted(n, 'face')} with {what} that the file doesn't have: drawn without")
     points = lines.rows_of("v")
 
     def place(face):
@@ -93,7 +98,7 @@ def _read_parts(model, lines) -> list[Part]:
 
         materials = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
     default = replace(whole["material"], name="")
-    palette = [materials.get(name, replace(default, name=name)) for name in numbers] + [default]
+    palette = [materials.get(name, replace(default, name=name_in(name))) for name in numbers] + [default]
     groups = set(lines.names_of("g")[1])
     objects.append(groups.pop() if len(groups) == 1 else "")  # the only group names what stands before the first object
     if corners.counts.max() > 3:
@@ -101,9 +106,11 @@ def _read_parts(model, lines) -> list[Part]:
     group_of_face, groups = _in_force(lines, "s", face_lines)
     if groups:
         whole["smoothing"] = np.array([*map(_smoothing_group, groups), 0], np.int32)[group_of_face]
+    ranges = _object_ranges(whole, object_of_face)
+    model.allowance.show(len(ranges))
     return [
         _with_materials(model, _take_range(whole, begin, end), palette, objects[number])
-        for number, begin, end in _object_ranges(whole, object_of_face)
+        for number, begin, end in ranges
     ]
 
 
@@ -123,7 +130,7 @@ def _make_part(lines, points, corners: "Corners", triangles) -> Part:
         part |= {"normals": lines.rows_of("vn")[vn, :3], "has_normals": (vn >= 0).all(axis=1)}
     if corners.vt is not None and corners.vt.max() >= 0:
         vt, texcoords = corners.vt[triangles], lines.rows_of("vt")[:, :2]
-        is_there = (vt >= 0) & (vt < len(texcoords))
+        is_there = vt >= 0
         if is_there.any():
             part["uv"] = np.where(is_there[..., None], texcoords[np.where(is_there, vt, 0)], 0.0)
             part["has_uv"] = is_there.all(axis=1)
@@ -204,17 +211,16 @@ def _with_materials(model, part: Part, palette, name) -> Part:
     """
     numbers = part.pop("face_material")
     has_uv = part.pop("has_uv", None)
-    palette = list(palette)
     if has_uv is not None and not has_uv.all():
-        numbers = numbers.copy()
+        numbers, palette = numbers.copy(), list(palette)
         for number in distinct(numbers[~has_uv]).tolist():
             if palette[number].texture is not None:
                 is_bare = (numbers == number) & ~has_uv
                 palette.insert(-1, replace(palette[number], texture=None))  # the last one is the unnamed, -1
                 numbers[is_bare] = len(palette) - 2
-                warn_caller(
-                    f"{model.name}: {counted(int(is_bare.sum()), 'face')} of mesh '{name}' without texture "
-                    f"coordinates, with the material '{palette[number].name}': drawn without its texture"
+                model.warn(
+                    f"{counted(int(is_bare.sum()), 'face')} of mesh '{cut(name, 80)}' without texture "
+                    f"coordinates, with the material '{cut(palette[number].name, 80)}': drawn without its texture"
                 )
     used, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -254,7 +260,9 @@ class Corners(NamedTuple):
 class ObjLines:
     """Hold the lines of an OBJ file, given as bytes."""
 
-    n_short_face = 0  # faces with fewer than three corners, once `corners` has been called
+    # Once `corners` has been called: faces with fewer than three corners, and those that refer to what there is not.
+    n_short_face = 0
+    missing: dict[str, int] = {}
 
     def __init__(self, data: bytes):
         text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
@@ -306,11 +314,12 @@ class ObjLines:
 
         Raises
         ------
-        LineError : a word that is no corner, or refers to a vertex or, if drawn, a normal that there is not
+        LineError : a word that is no corner, or refers to a vertex that there is not
         """
         given = {attribute: self.lines_of(attribute) for attribute in _ATTRIBUTES}
         blocks = [_read_corners(given, lines, words) for lines, words in self._words_of("f")]
-        columns = list(zip(*blocks, strict=True))
+        *columns, missing = zip(*blocks, strict=True)
+        self.missing = dict(zip(("texture coordinates", "normals"), map(sum, zip(*missing, strict=True)), strict=True))
         self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[1])
         return Corners(*(None if column[0] is None else np.concatenate(column) for column in columns))
 
@@ -371,7 +380,8 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
     if is_bad.any() or counts.min(initial=least) < least:
         row = int(((counts < least) | is_bad.any(axis=1)).argmax())
         if is_bad[row].any():
-            raise LineError(int(lines[row]), f"'{words.text(places[row, is_bad[row].argmax()])}' is not a number")
+            word = cut(words.text(places[row, is_bad[row].argmax()]), 60)
+            raise LineError(int(lines[row]), f"'{word}' is not a number")
         raise LineError(int(lines[row]), f"a {_ATTRIBUTES[keyword]} has {counts[row]} numbers, {least} are needed")
     return np.append(values, 0.0)[places]
 
@@ -380,7 +390,7 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
     """Return what `Corners` holds of some face lines; `given` are all lines of v, vt and vn."""
     pieces = divide(words, b"/")
     numbers, is_number = read_integers(pieces)
-    counts, indices, faults = np.diff(words.first), [], []
+    counts, indices, missing, faults = np.diff(words.first), [], [0, 0], []
     for k, (attribute, given_lines) in enumerate(given.items()):
         total = len(given_lines)
         if k > 0 and len(numbers) == len(words.starts):  # no corner has a slash
@@ -395,8 +405,11 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
             index = np.where(number < 0, np.maximum(so_far + number, -1), index)
         if attribute == "v":
             is_bad |= (index < 0) | (index >= total)
-        elif attribute == "vn":  # those of faces that are left out are of no concern
-            is_bad |= (index >= total) & np.repeat(counts >= 3, counts)
+        else:
+            is_missing = (index >= total) | ((number < 0) & (index < 0))
+            if is_missing.any():
+                index = np.where(is_missing, -1, index)
+                missing[k - 1] = len(np.unique(np.repeat(np.arange(len(counts)), counts)[is_missing]))
         if is_bad.any():
             corner = int(is_bad.argmax())
             line = int(lines[np.searchsorted(words.first, corner, side="right") - 1])
@@ -405,9 +418,9 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
             reason = f"face refers to {_ATTRIBUTES[attribute]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
             word = words.text(corner)
             if word.startswith("/") or not is_number[place[corner]]:
-                reason = f"'{word}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
+                reason = f"'{cut(word, 60)}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
             faults.append((corner, k, line, reason))
         indices.append(index if attribute == "v" or total else None)
     if faults:
         raise LineError(*min(faults)[2:])
-    return lines, counts, *indices
+    return lines, counts, *indices, missing

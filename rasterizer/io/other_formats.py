@@ -25,24 +25,27 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ModelError, counted, warn_caller
+from ..errors import ModelError, counted, cut
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from .files import unpack
-from .gltf import MAX_COPIES, lit_fields
+from .gltf import lit_fields
+from .limits import LEAST_TEXT, most, name_in
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, text_of
 
 DEEPEST = 100  # nodes within nodes
-_LEAST_UNPACKED = 2**24  # bytes that the members of any zip file may have
-_MAX_RATIO = 32  # of their bytes to those of the file, beyond that: text of numbers packs to a tenth
-_LEAST_TREE = 2.5e8  # bytes that the tree of any XML may take
-_TREE_RATIO = 250  # of those bytes to the file's, beyond that
+_TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take
 _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
 _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML file
-_LEAST_STEPS = 2**13  # nodes that are shown in any file
+_SLOW = 6  # times as long as another mesh takes to be made: a primitive of COLLADA, or where it is shown
+_LAYERED = {"multiproperties": "pids", "compositematerials": "matindices"}
+LAYER = 64  # bytes of a colour in a layer
+_VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^>]*>([^<]*)")
+_CORNER = 32  # bytes that pycollada takes for a corner of a polygon before it has seen it
+_TRIANGLE = 24  # bytes, of its corners' numbers
 _FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
 _UP_TO_4 = ("0", "1", "2", "3", "4")
-_OFF = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b(\s+BINARY\b)?", re.ASCII)
+_OFF = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z_])(\s+BINARY\b)?", re.ASCII)
 
 
 def read_off(model: ModelFile) -> Contents:
@@ -69,7 +72,7 @@ def read_off(model: ModelFile) -> Contents:
     face = rows[1 + n_vertex].split()
     has_color = has_color or (face[0].isdigit() and len(face) > 1 + int(face[0]) < 99)
     if has_color:
-        warn_caller(f"{model.name}: its colours are left out: trimesh, which reads OFF, doesn't read them")
+        model.warn("its colours are left out: trimesh, which reads OFF, doesn't read them")
     # What stands before the counts is no concern of trimesh's, whose search for 'OFF' finds it in comments, too.
     plain = "\n".join(["OFF", *rows]).encode("ascii", "replace")
     contents = _contents_of(model, _read(model, "off", plain))
@@ -77,21 +80,23 @@ def read_off(model: ModelFile) -> Contents:
     n_large = sum(row.split(None, 1)[0] not in _UP_TO_4 for row in rows[1 + n_vertex : 1 + n_vertex + n_face])
     if n_large:
         what = f"trimesh, which reads OFF, cuts {counted(n_large, 'polygon')} of more than 4 corners as fans"
-        warn_caller(f"{model.name}: {what}: concave ones look otherwise than they should; OBJ and PLY keep their shape")
+        model.warn(f"{what}: concave ones look otherwise than they should; OBJ and PLY keep their shape")
     facts = ("polygons cut as fans",) if any(len(part["faces"]) > n_face for part, _ in contents.parts) else ()
-    return contents._replace(left_out=tuple(words), facts=facts)
+    return contents._replace(unused=tuple(words), facts=facts)
 
 
 def read_dae(model: ModelFile) -> Contents:
     """Read COLLADA: meshes with materials and textures; of a ZAE file the first document in it."""
     text, pictures = model.data, _Pictures(model, lambda name: _beside(model, name))
     if model.format == "zae":
-        members = unpacked(model, _LEAST_UNPACKED)
+        members = unpacked(model)
         name = next((name for name in sorted(members) if name.lower().endswith(".dae")), None)
         if name is None:
             raise model.error("there is no .dae file in it")
         text, pictures = members[name], _Pictures(model, lambda name: _member(members, name))
     _check_tree(model, text)
+    for counts in _VCOUNT.findall(text):
+        model.allowance.make(_CORNER * sum(int(word[:18]) for word in counts.split() if word.isdigit()))
     graph = _Graph(model)
     unit, axis, others, stride, n_corner = "1", "", set(), 1, 1
 
@@ -103,7 +108,9 @@ def read_dae(model: ModelFile) -> Contents:
             graph.open(attributes.get("id") or f"a {word} at {graph.n_opened}", above)
         elif word in ("instance_node", "instance_geometry", "instance_visual_scene"):
             graph.add(attributes.get("url", "").removeprefix("#"), above)
+            model.allowance.show(_SLOW)
         elif word in ("triangles", "polylist", "polygons"):
+            model.allowance.show(_SLOW)
             stride, n_corner = 1, 3 if word == "triangles" else 1  # a polygon may have a triangle a corner
         elif word == "input":
             offset = attributes.get("offset", "0")
@@ -134,7 +141,7 @@ _DAE_LEFT_OUT = {
 
 def read_3dxml(model: ModelFile) -> Contents:
     """Read 3DXML of Dassault's programs: tessellated meshes in XML, with the colours of faces or textures."""
-    members = unpacked(model, _LEAST_UNPACKED)
+    members = unpacked(model)
     documents = {name: text for name, text in members.items() if text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<"}
     _check_tree(model, *documents.values())
     graph = _Graph(model)
@@ -165,7 +172,7 @@ def read_3dxml(model: ModelFile) -> Contents:
     stand_ins = {name: pictures.get(name) for name in members if name not in documents}
     # Of several faces in one list trimesh takes the first again with each of the others: each gets a list of its own.
     apart = {name: _FACE.sub(rb"</\1Faces><\1Faces><\1Face\2", text) for name, text in documents.items()}
-    return _contents_of(model, _read(model, "3dxml", _packed(apart | stand_ins)), pictures)
+    return _contents_of(model, _read(model, "3dxml", packed(apart | stand_ins)), pictures)
 
 
 def read_xaml(model: ModelFile) -> Contents:
@@ -184,16 +191,18 @@ def read_xaml(model: ModelFile) -> Contents:
 
 
 def check_3mf(model: ModelFile, members: dict[str, bytes]) -> tuple[str, bool, bool]:
-    """Count what the objects of a 3MF file show: both of its readers follow all of it.
+    """Count what the objects of a 3MF file show, and how many colours its layers have: both of its readers follow all
+    of it.
 
     Returns
     -------
     the unit, whether triangles have looks, and whether parts in other members are shown
     """
     graph, unit, has_looks, has_paths, member = _Graph(model), "millimeter", False, False, ""
+    n_layer = 0
 
     def start(word, attributes, above):
-        nonlocal unit, has_looks, has_paths
+        nonlocal unit, has_looks, has_paths, n_layer
         if word == "model":
             unit = attributes.get("unit", unit)[:20]
         elif word == "object":
@@ -204,6 +213,10 @@ def check_3mf(model: ModelFile, members: dict[str, bytes]) -> tuple[str, bool, b
             graph.add(f"{path.lstrip('/').lower()}#{attributes['objectid']}", above)
         elif word == "triangle":
             graph.weigh(above, 1)
+        elif word in _LAYERED:
+            n_layer = len(attributes.get(_LAYERED[word], "").split())
+        elif word in ("multi", "composite"):  # each has one number for each layer, also where it says none
+            model.allowance.make(LAYER * n_layer)
         has_looks = has_looks or "pid" in attributes
 
     for name, text in members.items():
@@ -223,34 +236,22 @@ def read_by_trimesh(model: ModelFile, members: dict[str, bytes]) -> Contents:
     if name is None:
         raise model.error("there is no 3D/3dmodel.model in it")
     _check_tree(model, members[name])
-    contents = _contents_of(model, _read(model, "3mf", _packed({"3D/3dmodel.model": members[name]}), postprocess=False))
+    contents = _contents_of(model, _read(model, "3mf", packed({"3D/3dmodel.model": members[name]}), postprocess=False))
     return contents._replace(facts=(f"unit {unit}",), left_out=("colours and materials",) if has_looks else ())
 
 
 # --- before trimesh gets it -------------------------------------------------------------------------------------------
 
 
-def cut(text: object) -> str:
-    """Return a text on one line, cut to a length that fits a message."""
-    line = " ".join(str(text).split())
-    return line if len(line) <= 200 else line[:197] + "..."
-
-
-def max_steps(model: ModelFile) -> int:
-    """Return how many nodes a file of its size may show."""
-    return _LEAST_STEPS + len(model.data) // 256
-
-
-def unpacked(model: ModelFile, least: int) -> dict[str, bytes]:
-    """Return the members of a zip file by name; ModelError where it is damaged, or they have more than `least` bytes
-    and _MAX_RATIO times the file's."""
+def unpacked(model: ModelFile) -> dict[str, bytes]:
+    """Return the members of a zip file by name; ModelError where it is damaged, or they are too long."""
     try:
-        return unpack(model.data, max(least, _MAX_RATIO * len(model.data)))
+        return unpack(model.data, most(len(model.data), LEAST_TEXT))
     except (ValueError, LookupError, OSError, RuntimeError, EOFError, zipfile.BadZipFile, zlib.error) as fault:
         raise model.error(f"not a readable {model.format} file ({cut(fault) or type(fault).__name__})") from fault
 
 
-def _packed(members: dict[str, bytes]) -> bytes:
+def packed(members: dict[str, bytes]) -> bytes:
     """Return a zip file of members that have been counted."""
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -262,7 +263,7 @@ def _packed(members: dict[str, bytes]) -> bytes:
 def _check_tree(model, *texts: bytes) -> None:
     """Raise ModelError where the trees of XML documents wouldn't fit into memory."""
     cost = sum(2 * len(text) + _ELEMENT * text.count(b"<") + _ATTRIBUTE * text.count(b"=") for text in texts)
-    if cost > max(_LEAST_TREE, _TREE_RATIO * len(model.data)):
+    if cost > _TREE * most(len(model.data)):
         raise model.error(f"its XML would take some {cost / 1e6:.0f} MB, too much for a file of its size")
 
 
@@ -318,10 +319,12 @@ class _Graph:
             parser.Parse(text, True)
         except expat.ExpatError as fault:
             raise self.model.error(f"not a readable {self.model.format} file (its XML: {cut(fault)})") from fault
+        except ModelError:
+            raise
         except KeyError as fault:
             raise self.model.error(f"a '{open_words[-1][:40]}' element has no {cut(fault)}") from fault
-        except ValueError as fault:
-            raise self.model.error(cut(fault)) from fault
+        except (ValueError, LookupError) as fault:  # of an encoding that there is not
+            raise self.model.error(fault) from fault
 
     def open(self, name: str, above: str | None) -> None:
         """Begin a node within another, or None; its elements are in it until it ends."""
@@ -355,8 +358,8 @@ class _Graph:
 
         totals = [count(name, 0) for name in self._roots]
         n_node, n_triangle = sum(n for n, _ in totals), sum(n for _, n in totals)
-        if n_node > 3 * max_steps(self.model) or n_triangle > sum(self._weights.values()) + MAX_COPIES // 16:
-            raise self.model.error("its nodes repeat too many others")
+        self.model.allowance.show(n_node)
+        self.model.allowance.make(_TRIANGLE * n_triangle)
         return n_node
 
 
@@ -401,7 +404,7 @@ def _read(model, format, data, pictures=None, **options) -> dict:
     finally:
         logger.removeHandler(log)
     for text in dict.fromkeys(log.texts):
-        warn_caller(f"{model.name}: {text}")
+        model.warn(text)
     return found
 
 
@@ -411,9 +414,6 @@ def _contents_of(model, found, pictures=None) -> Contents:
     parts = {name: _part(model, name, source, pictures) for name, source in geometry.items()}
     graph = found.get("graph", [{"geometry": name} for name in parts])
     placed = [(parts[node["geometry"]], node.get("matrix")) for node in graph if node.get("geometry") in parts]
-    held, asked = (sum(len(part["faces"]) for part in each) for each in (parts.values(), (part for part, _ in placed)))
-    if asked > held + MAX_COPIES // 16:
-        raise model.error("its nodes repeat too many others")
     return Contents([(part, matrix) for part, matrix in placed if len(part["faces"])])
 
 
@@ -421,7 +421,7 @@ def _part(model, name, source, pictures) -> Part:
     """Make the part of the arguments of a Trimesh."""
     vertices = np.asarray(source["vertices"], np.float64).reshape(-1, 3)
     faces = np.asarray(source["faces"], np.int64).reshape(-1, 3)
-    part = {"vertices": vertices, "faces": faces, "name": str(name)[:80], "material": Material()}
+    part = {"vertices": vertices, "faces": faces, "name": name_in(name), "material": Material()}
     visual = source.get("visual")
     if visual is not None:
         part["material"] = _material(visual.material, pictures)
@@ -463,7 +463,7 @@ class _Pictures:
         self._model, self._read = model, read
         self._names: list[str] = []
         self._textures: dict[int, Texture | None] = {}
-        self._budget = Budget()
+        self._budget = Budget(model.name)
 
     def get(self, name: str) -> bytes:
         """Return what stands for a picture: what trimesh calls to read a file."""
@@ -487,8 +487,7 @@ class _Pictures:
                 self._textures[number] = Texture(pixels, name=name[:80])
             except (ModelError, OSError, ValueError, LookupError) as fault:
                 reason = getattr(fault, "strerror", None) or cut(fault)
-                what = f"{self._model.name}: texture '{name[:80]}': {reason}"
-                warn_caller(f"{what}; its materials keep their plain colour")
+                self._model.warn(f"texture '{name[:80]}': {reason}; its materials keep their plain colour")
                 self._textures[number] = None
         return self._textures[number]
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import counted
+from ..errors import ModelError, counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces
@@ -49,14 +49,16 @@ def read_ply(model: ModelFile) -> Contents:
     if model.data[:3].lower() != b"ply":
         raise model.error("not a PLY file: it does not begin with 'ply'")
     order, elements, start, n_line = read_header(model)
-    read = TextRows(model, elements, start, n_line) if order == "" else Rows(model, model.data, start, order)
-    tables = {}
-    for element in elements:
-        tables.setdefault(element.name, read.element(element))
+    if order == "":
+        read = TextRows(model, elements, start, n_line)
+        tables = read.tables()
+    else:
+        read = Rows(model, model.data, start, order)
+        tables = read.elements(elements)
     if "vertex" not in tables:
         raise model.error("no vertices")
     parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
-    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])]
+    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])[:MAX_PICTURES]]
     for part in parts:
         number = part.pop("picture", None)
         part |= _with_pictures(model, names, number) if "uv" in part and names else {}
@@ -65,7 +67,7 @@ def read_ply(model: ModelFile) -> Contents:
         parts,
         n_point=0 if parts else rows["vertex"],
         n_line=rows.get("edge", 0),
-        left_out=tuple(_left_out(elements, parts[0] if parts else {})),
+        unused=tuple(_left_out(elements, parts[0] if parts else {})),
     )
 
 
@@ -76,7 +78,7 @@ def _with_pictures(model, names, number) -> dict:
     """
     from .mtl import Maps
 
-    maps = Maps(model.log)
+    maps = Maps(model)
     textures = [maps.texture(model, f"TextureFile {k}", (name, "repeat"), None) for k, name in enumerate(names)]
     materials = tuple(replace(WHITE, texture=texture) for texture in (*textures, None))
     if number is None or (number == 0).all():
@@ -98,9 +100,9 @@ def _left_out(elements, part) -> list[str]:
     for element in elements:
         names = [each.name for each in element.properties if each.name not in known]
         if element.name not in (*_DRAWN, "edge") and element.n_row:
-            found.append(f"elements '{element.name}'")
+            found.append(f"elements '{cut(element.name, 40)}'")
         elif element.name in _DRAWN[:2] and names and part:
-            found.append(f"{element.name} properties {', '.join(names)}")
+            found.append(f"{element.name} properties {cut(', '.join(names), 100)}")
     return found
 
 
@@ -223,9 +225,7 @@ def _face_attributes(model, table, element, cut, counts) -> dict:
         is_there = (wedge.counts == 2 * counts)[cut.polygons]
         if not is_there.all():
             n = int((wedge.counts != 2 * counts).sum())
-            model.log(
-                f"{model.name}: {counted(n, 'face')} without two texture coordinates for each corner: drawn with 0, 0"
-            )
+            model.tell(f"{counted(n, 'face')} without two texture coordinates for each corner: drawn with 0, 0")
         # The place of a corner in the list of corners, counted within its face.
         at = cut.corners - (np.cumsum(counts) - counts)[cut.polygons][:, None]
         place = (np.cumsum(wedge.counts) - wedge.counts)[cut.polygons][:, None] + 2 * at
@@ -258,6 +258,7 @@ _TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
+MAX_PICTURES = 256  # of a file
 MAX_PROPERTIES = 256  # of an element, and elements of a file
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -311,9 +312,9 @@ def read_header(model):
         if max(len(elements), len(properties)) > MAX_PROPERTIES:
             raise model.error(f"more than {MAX_PROPERTIES} elements or properties", line)
         if len({each.name for each in properties}) < len(properties):
-            raise model.error(f"the property '{properties[-1].name}' is there twice", line)
+            raise model.error(f"the property '{cut(properties[-1].name, 40)}' is there twice", line)
         if elements and elements[-1].n_row < 0:
-            raise model.error(f"{elements[-1].n_row} {elements[-1].name} lines; none is the least", line)
+            raise model.error(f"{elements[-1].n_row} {cut(elements[-1].name, 40)} lines; none is the least", line)
     if order is None:
         raise model.error("the PLY header has no line 'format'")
     start = end + len(b"end_header")
@@ -328,6 +329,13 @@ class Rows:
 
     def __init__(self, model, data, at, order):
         self.model, self.data, self.at, self.order = model, data, at, order
+
+    def elements(self, elements) -> dict[str, dict]:
+        """Return the columns of all elements, of two with one name those of the first."""
+        tables = {}
+        for element in elements:
+            tables.setdefault(element.name, self.element(element))
+        return tables
 
     def dtype(self, type) -> np.dtype:
         """Return how a number is stored whose type is one of the header's."""
@@ -485,15 +493,56 @@ class Rows:
 
 
 class TextRows(Rows):
-    """The rows of an ASCII file: its numbers as float64, one after the other, whatever the lines."""
+    """The rows of an ASCII file: its numbers as float64, one after the other, whatever the lines; but where that isn't
+    what the header says, and each row has a line, lines may hold more than it says."""
 
     def __init__(self, model, elements, start, n_line):
-        self.elements, self.n_line = elements, n_line
+        self.elements_of_file, self.n_line = elements, n_line
         self.text = model.data[start:].decode("latin-1")
         numbers = numbers_in(self.text)
         if numbers is None:
             raise _no_number(model, self.text, n_line)
         super().__init__(model, numbers.view(np.uint8), 0, "")
+
+    def tables(self) -> dict[str, dict]:
+        """Return the columns of all elements."""
+        try:
+            tables = self.elements(self.elements_of_file)
+            if self.at == len(self.data):
+                return tables
+        except ModelError:
+            if not self._keep_named():
+                raise
+            tables = None
+        if tables is None or self._keep_named():
+            self.model.warn("rows hold more values than the header names: these are left out")
+            self.at = 0
+            tables = self.elements(self.elements_of_file)
+        return tables
+
+    def _keep_named(self) -> bool:
+        """Keep of each line what the header names; return False where a line has less, or none has more."""
+        lines = [line for line in self.text.splitlines() if line and not line.isspace()]
+        elements, kept, n_more = [each for each in self.elements_of_file if each.properties], array("d"), 0
+        if sum(element.n_row for element in elements) > len(lines):
+            return False
+        rows = (element for element in elements for _ in range(element.n_row))
+        for element, words in zip(rows, map(str.split, lines), strict=False):
+            end = 0
+            for each in element.properties:
+                length = 1
+                if each.count_type is not None and end < len(words):
+                    count = float(words[end])
+                    length += int(count) if 0 <= count < len(words) else len(words)
+                end += length
+            if end > len(words):
+                return False
+            kept.extend(map(float, words[:end]))
+            n_more += len(words) - end
+        if n_more == 0:
+            return False
+        self.data = np.frombuffer(kept, np.uint8)
+        return True
 
     def dtype(self, _type) -> np.dtype:
         """Return float64."""
@@ -502,7 +551,7 @@ class TextRows(Rows):
     def line_of(self, name, row) -> int | None:
         """Return the number of the line of an element's row, if every row has a line."""
         before = 0
-        for element in self.elements:
+        for element in self.elements_of_file:
             if element.name == name:
                 break
             before += element.n_row

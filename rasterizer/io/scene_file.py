@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib import format as npy
 
-from ..errors import ModelError, SceneError, one_file, shown
+from ..errors import ModelError, SceneError, cut, one_file, shown
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import LIGHT_TYPES, PRESETS, Shadow, describe_fields
@@ -43,10 +43,10 @@ from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
-from .files import Folder, check_member, name_of, read_source
-from .gltf import MAX_COPIES
+from .files import Folder, name_of, open_member, read_source
+from .limits import Allowance, most
 from .loader import keep_quiet, load_model
-from .model_file import MeshSettings
+from .model_file import MeshSettings, bytes_of_copy
 
 _OWN_SETTINGS = MeshSettings()  # of the file, that is
 MAX_JSON, MAX_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
@@ -121,9 +121,11 @@ def read_scene(
     """
     name = name_of(source, "scene")
     files = Folder(Path(name).parent if folder is None else folder, None, allow_outside, files_read)
-    context = Context(files, log or keep_quiet, mesh_settings)
+    context = Context(name, files, log or keep_quiet, mesh_settings)
     with one_file(name):
-        return _read_tables(_parse(source, name, format), context)
+        root = _parse(source, name, format)
+        context.allowance.n_byte += root.n_byte
+        return _read_tables(root, context)
 
 
 def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict | None]:
@@ -205,14 +207,19 @@ def _parse(source, name, format=None) -> "Entry":
         text = data.decode("utf-8-sig")
         if format == "toml":
             _check_names(text, name)
-            return Entry(_toml(name).loads(text.replace("\r\n", "\n")), name)
-        return Entry(json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse), name)
+            root = Entry(_toml(name).loads(text.replace("\r\n", "\n")), name)
+        else:
+            root = Entry(json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse), name)
+        root.n_byte = len(data)
+        return root
+    except ModelError:
+        raise
     except UnicodeDecodeError as fault:
         raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
     except RecursionError as fault:
         raise ModelError(f"{name}: lists or tables are nested too deeply") from fault
     except ValueError as fault:  # those of json and tomllib, and too many digits
-        raise ModelError(f"{name}: is not legal {format.upper()}: {' '.join(str(fault).split())[:200]}") from fault
+        raise ModelError(f"{name}: is not legal {format.upper()}: {cut(fault)}") from fault
 
 
 def _check_names(text, name) -> None:
@@ -253,6 +260,7 @@ def _toml(name):
 # ----------------------------------------------------------------
 # A value of a scene file with the place where it stands, so that every fault names file, place and what is legal.
 
+_MAX_FAULT = 400  # letters, which may hold the names of two files
 _TYPE_NAMES = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
 
 
@@ -264,14 +272,21 @@ class Entry:
     value : what JSON or TOML has there
     file : text, the file's name
     where : text, the path to the value, such as lights[2].color; empty for the whole file
+
+    Attributes
+    ----------
+    n_byte : bytes of the whole file, where this is it
     """
+
+    n_byte = 0
 
     def __init__(self, value, file, where=""):
         self.value, self.file, self.where = value, file, where
 
     def fault(self, text, error=SceneError) -> Exception:
         """Return the error that says what is wrong here."""
-        return error(f"{self.file}: {self.where}: {text}" if self.where else f"{self.file}: {text}")
+        where = f"{cut(self.where, 100)}: " if self.where else ""
+        return error(f"{self.file}: {where}{cut(text, _MAX_FAULT)}")
 
     def _of_type(self, type_):
         if type(self.value) is not type_:
@@ -317,7 +332,7 @@ class Entry:
 
     def _below(self, key) -> str:
         """The place of a key of this table."""
-        word = key if re.fullmatch(r"[\w-]+", key) else shown(key)
+        word = key if re.fullmatch(r"[\w-]{1,80}", key) else shown(key)
         return f"{self.where}.{word}" if self.where else word
 
     def call(self, function, *args, **settings):
@@ -346,17 +361,18 @@ class Context:
 
     Parameters
     ----------
+    name : text, that of the scene file
     files : Folder to which names of files are relative
     log : function of one text
     mesh_settings : as `read_scene` takes them
     """
 
-    def __init__(self, files: Folder, log, mesh_settings: MeshSettings):
+    def __init__(self, name: str, files: Folder, log, mesh_settings: MeshSettings):
         self.files, self.log, self.mesh_settings = files, log, mesh_settings
         self.materials = {}  # by the name of the file's table
         self.models = {}  # what `load` made of files, by path and settings
-        self.n_copy = 0  # triangles that are there because meshes refer to the same ones
-        self.budget = Budget()
+        self.allowance = Allowance(0)
+        self.budget = Budget(name)
         self._arrays, self._textures = {}, {}
 
     def path(self, entry) -> Path:
@@ -386,6 +402,7 @@ class Context:
         path = self.path(entry)
         if path not in self._arrays:
             self._arrays[path] = entry.call(Arrays, self.read(path, entry), str(path))
+            self.allowance.n_byte += self._arrays[path].size
         return self._arrays[path]
 
     def texture(self, path, entry, **settings) -> Texture:
@@ -407,7 +424,8 @@ def array_of(entry, context, key) -> np.ndarray:
     arrays = context.arrays(entry)
     if key not in arrays:
         raise entry.fault(
-            f"{entry.value} has no array {key!r}; it has {shown(', '.join(arrays))[1:-1] or 'none'}", ModelError
+            f"{cut(entry.value, 80)} has no array {key!r}; it has {shown(', '.join(arrays))[1:-1] or 'none'}",
+            ModelError,
         )
     return entry.call(arrays.__getitem__, key)
 
@@ -458,8 +476,8 @@ def read_material(entry, context, name="") -> Material:
     if isinstance(entry.value, str) and entry.value in NAMED_MATERIALS:
         return Material.named(entry.value)
     if not isinstance(entry.value, dict):
-        known = ", ".join(context.materials) or "none"
-        classic = ", ".join(NAMED_MATERIALS)
+        known = cut(", ".join(context.materials), 60) or "none"
+        classic = cut(", ".join(NAMED_MATERIALS), 80)
         legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({classic})"
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
@@ -637,22 +655,18 @@ def _mesh_settings(table, context) -> MeshSettings:
 
 
 def _load_once(path, entry, settings, context):
-    """Return the scene of a model file; one that is used in many places is read once, as long as its copies are not too
-    many."""
+    """Return the scene of a model file, read once, however often it is used; its uses are counted."""
     angle = settings.crease_angle
     key = (path, angle if isinstance(angle, (int, float)) else None, settings.weighting)
-    if key in context.models:
-        scene = context.models[key]
-        context.n_copy += scene.n_face
-        if context.n_copy > MAX_COPIES:
-            raise entry.fault(
-                f"this model has been used so often that it makes more than {MAX_COPIES} triangles", ModelError
-            )
-        return scene
-    context.files.read.append(str(path))
-    files = context.files.below(path.parent)
-    context.models[key] = entry.call(load_model, path, settings, files, log=context.log)
-    return context.models[key]
+    if key not in context.models:
+        context.files.read.append(str(path))
+        context.allowance.n_byte += path.stat().st_size
+        files = context.files.below(path.parent)
+        context.models[key] = entry.call(load_model, path, settings, files, log=context.log)
+    scene = context.models[key]
+    entry.call(context.allowance.show, len(scene.meshes))
+    entry.call(context.allowance.make, sum(map(bytes_of_copy, scene.meshes)))
+    return scene
 
 
 def _with_named(meshes, entry, context) -> list[Mesh]:
@@ -661,7 +675,9 @@ def _with_named(meshes, entry, context) -> list[Mesh]:
     changes = {}
     for name, item in entry.names().items():
         if name not in names:
-            raise item.fault(f"the model has no material of this name; it has {', '.join(names) or 'none with a name'}")
+            raise item.fault(
+                f"the model has no material of this name; it has {cut(', '.join(names), 150) or 'none with a name'}"
+            )
         changes[name] = read_material(item, context, name)
     changed = []
     for mesh in meshes:
@@ -702,11 +718,8 @@ def _read_arrays(entry, context) -> Mesh:
         array_of(table["arrays"], context, f"{start}vertices"), array_of(table["arrays"], context, f"{start}faces")
         stored = context.arrays(table["arrays"])
         arrays = {key: table["arrays"].call(stored.__getitem__, start + key) for key in ARRAYS if start + key in stored}
-        context.n_copy += len(arrays["faces"]) if arrays["faces"].ndim else 0
-        if context.n_copy > MAX_COPIES + stored.n_byte:
-            raise entry.fault(
-                f"its arrays have been used for more than {MAX_COPIES} triangles beyond those stored", ModelError
-            )
+        entry.call(context.allowance.make, sum(array.nbytes for array in arrays.values()))
+    entry.call(context.allowance.show, 1)
     settings = _mesh_settings(table, context).arguments()
     if "material" in table:
         settings["material"] = read_material(table["material"], context)
@@ -789,8 +802,6 @@ def _rotation(entry) -> np.ndarray:
 # Arrays of a .npz file, looked at before they are unpacked: a file of some kilobytes may hold gigabytes.
 # .npz   a zip file of .npy files: a header, which tells shape and dtype, and the numbers
 
-MAX_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, packed or not
-MAX_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MAX_UNPACKED
 # What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
 _FAULTS = (
     OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError,
@@ -809,8 +820,8 @@ class Arrays(Mapping):
 
     Raises
     ------
-    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than MAX_UNPACKED bytes and
-        MAX_RATIO times its size; also when an array is asked for that is damaged or holds objects
+    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than `limits.most`; also when an
+        array is asked for that is damaged or holds objects
     """
 
     def __init__(self, stream, name: str):
@@ -819,17 +830,17 @@ class Arrays(Mapping):
             self._archive = zipfile.ZipFile(stream)
             members = self._archive.infolist()
             self._archive.fp.seek(0, os.SEEK_END)
-            limit = max(MAX_UNPACKED, MAX_RATIO * self._archive.fp.tell())
+            self.size = self._archive.fp.tell()
+            limit = most(self.size)
         except _FAULTS as fault:
             raise self._fault(fault) from fault
         total = sum(member.file_size for member in members)
         if total > limit:
             raise ModelError(f"{name}: its arrays would take {total} bytes; an .npz file of its size may have {limit}")
-        self.n_byte = total  # of all arrays
         self._members = {member.filename.removesuffix(".npy"): member for member in members}
 
     def _fault(self, fault) -> ModelError:
-        reason = " ".join(str(fault).split())[:200] or type(fault).__name__
+        reason = cut(fault) or type(fault).__name__
         return ModelError(f"{self._name}: can't be read as .npz ({reason})")
 
     def __len__(self) -> int:
@@ -851,8 +862,7 @@ class Arrays(Mapping):
 
     def _read(self, member) -> np.ndarray:
         """Unpack one array, whose header must ask for what the member holds, and no more."""
-        check_member(member)
-        with self._archive.open(member) as stream:
+        with open_member(self._archive, member) as stream:
             version = npy.read_magic(stream)
             read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
             shape, is_fortran, dtype = read_header(stream)

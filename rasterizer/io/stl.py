@@ -41,7 +41,7 @@ def read_stl(model: ModelFile) -> list[Part]:
         raise model.error(f"binary STL of {counted(n_face, 'face')} must have {expected} bytes, the file has {length}")
     if length != expected:
         n_face = n_found if rest == 0 else n_face
-        model.log(f"{model.name}: binary STL of another length than its header says; {counted(n_face, 'face')} read")
+        model.tell(f"binary STL of another length than its header says; {counted(n_face, 'face')} read")
     if n_face == 0:
         return []
     rows = np.frombuffer(data, _STL_ROW, n_face, _STL_HEADER)
@@ -64,6 +64,7 @@ def _read_ascii_stl(model) -> list[Part]:
     if "endsolid" not in lower:
         raise model.error("ASCII STL without 'endsolid': the file is cut off")
     parts, begin = [], 0
+    model.allowance.show(lower.count("endsolid"))
     for end in re.finditer(r"endsolid[^\n]*", lower):
         solid = lower[begin : end.start()]
         rows = re.findall(r"\bvertex ([^\n]*)", solid.replace("\t", " "))

@@ -13,36 +13,34 @@ What a triangle looks like is a property of a group:
                          a picture counts alone
 
 lib3mf is strict, and it isn't everywhere: without it, or where it refuses a file, trimesh reads the shapes alone, which
-is said. Lengths are in the file's unit, which is said, too. Objects may be repeated for up to `MAX_COPIES` triangles
-more than the file holds.
+is said. Lengths are in the file's unit, which is said, too.
 Formats: 3MF Consortium, Core Specification 1.3, 2021; Materials and Properties Extension 1.2, 2021.
 """
 
 import re
+from dataclasses import replace
 from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ModelError, warn_caller
+from ..errors import ModelError, cut
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from . import formats
-from .gltf import MAX_COPIES
-from .model_file import WHITE, Contents, ModelFile, Part
-from .other_formats import DEEPEST, check_3mf, cut, max_steps, read_by_trimesh, unpacked
+from .limits import name_in
+from .model_file import WHITE, Contents, ModelFile, Part, materials_of
+from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, unpacked
 
-_LEAST_UNPACKED = 2**25  # bytes that the members of any file may have
-# Without one of these, nothing in a model is shown twice and no entity stands for others; zeros are those of UTF-16.
-_LOOKED_AT = (b"component", b"<!DOCTYPE", b"\0")
+# Without one of these, nothing in a model is there twice and no entity stands for others; zeros are those of UTF-16.
+_LOOKED_AT = (b"component", b"multi", b"composite", b"<!DOCTYPE", b"\0")
 _MIXED = re.compile(rb"""matindices\s*=\s*["']([^"']*)""")
 _UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
 _WRAPS = ("repeat", "mirror", "clamp", "clamp")
 _NEAREST = 2
 _MULTIPLY = 1  # what lib3mf 2.5 returns, though its own list of names says 2
 _BASE, _TEXTURE, _COLORS, _COMPOSITE, _MULTI = 1, 2, 3, 4, 5  # lib3mf's types of properties
-_MAX_LAYERED = 2**20  # colours in the layers of all multi-properties, or in all composites
 _NO_LOOK = 0  # lib3mf's number of no group
 
 
@@ -61,7 +59,7 @@ def read_3mf(model: ModelFile) -> Contents:
     -----
     UserWarning : colours are left out, or a texture can't be read
     """
-    members = unpacked(model, _LEAST_UNPACKED)
+    members = unpacked(model)
     if any(word in text for text in members.values() for word in _LOOKED_AT):
         check_3mf(model, members)
     try:
@@ -71,29 +69,30 @@ def read_3mf(model: ModelFile) -> Contents:
     else:
         loaded = get_wrapper().CreateModel()
         try:
-            loaded.QueryReader("3mf").ReadFromBuffer(model.data)
+            loaded.QueryReader("3mf").ReadFromBuffer(packed(members))
             return _contents_of(model, loaded, members)
         except Lib3MF.ELib3MFException as fault:
             reason = f"lib3mf refuses the file ({cut(fault)})"
+        except ModelError:
+            raise
         except ValueError as fault:
-            raise model.error(cut(fault)) from fault
+            raise model.error(fault) from fault
     contents = read_by_trimesh(model, members)
     if contents.left_out:
-        warn_caller(f"{model.name}: {', '.join(contents.left_out)} are left out: {reason}")
-    return contents
+        model.warn(f"{', '.join(contents.left_out)} are left out: {reason}")
+    return contents._replace(left_out=(), unused=contents.left_out)
 
 
 def _contents_of(model, loaded, members) -> Contents:
     """Follow what lib3mf has read from the build down to the meshes."""
     looks, parts, placed = _Looks(model, loaded, members), {}, []
     waiting = [(item, np.eye(4), 0) for item in _listed(loaded.GetBuildItems())]
-    n_step = n_copy = 0
     while waiting:
         item, matrix, depth = waiting.pop()
         thing, number = item.GetObjectResource(), item.GetObjectResourceID()
-        n_step += 1
-        if depth > DEEPEST or n_copy > MAX_COPIES or n_step > max_steps(model):
-            raise ValueError(f"its components are nested more than {DEEPEST} deep, or repeat too many objects")
+        model.allowance.show(1)
+        if depth > DEEPEST:
+            raise ValueError(f"its components are nested more than {DEEPEST} deep")
         has_matrix = item.HasTransform() if depth else item.HasObjectTransform()
         if has_matrix:
             own = item.GetTransform() if depth else item.GetObjectTransform()
@@ -104,15 +103,25 @@ def _contents_of(model, loaded, members) -> Contents:
             waiting += [(child, matrix, depth + 1) for child in reversed(children)]
         elif thing.IsMeshObject():
             mesh = loaded.GetMeshObjectByID(number)
-            if number in parts:
-                n_copy += len(parts[number]["faces"])
-            else:
+            if number not in parts:
                 parts[number] = _part(mesh, looks)
             placed.append((parts[number], matrix))
         else:
             looks.left_out.add("level sets")
     placed = [(part, matrix) for part, matrix in placed if len(part["faces"])]
+    _make_opaque(model, list(parts.values()))
     return Contents(placed, facts=(f"unit {_UNITS[int(loaded.GetUnit())]}",), left_out=tuple(sorted(looks.left_out)))
+
+
+def _make_opaque(model, parts) -> None:
+    """Make the materials of all parts opaque where all are invisible: exporters leave the alpha 0, and nobody exports
+    what can't be seen."""
+    if parts and not any(material.opacity > 0.0 for part in parts for material in materials_of(part)):
+        model.warn("all its colours have the alpha 0: drawn as if they were opaque")
+        for part in parts:
+            part["material"] = replace(part.get("material", WHITE), opacity=1.0)
+            if "materials" in part:
+                part["materials"] = tuple(replace(material, opacity=1.0) for material in part["materials"])
 
 
 def _listed(iterator) -> list:
@@ -134,7 +143,7 @@ def _part(mesh, looks) -> Part:
     """Make the part of a mesh object."""
     vertices = np.frombuffer(b"".join(mesh.GetVertices()), np.float32).reshape(-1, 3).astype(np.float64)
     faces = np.frombuffer(b"".join(mesh.GetTriangleIndices()), np.uint32).reshape(-1, 3).astype(np.int64)
-    part = {"vertices": vertices, "faces": faces, "name": mesh.GetName()}
+    part = {"vertices": vertices, "faces": faces, "name": name_in(mesh.GetName())}
     group, own, has_own = mesh.GetObjectLevelProperty()
     marks = np.frombuffer(b"".join(mesh.GetAllTriangleProperties()), np.uint32).reshape(-1, 4).astype(np.int64)
     if len(marks) != len(faces):
@@ -170,7 +179,7 @@ class _Looks:
     def __init__(self, model, loaded, members) -> None:
         self.model, self.left_out = model, set()
         self._loaded, self._members = loaded, {name.lower(): data for name, data in members.items()}
-        self._textures, self._budget, self._n_layered = {}, Budget(), 0
+        self._textures, self._budget = {}, Budget(model.name)
         # lib3mf 2.5 takes the first materials of a group, whichever a composite names.
         mixed = {words for text in members.values() for words in _MIXED.findall(text)}
         self._are_mixes_right = all(words.split() == [b"%d" % k for k in range(len(words.split()))] for words in mixed)
@@ -199,17 +208,11 @@ class _Looks:
         self.left_out.add(f"the group of properties {group}")
         return None
 
-    def _count(self, n: int) -> None:
-        """Count colours that are there because groups name others; ValueError where there are too many."""
-        self._n_layered += n
-        if self._n_layered > _MAX_LAYERED:
-            raise ValueError(f"its composites and layers mix more than {_MAX_LAYERED} colours")
-
     def _composites(self, source, numbers) -> _Properties:
         base, mixed = source.GetBaseMaterialGroup(), []
         for number in numbers:
             shares = source.GetComposite(number)
-            self._count(len(shares))
+            self.model.allowance.make(LAYER * len(shares))
             colors = _rows(base.GetDisplayColor(share.PropertyID) for share in shares)
             linear = np.concatenate([linear_from_srgb_bytes(colors[:, :3]), colors[:, 3:] / 255.0], axis=1)
             weights = np.array([share.MixingRatio for share in shares])
@@ -218,7 +221,7 @@ class _Looks:
 
     def _layers(self, source, numbers) -> _Properties | None:
         layers = [source.GetLayer(k) for k in range(source.GetLayerCount())]
-        self._count(len(numbers) * len(layers))
+        self.model.allowance.make(LAYER * len(numbers) * len(layers))
         # lib3mf 2.5 asks for room, though it is asked how much it needs.
         rows = [source.GetMultiProperty(number, [0] * len(layers)) for number in numbers]
         found = None
@@ -247,7 +250,7 @@ class _Looks:
                 filtered = "nearest" if int(source.GetFilter()) == _NEAREST else "trilinear"
                 self._textures[number] = Texture(pixels, filter=filtered, wrap=wraps, name=name[:80])
             except ModelError as fault:
-                warn_caller(f"{self.model.name}: the texture can't be read ({fault}); its triangles are drawn white")
+                self.model.warn(f"the texture can't be read ({fault}); its triangles are drawn white")
                 self._textures[number] = None
         return self._textures[number]
 
@@ -299,7 +302,9 @@ def _paint(looks: _Looks, groups: np.ndarray, numbers: np.ndarray) -> Part:
 def _base(found, row) -> Material:
     """Return the material that a base material is."""
     diffuse = linear_from_srgb_bytes(found.colors[row : row + 1, :3])[0]
-    return Material(diffuse=tuple(diffuse.tolist()), opacity=float(found.colors[row, 3]) / 255.0, name=found.names[row])
+    return Material(
+        diffuse=tuple(diffuse.tolist()), opacity=float(found.colors[row, 3]) / 255.0, name=name_in(found.names[row])
+    )
 
 
 def _rows(colors) -> np.ndarray:

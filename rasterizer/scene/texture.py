@@ -9,6 +9,7 @@ stands in its header, and is looked at before anything is decoded: see `max_texe
 more with mipmaps.
 """
 
+import math
 import os
 import struct
 import warnings
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
-from ..errors import ModelError, SceneError, shown
+from ..errors import ModelError, SceneError, shown, warn_caller
 from ..keywords import checked_fields
 from .arrays import KeepsArrays, fixed, plain_array
 from .color import linear_from_srgb_bytes
@@ -36,6 +37,9 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MAX_TEXELS = 2**14  # along a side
 MAX_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
 ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MAX_IN_PICTURE
+LEAST_TEXELS, TEXELS_A_BYTE = 5 * 2**21, 8  # of all textures of a file, whatever its size, or by its size; see `Budget`
+MAX_WEBP = 2**24  # texels of a WebP picture, each of which takes 13 bytes on the way, unless its file is large
+MAX_SCANNED = 2**30  # texels of a JPEG picture times its scans, each of which goes through all of them
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
 _PICTURE_FAULTS = (
@@ -108,7 +112,7 @@ class Texture(KeepsArrays):
             image = read_picture(image, os.fsdecode(image))
         elif hasattr(image, "convert"):
             try:
-                _check_size(image, "the image", None)
+                _check_size(image, "the image")
                 image = _pixels_of(image, "the image")
             except ModelError as fault:
                 raise SceneError(str(fault)) from fault
@@ -164,20 +168,54 @@ class Budget:
     """Count the texels of all textures that one file asks for: twice as many as one picture may have, and no more.
 
     Pictures count a quarter when they are read (4 bytes a texel), and in full for every texture made of them (16, or 21
-    with mipmaps), so that a file that uses one picture in a thousand ways is stopped.
+    with mipmaps), so that a file that uses one picture in a thousand ways is stopped. A picture of one colour packs to
+    a thousandth: so textures may have TEXELS_A_BYTE texels for each byte of their pictures, or LEAST_TEXELS where that
+    is more. One that would have more is read at a half of its size, or less. RASTER_MOST_TEXELS takes that limit away.
+
+    Parameters
+    ----------
+    name : text, the file, for warnings
     """
 
-    def __init__(self) -> None:
-        self.left = 2 * max_texels()
+    def __init__(self, name: str = "") -> None:
+        self.name = name
+        self.n_byte = self.n_read = self.n_made = 0
+
+    @property
+    def limit(self) -> int:
+        """How many texels may be made of the pictures read so far."""
+        limit = 2 * max_texels()
+        return limit if ENVIRONMENT in os.environ else min(limit, max(LEAST_TEXELS, TEXELS_A_BYTE * self.n_byte))
 
     def take(self, n_texel: int, name: str) -> None:
-        """Take texels off; raises ModelError where they are not left."""
-        if n_texel > self.left:
-            what = f"{name}: the textures of this file need more than {2 * max_texels()} texels together"
+        """Count the texels of a texture that is to be made; raises ModelError where they are too many."""
+        self.n_made += n_texel
+        self._check(self.n_made, self.limit, name)
+
+    def divisor(self, size: tuple[int, int], n_byte: int, name: str) -> int:
+        """Count a picture of so many texels and bytes that is to be read, and return by what its size is divided.
+
+        Raises ModelError where too many have been read.
+        """
+        width, height = size
+        self.n_byte += n_byte
+        self.n_read += width * height // 4
+        self._check(self.n_read, 2 * max_texels(), name)
+        divisor = 1
+        while self.n_made + 5 * (width // divisor) * (height // divisor) // 4 > self.limit and divisor < 16:
+            divisor *= 2
+        if ENVIRONMENT in os.environ or min(width, height) < divisor:
+            divisor = 1
+        self.n_made += (width // divisor) * (height // divisor) // 4
+        self._check(self.n_made, self.limit, name)
+        return divisor
+
+    def _check(self, n_texel: int, limit: int, name: str) -> None:
+        if n_texel > limit:
+            what = f"{name}: the textures of this file need more than {limit} texels together"
             raise ModelError(
                 f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {max_texels()} a picture)"
             )
-        self.left -= n_texel
 
 
 def read_picture(
@@ -207,12 +245,17 @@ def read_picture(
     if not log.handlers:  # without any, Pillow's errors would go to stderr; who wants them adds his own
         log.addHandler(logging.NullHandler())
     try:
+        n_byte = 0 if isinstance(source, (str, os.PathLike)) else source.seek(0, os.SEEK_END) - source.seek(0)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
             with Image.open(source, formats=FORMATS) as picture:
-                _check_size(picture, name, budget)
+                size = "{} x {}".format(*picture.size)
+                _check_size(picture, name)
+                if picture.format == "WEBP" and 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > MAX_WEBP:
+                    raise ModelError(f"{name}: a WebP picture of {size} in {n_byte} bytes is not read")
+                divisor = 1 if budget is None else budget.divisor(picture.size, n_byte, name)
                 with _silenced() if picture.format == "TIFF" else nullcontext():
-                    return _pixels_of(picture, name)
+                    pixels = _pixels_of(picture, name) if divisor == 1 else _reduced(picture, divisor)
     except (ModelError, SceneError):
         raise
     except UnidentifiedImageError as fault:
@@ -223,6 +266,12 @@ def read_picture(
         ) from fault
     except _PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
+    if budget is not None and divisor > 1:
+        what = (
+            f"{budget.name}: {name}: {n_byte} bytes that unpack to {size} texels are read at 1/{divisor} of that size"
+        )
+        warn_caller(f"{what}; {ENVIRONMENT} takes the limit away")
+    return pixels
 
 
 @contextmanager
@@ -243,8 +292,8 @@ def _silenced() -> Iterator[None]:
         os.close(nowhere)
 
 
-def _check_size(picture: "Image.Image", name: str, budget: Budget | None) -> None:
-    """Raise ModelError for a picture whose header asks for more texels than may be made."""
+def _check_size(picture: "Image.Image", name: str) -> None:
+    """Raise ModelError for a picture whose header asks for more texels than may be made, or passes over them."""
     width, height = picture.size
     if max(width, height) > MAX_TEXELS:
         raise ModelError(f"{name}: a texture has up to {MAX_TEXELS} texels a side; this picture has {width} x {height}")
@@ -253,8 +302,25 @@ def _check_size(picture: "Image.Image", name: str, budget: Budget | None) -> Non
             f"{name}: this picture of {width} x {height} has more than {max_texels()} texels, the most that are read"
         )
         raise ModelError(f"{fault}; {ENVIRONMENT} raises that")
-    if budget is not None:
-        budget.take(width * height // 4, name)
+    stream: Any = getattr(picture, "fp", None)
+    if picture.format == "JPEG" and stream is not None:
+        at = stream.tell()
+        stream.seek(0)
+        n_scan = stream.read().count(b"\xff\xda")
+        stream.seek(at)
+        if n_scan * width * height > MAX_SCANNED:
+            raise ModelError(f"{name}: a JPEG picture of {width} x {height} in {n_scan} scans is not read")
+
+
+def _reduced(picture: "Image.Image", divisor: int) -> NDArray[np.uint8]:
+    """Return a picture of which each block of `divisor` texels a side has become one, their mean."""
+    width, height = (n // divisor for n in picture.size)
+    out, n_row = np.empty((height, width, 4), np.uint8), max(1, _STRIP // (width * divisor))
+    for top in range(0, height, n_row):
+        bottom = min(top + n_row, height)
+        strip = picture.crop((0, top * divisor, width * divisor, bottom * divisor)).convert("RGBA")
+        out[top:bottom] = np.asarray(strip.reduce(divisor))
+    return out
 
 
 def _reason(fault: Exception) -> str:

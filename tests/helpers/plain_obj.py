@@ -43,7 +43,7 @@ def read(data: bytes) -> Plain:
     faces = []
     for place, line in words["f"]:
         so_far = {kind: sum(n < place for n, _ in words[kind]) for kind in KINDS}
-        corners = [corner(word, so_far, total, is_drawn=len(line) >= 3) for word in line]
+        corners = [corner(word, so_far, total) for word in line]
         faults += [(place, each) for each in corners if isinstance(each, str)][:1]
         faces.append((place, corners))
     return Plain(rows, faces, min(faults, key=lambda fault: fault[0], default=None))
@@ -78,7 +78,7 @@ def number(word):
         return None
 
 
-def corner(word, so_far, total, is_drawn):
+def corner(word, so_far, total):
     """Return the indices of a corner, or what is wrong with it."""
     indices = []
     for kind, piece in zip(KINDS, [*word.split("/"), "", ""], strict=False):
@@ -90,8 +90,9 @@ def corner(word, so_far, total, is_drawn):
             return "face refers to vertex 0, the first one is 1"
         if kind == "v" and index < 0:
             return f"face refers to vertex {given}, only {so_far['v']} stand before it"
-        if index >= total[kind] and (kind == "v" or (kind == "vn" and is_drawn)):
-            return f"face refers to {KINDS[kind]} {given}, the file has {total[kind]}"
+        if index >= total[kind] and kind == "v":
+            return f"face refers to vertex {given}, the file has {total[kind]}"
+        index = -1 if index >= total[kind] else index
         indices.append(index)
     return indices
 

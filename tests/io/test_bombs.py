@@ -4,19 +4,22 @@ import io
 import json
 import struct
 import subprocess
+import sys
 import tracemalloc
 import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.file_bombs import BOMBS, LONG, QUICK
 from helpers.file_fuzz import MTL, OBJ, TRIANGLE, npz, picture
 from helpers.model_bytes import gltf_with
 from helpers.refusals import assert_refused
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.io.gltf import MAX_COPIES
+from rasterizer.io.limits import most
 from rasterizer.io.scene_file import MAX_DOTS, MAX_TOML, read_scene
 from rasterizer.scene.texture import ENVIRONMENT, Texture, read_picture
 
@@ -175,7 +178,7 @@ def archive_of(vertices, n_byte=None) -> bytes:
 
 def test_arrays_that_ask_for_what_is_not_there_are_refused(tmp_path):
     whole = [(npy("<f8", (2**24, 3)), 2**24 * 24 + 128)]
-    said = r"a\.npz: its arrays would take 40265\d{4} bytes; .* of its size may have 268435456"
+    said = rf"a\.npz: its arrays would take 40265\d{{4}} bytes; .* of its size may have {most(0)}"
     assert_refused(
         lambda given: scene_with(archive_of(*given), tmp_path), [(each, said) for each in whole], rz.ModelError
     )
@@ -206,9 +209,8 @@ def test_arrays_that_are_used_again_and_again_are_counted(tmp_path):
     n = 2**19
     arrays = {"mesh0_vertices": np.eye(3), "mesh0_faces": np.tile(np.arange(3, dtype=np.uint8), (n, 1))}
     (tmp_path / "a.npz").write_bytes(npz(arrays))
-    most = (MAX_COPIES + 3 * n) // n
-    table = {"meshes": [{"arrays": "a.npz", "mesh": 0}] * (most + 4)}
-    with pytest.raises(rz.ModelError, match=f"used for more than {MAX_COPIES} triangles"):
+    table = {"meshes": [{"arrays": "a.npz", "mesh": 0}] * (most(0) // (3 * n) + 1)}
+    with pytest.raises(rz.ModelError, match=rf"meshes\[42\]: asks for \d+ bytes of arrays: too many .*{most(0)} are"):
         read_scene(json.dumps(table).encode(), tmp_path)
 
 
@@ -279,8 +281,8 @@ def test_chains_and_rings_of_nodes_are_followed_once():
 
 def test_copies_of_a_mesh_are_counted_before_they_are_made():
     assert loaded([{"mesh": 0}] * 10, range(10)).n_face == 120
-    with pytest.raises(rz.ModelError, match=f"ask for {2**24} triangles, more than {MAX_COPIES} of them copies"):
-        loaded([{"mesh": 0}] * 16, range(16), count=3 * 2**20)
+    with pytest.raises(rz.ModelError, match=f"asks for .* bytes of arrays: too many for .*, {most(0)} are legal"):
+        loaded([{"mesh": 0}], count=3 * 2**22)
 
 
 def test_names_that_are_no_text_of_unicode_are_drawn_but_not_saved(tmp_path):
@@ -291,3 +293,42 @@ def test_names_that_are_no_text_of_unicode_are_drawn_but_not_saved(tmp_path):
     assert scene.n_face == 12 and rz.render(scene, 8, samples=1).stats.covered
     with pytest.raises(rz.SceneError, match="Unicode"):
         scene.save(tmp_path / "x.toml")
+
+
+# --- every container ----------------------------------------------------------------------------------------
+
+
+def assert_bounded(*names):
+    """Load bombs, each in a process: none takes more than 300 MB or 10 s, and all are drawn, or refused in a line."""
+    command = [sys.executable, "-m", "helpers.file_bombs", *names]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[1], check=False)
+    assert ended.returncode == 0 and not ended.stderr, ended.stderr[-2000:]
+    rows = [json.loads(line) for line in ended.stdout.splitlines()]
+    for row in rows:
+        assert row["bytes"] <= 2**20 and row["outcome"] != "died" and "internal error" not in row["outcome"], row
+        assert row["megabytes"] <= 300 and row["seconds"] <= 10, row
+        assert row["longest"] <= 300 and row["lines"] == 1 and row["n_warning"] <= 40, row
+    return rows
+
+
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="the peak of memory is Linux' own")
+
+
+@on_linux
+def test_bombs_of_every_container_are_drawn_or_refused_in_a_line():
+    assert len(assert_bounded(*QUICK)) == len(QUICK)
+
+
+@on_linux
+@pytest.mark.nightly
+def test_all_bombs_are_drawn_or_refused_in_a_line():
+    names = [name for name in BOMBS | LONG if name not in QUICK]
+    assert len(assert_bounded(*names)) == len(names)
+
+
+@on_linux
+@pytest.mark.nightly
+def test_files_whose_counts_are_others_are_drawn_or_refused_in_a_line():
+    rows = assert_bounded("0-3000")
+    n_drawn = sum(row["outcome"] == "drawn" for row in rows)
+    assert len(rows) == 3000 and 300 < n_drawn < 2700, n_drawn

@@ -207,7 +207,7 @@ def test_what_unpacks_to_much_is_refused():
         assert len(data) < 2**20
         with pytest.raises(rz.ModelError, match="it unpacks to more than .* bytes"):
             load(data, format=format)
-    elements = "<a/>" * 2**21
+    elements = '<a b=""/>' * 2**19
     for format, data in (("zae", zipped({"a.dae": dae(more=elements)})), ("3dxml", threedxml(x=f"<x>{elements}</x>"))):
         with pytest.raises(rz.ModelError, match="its XML would take some .* MB"):
             load(data, format=format)
@@ -221,9 +221,9 @@ def test_nodes_that_show_each_other_are_counted():
         for k in range(40) for n in range(2)
     ) + "".join(f'<Reference3D id="r{k}" name="r"/>' for k in range(1, 40))  # fmt: skip
     assert_refused(lambda pair: load(pair[1], format=pair[0]), [
-        (("dae", dae('<node><instance_node url="#k39"/></node>', more=more).encode()), "repeat too many others"),
+        (("dae", dae('<node><instance_node url="#k39"/></node>', more=more).encode()), "shows .* nodes: too many"),
         (("dae", dae('<node id="r"><instance_node url="#r"/></node>').encode()), "nested more than 100 deep"),
-        (("3dxml", threedxml(instances)), "repeat too many others"),
+        (("3dxml", threedxml(instances)), "shows .* nodes: too many"),
         (("xaml", XAML.replace("<GeometryModel3D>", "<GeometryModel3D><GeometryModel3D/>").encode()), "within another"),
     ], rz.ModelError, "model: ")  # fmt: skip
     few = "".join(f'<node id="k{k}">{f"""<instance_node url="#k{k - 1}"/>""" * 2}</node>' for k in range(1, 4))

@@ -209,7 +209,7 @@ def doubled(n: int) -> str:
 
 def test_objects_that_double_take_no_time(reader):
     assert load(threemf(doubled(3)), format="3mf").n_face == 4 * 17
-    with pytest.raises(ModelError, match="repeat too many"):
+    with pytest.raises(ModelError, match="shows .* nodes: too many"):
         load(threemf(doubled(39)), format="3mf")
 
 
@@ -224,7 +224,7 @@ def test_groups_by_the_thousand_take_no_time():
     deep = f'<m:multiproperties id="6" pids="{"4 " * layers}">{row * rows}</m:multiproperties>'
     triangles = "".join(f'<triangle v1="0" v2="1" v3="2" pid="6" p1="{k}"/>' for k in range(rows))
     text = model(groups=UVS + deep).replace("</triangles>", f"{triangles}</triangles>")
-    with pytest.raises(ModelError, match="composites and layers mix more than"):
+    with pytest.raises(ModelError, match="asks for .* bytes of arrays: too many"):
         load(threemf(text, **{"3D/Textures/a.png": png()}), format="3mf")
 
 
