@@ -16,12 +16,7 @@ from typing import IO, Any, TypeAlias
 import numpy as np
 
 from ..choices import Axis, Weighting
-from ..errors import ModelError
-from ..errors import SceneError
-from ..errors import counted
-from ..errors import cut
-from ..errors import one_file
-from ..errors import shown
+from ..errors import ModelError, SceneError, counted, cut, one_file, shown
 from ..geometry.weld import weld
 from ..keywords import checked_keywords
 from ..scene.arrays import fixed
@@ -34,14 +29,8 @@ from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
 from . import formats
 from .files import Folder, name_of, read_source
-from .model_file import Contents
-from .model_file import MeshSettings
-from .model_file import ModelFile
-from .model_file import Part
-from .model_file import Report
-from .model_file import bytes_of_copy
-from .model_file import materials_of
 from .limits import name_in
+from .model_file import Contents, MeshSettings, ModelFile, Part, Report, bytes_of_copy, materials_of
 
 FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
 
