@@ -11,10 +11,11 @@ This module is the first one that the package imports, so that a fork finds it i
 """
 
 import functools
+import logging  # noqa: F401  first: a fork then takes its lock after those here, as a thread that imports does
 import os
 import sys
 import threading
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -22,7 +23,7 @@ LOCK = threading.RLock()  # who loads or compiles a kernel
 
 # Modules whose import a fork waits for: while they are imported they wait for no other thread. Those of a program may.
 _IMPORTED = {"rasterizer", "numpy", "numba", "llvmlite", "PIL", "trimesh", "scipy", *sys.stdlib_module_names}
-_taken: list[Any] = []  # by the fork that is under way; a lock that it found later isn't released
+_taken = ExitStack()  # what the fork that is under way has taken, which it alone releases
 
 
 def _take_locks() -> None:
@@ -42,17 +43,11 @@ def _take_locks() -> None:
 
 def _take(lock: Any) -> None:
     if lock is not None:
-        lock.acquire()
-        _taken.append(lock)
-
-
-def _release_locks() -> None:
-    while _taken:
-        _taken.pop().release()
+        _taken.enter_context(lock)
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_take_locks, after_in_parent=_release_locks, after_in_child=_release_locks)
+    os.register_at_fork(before=_take_locks, after_in_parent=_taken.close, after_in_child=_taken.close)
 
 
 if sys.version_info >= (3, 12):

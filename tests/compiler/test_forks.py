@@ -14,7 +14,7 @@ from rasterizer.compiler import kernels
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 LIMIT = 60  # seconds, of a child and of its parent, on a machine that is busy
 
-# `work()` is what the other thread, the children and then the parent do. Half of the forks come close behind each other.
+# `work()` is what the other thread, the children and then the parent do. Half of the forks come close together.
 PROGRAM = """
 import hashlib, os, random, signal, sys, threading, time, warnings
 
@@ -43,7 +43,7 @@ def run(work, is_ready=lambda: True, expected=None):
             if is_over.is_set():
                 return
 
-    other = threading.Thread(target=go_on)
+    other = threading.Thread(target=go_on, daemon=True)
     other.start()
     while not is_ready():
         time.sleep(0)

@@ -147,7 +147,7 @@ def test_what_no_process_has_compiled_is_compiled_where_it_is_needed(tmp_path):
 
 # ---------------------------------------------------------------- ends
 
-WAITS = "import os, sys, time; open(sys.argv[-1] + '/begun', 'a').write(str(os.getpid())); time.sleep(99)"
+WAITS = "import os, sys, time; open(os.environ['RASTER_STORE'] + '/begun', 'a').write(str(os.getpid())); time.sleep(99)"
 
 
 @posix
