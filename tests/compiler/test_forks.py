@@ -85,7 +85,7 @@ def work():
     return n, starts.tobytes(), ordered.tobytes(), kernels.BatchFunction(lambert, np.dtype("float32")).address != 0
 """
 PHASES = {
-    "importing": (DRAW + "run(work, lambda: 'rasterizer.locks' in sys.modules)", True),
+    "importing": (DRAW + "run(work, lambda: hasattr(sys.modules.get('rasterizer.locks'), 'cached_property'))", True),
     "drawing": (DRAW + "run(work, expected=work())", True),
     "loading": (LOAD + "run(work)", True),
     "compiling, no folder": (LOAD + "run(work)", "/dev/null/store"),
