@@ -246,7 +246,7 @@ def test_it_listens_on_this_machine_alone_with_a_token_of_its_own(server):
 
 
 def test_who_has_the_token_is_answered_whatever_others_hold_open():
-    """Silent connections, half a request, a byte now and then, an end that is closed: none is kept for three seconds."""
+    """Silent ones, half a request, a byte now and then, an end that is closed: none is kept for three seconds."""
     with serving(Session(SCENE, threads=1)) as server:
         address = server.server_address[:2]
         page = socket.create_connection(address, timeout=10)
