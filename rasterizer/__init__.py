@@ -17,13 +17,15 @@ What lives where, from the top downwards; a folder's `__init__` says what its fi
     io                    files in and out, a format a file
     scene                 meshes, lights, materials, cameras: frozen, checked dataclasses
     compiler              kernels are compiled once, and kept
-    options, choices, errors, cores, registries
+    options, choices, errors, cores, processes, registries, locks
 
 The public names stand in `__init__.pyi`, each with its module, where editors and type checkers find them as well. A
 module is imported when one of its names is first used, so that the command line can print its help without numpy.
 """
 
 from importlib import import_module
+
+from . import locks as _locks  # noqa: F401  first of all: what a fork waits for
 
 __version__ = "0.1.0"
 __docformat__ = "numpy"  # for pdoc

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
 from .io.loader import FileLike, load
 from .keywords import checked_keywords
+from .locks import cached_property
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera

@@ -6,7 +6,6 @@ In:  RenderTask each: a model, a view, options, a path        Out: files, and a 
     rendering    render_many: tasks become runs of one model, runs become jobs, outcomes become files and records
     draw_run     what a process does with a run: it loads the model and draws its pictures
     pools        who works on jobs: processes of this machine, an executor of concurrent.futures, Dask's workers
-    worker       the program of such a process
 
 The caller's process alone writes: what draws sends back the bytes of files. So no death of a worker leaves half a file.
 """

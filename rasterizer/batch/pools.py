@@ -1,34 +1,24 @@
 """Who draws for a batch: processes of this machine, an executor of `concurrent.futures`, or the workers of Dask.
 
-In:  jobs: a function, what it is called with, what it shares with others        Out: an outcome of each, in any order
-
     work_through ── submit ──> pool ── wait ──> (job, outcome)
 
-    Done(value)       what the job's function returned
-    Died(how)         the process that worked on it ended; who else was at work isn't concerned
-    Failed(error)     it could not be sent there or back, or the function raised
+A pool of processes of this machine is in ../processes.py, with jobs and their outcomes.
 """
 
 import os
-import pickle
-import signal
-import subprocess
-import sys
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import suppress
-from pathlib import Path
 from queue import SimpleQueue
 from time import monotonic
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from ..compiler.kernels import STORE
 from ..cores import n_core
 from ..errors import RasterizerError, SceneError, shown
+from ..processes import Died, Done, Failed, Job, ProcessPool, SharedObject
 from ..scene.validate import whole
-from .worker import MAX_SHARED, READY, read_message, write_message
 
 MAX_PROCESSES = 1024
 LONGEST_RUN = 8  # pictures of a job
@@ -49,7 +39,7 @@ def make_pool(executor: Any, n_process: int | None) -> "Pool":
     if n_process is not None:
         n_process = whole(n_process, "n_process", 1, MAX_PROCESSES)
     if executor is None:
-        return ProcessPool(n_process)
+        return local_pool(n_process)
     if isinstance(executor, Executor):
         return ExecutorPool(executor, n_process)
     if isinstance(executor, str) or (hasattr(executor, "scatter") and hasattr(executor, "get_executor")):
@@ -58,56 +48,13 @@ def make_pool(executor: Any, n_process: int | None) -> "Pool":
     raise SceneError(f"executor must be {legal}; given {shown(executor)}")
 
 
-class SharedObject:
-    """Something large that many jobs need: it goes to each process once.
+def local_pool(n_process: int | None) -> ProcessPool:
+    """Return processes of this machine; None = as many as this one may use processors.
 
-    Parameters
-    ----------
-    value : what is shared; not changed any more
-    key : text that tells it from all others of the pool
+    Where no kernel is stored yet, the first job is alone: it compiles what it needs on all processors, and those that
+    come after it find that in the store.
     """
-
-    def __init__(self, value: Any, key: str) -> None:
-        self.value: Any = value
-        self.key: str = key
-        self.sent: Any = None  # what a pool keeps of it: its bytes, or its name on the machines it was sent to
-
-
-class Job:
-    """A piece of work: a function of a module, and what it is called with.
-
-    Parameters
-    ----------
-    function : called as function(argument, value of `shared`, kept); `kept` is a dict that stays with a process
-    argument : what can be pickled
-    shared : SharedObject, or None
-    """
-
-    def __init__(self, function: Callable[..., Any], argument: Any, shared: SharedObject | None = None) -> None:
-        self.function: Callable[..., Any] = function
-        self.argument: Any = argument
-        self.shared: SharedObject | None = shared
-        self.note: Any = None  # the caller's own; it isn't sent
-        self.is_alone = False  # one picture, drawn once more because a process died of some
-        self.n_lost = 0  # how often it had to be sent again because of others
-
-
-class Done(NamedTuple):
-    """The function has returned."""
-
-    value: Any
-
-
-class Died(NamedTuple):
-    """The process that worked on it has ended."""
-
-    how: str
-
-
-class Failed(NamedTuple):
-    """Nothing came back, but for an error."""
-
-    error: Exception
+    return ProcessPool(n_process or n_core(), is_warm=not STORE.is_kept or has_kernels())
 
 
 class Pool(Protocol):
@@ -196,189 +143,11 @@ def pictures_per_job(pool: Pool, n_picture: int) -> int:
     return max(1, min(LONGEST_RUN, n_picture // pool.n_slot))
 
 
-# ---------------------------------------------------------------- processes of this machine
-#
-# Each process is led by a thread, which sends it one job after the other through its standard input and waits for the
-# answer on its standard output (worker.py). So a process that dies takes down the job that it worked on and nothing
-# else, and it is known which one that was; a pool of concurrent.futures loses all that it holds. The program that
-# started the batch isn't imported again, as multiprocessing does: no `if __name__ == "__main__"` is needed.
-
-_PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
-_PROGRAM = """
-import sys
-sys.path[:] = [sys.argv[1], *filter(None, sys.path)]
-from rasterizer.batch.worker import main
-main()
-"""
-_PATIENCE = 2.0  # seconds in which a process may end by itself, and remove what it has half written
-
-
-class ProcessPool:
-    """Processes that are started when there is work for them.
-
-    Parameters
-    ----------
-    n_process : how many at most; None = as many as this one may use processors
-
-    Where no kernel is stored yet, the first job is alone: it compiles what it needs on all processors, and those that
-    come after it find that in the store.
-    """
-
-    is_here = True
-
-    def __init__(self, n_process: int | None = None) -> None:
-        self.n_process = n_process or n_core()
-        self._workers: list[_Worker] = []
-        self._idle: list[_Worker] = []
-        self._outcomes: SimpleQueue = SimpleQueue()
-        self.is_warm = not STORE.is_kept or has_kernels()  # nobody has to wait until kernels are stored
-        self.n_running = 0
-
-    @property
-    def n_slot(self) -> int:
-        """How many jobs it should have at a time."""
-        return self.n_process if self.is_warm else 1
-
-    def submit(self, job: Job) -> None:
-        """Give a job to a process: to one that has what the job shares, if there is one.
-
-        Raises RasterizerError where no process can be started.
-        """
-        key = job.shared.key if job.shared else None
-        worker = next((each for each in self._idle if key in each.known), None) or next(iter(self._idle), None)
-        if worker is None:
-            worker = _Worker(self._outcomes)
-            self._workers.append(worker)
-        else:
-            self._idle.remove(worker)
-        worker.jobs.put(job)
-        self.n_running += 1
-
-    def wait(self) -> tuple[Job, Done | Died | Failed]:
-        """Wait for the next job that has an outcome; return both.
-
-        Raises RasterizerError where a process ends before its first job: the others would, too.
-        """
-        job, outcome, worker = self._outcomes.get()
-        self.n_running -= 1
-        self.is_warm = True
-        if isinstance(outcome, Died):
-            self._workers.remove(worker)
-            if not worker.is_started:
-                raise RasterizerError(f"the processes that draw can't be started: the first one {outcome.how}")
-        else:
-            self._idle.append(worker)
-        return job, outcome
-
-    def close(self) -> None:
-        """End all processes, and what they are at."""
-        for worker in self._workers:
-            worker.end(is_idle=worker in self._idle)
-        for worker in self._workers:
-            worker.join()
-        self._workers, self._idle, self.n_running = [], [], 0
-
-
 def has_kernels() -> bool:
     """Tell whether the store of this process has any kernels."""
     with suppress(OSError):
         return any(name.endswith(".kernel") for folder in STORE.folders for name in os.listdir(folder))
     return False
-
-
-class _Worker:
-    """A process and the thread that leads it."""
-
-    def __init__(self, outcomes: SimpleQueue) -> None:
-        self.jobs: SimpleQueue = SimpleQueue()
-        self.known: list[str] = []  # keys of the shared objects that the process has, the last one last
-        self.is_started = False
-        self._outcomes = outcomes
-        try:
-            # A session of its own: an interrupt of the terminal reaches the caller alone, which ends the others.
-            self._process: Any = subprocess.Popen(
-                [sys.executable, "-c", _PROGRAM, _PARENT],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                start_new_session=True,
-            )
-        except OSError as fault:
-            raise RasterizerError(f"no process can be started: {fault.strerror or fault}") from fault
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        while (job := self.jobs.get()) is not None:
-            outcome = self._ask(job)
-            if isinstance(outcome, Failed):
-                self.known.clear()  # it isn't known whether what was sent has been understood
-            self._outcomes.put((job, outcome, self))
-            if isinstance(outcome, Died):
-                return
-            del job, outcome  # they hold models
-
-    def _ask(self, job: Job) -> Done | Died | Failed:
-        """Let the process work on a job; wait for its answer."""
-        try:
-            message = self._pack(job)
-        except Exception as fault:  # noqa: BLE001  whatever an object does that is pickled
-            return Failed(fault)
-        try:
-            if not self.is_started:
-                # The paths are those by which classes that are sent are found.
-                write_message(self._process.stdin, pickle.dumps(sys.path))
-                self.is_started = read_message(self._process.stdout) == READY
-            write_message(self._process.stdin, message)
-            answer = read_message(self._process.stdout)
-        except (OSError, EOFError, ValueError):
-            return Died(self._how_it_ended())
-        try:
-            is_done, value = pickle.loads(answer)
-        except Exception as fault:  # noqa: BLE001  whatever an object does that is unpickled
-            return Failed(fault)
-        return Done(value) if is_done else Failed(value)
-
-    def _pack(self, job: Job) -> bytes:
-        """Return the job as bytes, with what it shares unless the process has it."""
-        key, content = None, None
-        if job.shared is not None:
-            key = job.shared.key
-            if job.shared.sent is None:
-                job.shared.sent = pickle.dumps(job.shared.value, protocol=pickle.HIGHEST_PROTOCOL)
-            content = None if key in self.known else job.shared.sent
-        message = pickle.dumps((job.function, job.argument, key, content), protocol=pickle.HIGHEST_PROTOCOL)
-        if key is not None:  # the process forgets by the same rule
-            self.known = [*(each for each in self.known if each != key), key][-MAX_SHARED:]
-        return message
-
-    def _how_it_ended(self) -> str:
-        code = self._process.wait()
-        if code >= 0:
-            return f"ended with exit code {code}"
-        with suppress(ValueError):
-            return f"was ended by {signal.Signals(-code).name}"
-        return f"was ended by signal {-code}"
-
-    def end(self, is_idle: bool) -> None:
-        """Ask the process to end, whatever it is at; one that waits for work ends with its input."""
-        self.jobs.put(None)
-        if not is_idle:
-            self._process.terminate()
-            return
-        with suppress(OSError):
-            self._process.stdin.close()
-
-    def join(self) -> None:
-        """Wait until the process has ended; one that doesn't is killed."""
-        try:
-            self._process.wait(_PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._thread.join()
-        for stream in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):  # what was left to send
-                stream.close()
 
 
 # ---------------------------------------------------------------- executors

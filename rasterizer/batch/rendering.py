@@ -16,24 +16,12 @@ from ..errors import OutputError, RasterizerError, SceneError, shown
 from ..io.files import identity_of, write_whole
 from ..io.loader import load
 from ..options import Options
+from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error
-from .pools import (
-    LONGEST_RUN,
-    Died,
-    Done,
-    Failed,
-    Job,
-    Pool,
-    SharedObject,
-    make_error,
-    make_pool,
-    pictures_per_job,
-    replace_job,
-    work_through,
-)
+from .pools import LONGEST_RUN, Pool, make_error, make_pool, pictures_per_job, replace_job, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
 _MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them

@@ -14,20 +14,10 @@ from copy import copy
 from typing import Any, NamedTuple
 
 from ..batch.draw_run import identify
-from ..batch.pools import (
-    DaskPool,
-    Done,
-    Job,
-    Pool,
-    ProcessPool,
-    SharedObject,
-    make_error,
-    pictures_per_job,
-    replace_job,
-    work_through,
-)
+from ..batch.pools import DaskPool, Pool, local_pool, make_error, pictures_per_job, replace_job, work_through
 from ..batch.tasks import RenderSummary
 from ..errors import RasterizerError
+from ..processes import Done, Job, SharedObject
 from .cameras import check_camera
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
 from .models import Settings, load_scene, make_settings
@@ -122,7 +112,7 @@ def draw_in_processes(arguments, messages, plan, draw, executor=None) -> tuple[l
     """
     settings = make_settings(arguments)
     check_camera(arguments)
-    pool = ProcessPool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
+    pool = local_pool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
     if not getattr(pool, "is_warm", True):
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)

@@ -5,12 +5,12 @@ load ─ cameras on a circle ─ one Renderer ─ frames ─┬─ a moving pict
 """
 
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 
 from ..choices import AXES
 from ..errors import SceneError, counted
+from ..locks import cached_property
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
 from .messages import STDIO, Bar

@@ -25,7 +25,7 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     context.declare_function, .call_conv, .make_array, entry points (entry_points.py)
       .make_tuple, core.cgutils
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
-    core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock
+    core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock (locks.py)
     core.errors.NumbaError                             what is left to numba
     core.cgutils; typed pointers of llvmlite.ir        vector instructions (pipeline/intrinsics.py)
 
@@ -65,19 +65,11 @@ if IS_SEEN:
     from llvmlite.binding import Linkage
     from numba.core import cgutils, codegen, compiler_machinery
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
-    from numba.core.compiler_lock import global_compiler_lock
     from numba.core.errors import NumbaError
     from numba.core.registry import cpu_target
 
     from . import entry_points
     from .short_passes import ShortLowering, ShortPassManager, Struct
-
-    if hasattr(os, "register_at_fork"):  # a child would find the compiler locked for ever
-        os.register_at_fork(
-            before=global_compiler_lock.acquire,
-            after_in_parent=global_compiler_lock.release,
-            after_in_child=global_compiler_lock.release,
-        )
 
 
 class NotStandalone(Exception):

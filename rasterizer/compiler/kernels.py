@@ -20,13 +20,12 @@ import contextvars
 import ctypes
 import functools
 import logging
-import os
 import sys
-import threading
 from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from ..locks import LOCK, cached_property
 from . import fingerprint
 from .machine_code import Code, LoadedCode
 from .signatures import Table, plain, signature_of
@@ -43,9 +42,6 @@ IS_COMPILING = not fingerprint.setting("DISABLE_JIT")
 STORE = Store.of_process(IS_COMPILING)
 
 _log = logging.getLogger("rasterizer")
-_lock = threading.RLock()  # who loads or compiles
-if hasattr(os, "register_at_fork"):  # a child would find it locked for ever, if another thread holds it
-    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 def _internals():
@@ -96,7 +92,7 @@ class Kernel:
         """What numba takes this for where another kernel calls it."""
         return self._as_helper._numba_type_
 
-    @functools.cached_property
+    @cached_property
     def _as_helper(self):
         return Helper(self.py_func, lambda: _internals().compile_helper(self.py_func, is_inlined=False))
 
@@ -105,7 +101,7 @@ class Kernel:
         arguments = plain(arguments)
         signature, table = signature_of(arguments), Table(arguments)
         key = signature, table.numbers
-        with _lock:
+        with LOCK:
             if key not in self._known and self._by_numba is None:
                 entry_point = self._find_entry_point(signature)
                 # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
@@ -341,7 +337,7 @@ class BatchFunction:
     def __init__(self, function: Callable, dtype):
         self.py_func = function
         self.signatures = [("batch function", np.dtype(dtype).name)]
-        with _lock:
+        with LOCK:
             loaded = load(function, self.signatures[0]) if STORE.is_used else None
             self._kept = loaded or _internals().compile_callback(function, dtype)
         self.address = self._kept.address
@@ -375,7 +371,7 @@ def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunct
     """
     key = function, np.dtype(dtype).name
     if key not in _batch_functions:
-        with _lock:  # two threads must get the same one: what is not kept is taken out of memory
+        with LOCK:  # two threads must get the same one: what is not kept is taken out of memory
             if key not in _batch_functions:
                 made_by = BatchFunction if IS_COMPILING else PlainBatchFunction
                 _batch_functions[key] = made_by(function, np.dtype(dtype))

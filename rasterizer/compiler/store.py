@@ -35,6 +35,7 @@ FORMAT = b"rasterizer kernel 1\n"
 MAX_BYTES = 2**28  # of a file: kernels have less than a thousandth of it
 SHIPPED = Path(__file__).resolve().parents[1] / "kernels"  # what came with the package; read only
 MONTH = 30 * 24 * 3600  # seconds
+_OFF, _ON = {"off", "no", "false", "0"}, {"on", "yes", "true", "1"}  # RASTER_STORE, in any case
 
 _log = logging.getLogger("rasterizer")
 
@@ -266,17 +267,25 @@ class Store(NamedTuple):
     def of_process(cls, is_compiling: bool) -> "Store":
         """Return the store that the environment asks for.
 
-        RASTER_STORE is "off" or the only folder; NUMBA_CACHE_DIR is the only folder, too, where RASTER_STORE is not
-        set. Otherwise the user's folder for caches is taken, and a folder in the package is looked into first.
+        RASTER_STORE is "off", "on" (as if it were not set), or the path of the only folder, with a separator in it;
+        NUMBA_CACHE_DIR is the only folder, too, where RASTER_STORE is not set. A "~" in front is the user's home.
+        Otherwise the user's folder for caches is taken, and a folder in the package is looked into first.
         """
-        asked = os.environ.get("RASTER_STORE") or os.environ.get("NUMBA_CACHE_DIR", "")
-        reason = _find_hindrance(asked) if is_compiling else "the JIT is switched off"
+        word = os.environ.get("RASTER_STORE", "").strip()
+        is_off, is_on = word.lower() in _OFF, word.lower() in _ON
+        asked = os.path.expanduser(("" if is_on else word) or os.environ.get("NUMBA_CACHE_DIR", ""))
+        reason = _find_hindrance(is_off) if is_compiling else "the JIT is switched off"
         if reason:
             return cls(reasons=(reason,))
         name = f"{PREFIX}{fingerprint.hash_sources()}"
         candidates = [Path(asked)] if asked else [folder / "rasterizer" for folder in home_folders()]
         shipped = SHIPPED / name
+        if word and not (is_on or word.startswith("~") or os.path.dirname(word)):
+            candidates, wrong = [], [f"RASTER_STORE must be on, off, or a path such as ./{word}; given {word[:60]!r}"]
+        else:
+            wrong = []
         own, reasons = choose_folder(candidates, name)
+        reasons = wrong + reasons
         if own is not None:
             remove_old(own)
         folders = [shipped] if not asked and shipped.is_dir() and not _distrust_of(shipped, reasons) else []
@@ -322,9 +331,9 @@ def _key(title: str, signature: tuple, processor: str) -> bytes:
     return repr((title, signature, processor)).encode()
 
 
-def _find_hindrance(asked: str) -> str:
+def _find_hindrance(is_off: bool) -> str:
     """Say why numba compiles and calls the kernels in this process; nothing where the store does."""
-    if asked == "off":
+    if is_off:
         return "RASTER_STORE is off"
     if fingerprint.setting("BOUNDSCHECK"):
         return "NUMBA_BOUNDSCHECK is set: kernels raise errors, for which they need numba"

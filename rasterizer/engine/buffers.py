@@ -1,13 +1,13 @@
 """The exact buffers that a frame may have beside the picture: one kernel and one entry in BUFFER_TABLE for each."""
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..geometry.points import Geometry
+from ..locks import cached_property
 from ..pipeline.buffers import (
     CornerTable,
     write_depth,

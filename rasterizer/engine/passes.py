@@ -11,11 +11,11 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from ..locks import cached_property
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.cull import Band

@@ -7,7 +7,6 @@ what one object needs costs its own samples and no others. The bounds that justi
 """
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
+from ..locks import cached_property
 from ..options import Options
 from ..pipeline import gradients as g
 from ..pipeline.a_buffer import Opacity, min_transmittance

@@ -4,7 +4,6 @@ tables ─ geometry, plan, normals, shadow maps (once) ─ screen, plan of the v
 """
 
 from collections.abc import Collection, Sequence
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import Job
 from ..geometry.points import Geometry, gather_geometry
+from ..locks import cached_property
 from ..options import Options
 from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting

@@ -9,13 +9,13 @@ their illumination, as arrays that the pipeline reads, and the tint that one cha
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.points import number_materials
+from ..locks import cached_property
 from ..options import Options
 from ..pipeline import textures as texturing
 from ..pipeline.a_buffer import Opacity

@@ -10,7 +10,6 @@ What a map shows follows from the light's `Beam` (lights.py); an area light is m
 
 import math
 from collections.abc import Iterable
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from ..errors import SceneError
 from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..geometry.vectors import cross
+from ..locks import cached_property
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces

@@ -9,7 +9,6 @@ mesh are shared: nobody can write into them.
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES, WEIGHTINGS, Axis, Weighting
 from ..errors import ModelError, SceneError, counted, shown
 from ..keywords import checked_fields
+from ..locks import cached_property
 from . import mesh_arrays
 from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
 from .framing import rotation

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from ..choices import AXES, Axis
 from ..errors import SceneError, counted, shown
 from ..keywords import checked_fields
+from ..locks import cached_property
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb, surface_rgb
 from .lights import Light, checked_lights, studio

@@ -17,7 +17,6 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import cached_property
 from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..keywords import checked_fields
+from ..locks import cached_property
 from .arrays import KeepsArrays, fixed, plain_array
 from .color import linear_from_srgb_bytes
 from .validate import choice, store

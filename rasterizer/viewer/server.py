@@ -23,6 +23,7 @@ from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -33,7 +34,8 @@ from .session import Reply, Session
 HOST = "127.0.0.1"
 _OWN_NAMES = ("127.0.0.1", "localhost", "::1")  # with any port: it may have been forwarded
 _PATIENCE = 60.0  # seconds that a connection may be silent
-_MAX_CONNECTIONS = 32
+_UNTIL_TOKEN = 2.0  # seconds in which a connection must have shown the token, silent or not
+_MAX_CONNECTIONS = 32  # with the token, and as many without it
 _GRACE = 2.0  # seconds after which a page that has gone is not being loaded once more
 _FOLDER = Path(__file__).parent / "page"
 _FILES = {  # name: file and type
@@ -85,7 +87,9 @@ class Server(ThreadingHTTPServer):
         self.note = note or (lambda _: None)
         self.token = secrets.token_urlsafe(24)
         self._pages = _Pages()
-        self._room = threading.BoundedSemaphore(_MAX_CONNECTIONS)
+        self._lock = threading.Lock()
+        self._strangers: dict[socket.socket, float] = {}  # that have not shown the token, and since when; oldest first
+        self._known: set[socket.socket] = set()
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as fault:
@@ -120,10 +124,11 @@ class Server(ThreadingHTTPServer):
         self.shutdown()
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer on a thread of its own, while there are not too many."""
-        if not self._room.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
+        """Answer on a thread of its own; the oldest one of too many that have not shown the token makes room."""
+        with self._lock:
+            if len(self._strangers) >= _MAX_CONNECTIONS:
+                self._hang_up(next(iter(self._strangers)))
+            self._strangers[request] = monotonic()
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
@@ -131,7 +136,28 @@ class Server(ThreadingHTTPServer):
         try:
             super().process_request_thread(request, client_address)
         finally:
-            self._room.release()
+            with self._lock:
+                self._strangers.pop(request, None)
+                self._known.discard(request)
+
+    def admit(self, connection: socket.socket) -> bool:
+        """Keep a connection that has shown the token; False where there are too many."""
+        with self._lock:
+            if self._strangers.pop(connection, None) is not None and len(self._known) < _MAX_CONNECTIONS:
+                self._known.add(connection)
+            return connection in self._known
+
+    def service_actions(self) -> None:
+        """Close connections that have not shown the token in time; the base class calls this ten times a second."""
+        with self._lock:
+            for connection, since in list(self._strangers.items()):
+                if monotonic() - since > _UNTIL_TOKEN:
+                    self._hang_up(connection)
+
+    def _hang_up(self, connection: socket.socket) -> None:
+        del self._strangers[connection]
+        with suppress(OSError):  # it is closed already
+            connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Connections that break are no fault; nothing is printed."""
@@ -227,6 +253,8 @@ class _Handler(BaseHTTPRequestHandler):
         is_known = hmac.compare_digest(token.encode("utf-8", "replace"), self.server.token.encode())
         if not (is_known and slash and self.path.startswith("/")):
             raise _Refusal(HTTPStatus.FORBIDDEN, "the token is wrong: open the address that the program has printed")
+        if not self.server.admit(self.connection):
+            raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"there are {_MAX_CONNECTIONS} connections already")
         return name
 
     def _get(self, name: str) -> None:

@@ -11,9 +11,21 @@ import pytest
 from helpers.deadly import Deadly
 from helpers.stores import environment_with
 
-from rasterizer.batch.pools import Died, Done, Failed, Job, ProcessPool, SharedObject, work_through
-from rasterizer.batch.worker import MAX_SHARED, pack_answer, read_message, serve, write_message
+from rasterizer.batch.pools import work_through
 from rasterizer.errors import RasterizerError
+from rasterizer.processes import (
+    MAX_SHARED,
+    Died,
+    Done,
+    Failed,
+    Job,
+    ProcessPool,
+    SharedObject,
+    pack_answer,
+    read_message,
+    serve,
+    write_message,
+)
 
 
 def add(argument, shared, kept):
@@ -91,9 +103,9 @@ def test_a_process_that_dies_is_replaced(pool):
 def test_the_first_job_is_alone_where_no_kernel_is_stored(tmp_path):
     """In a process whose store is empty; what is worked on is a method of text, which needs no kernel."""
     program = """
-from rasterizer.batch.pools import Job, ProcessPool
+from rasterizer.batch.pools import Job, local_pool
 from rasterizer.compiler.kernels import STORE
-pool = ProcessPool(3)
+pool = local_pool(3)
 assert STORE.is_kept and not pool.is_warm
 n_slot = pool.n_slot
 pool.submit(Job("{} {} {}".format, 1))
@@ -159,7 +171,7 @@ def test_a_message_that_is_no_job_is_answered():
     write_message(messages, b"nonsense")
     messages.seek(0)
     with pytest.raises(EOFError):
-        serve(messages, answers)
+        serve(messages, lambda answer: write_message(answers, answer))
     answers.seek(0)
     assert pickle.loads(read_message(answers))[0] is False
 

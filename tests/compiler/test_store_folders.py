@@ -80,6 +80,29 @@ def test_a_folder_that_is_asked_for_is_the_only_one(installed, environment, tmp_
         assert found.folders == ((shipped, found.own) if expected.startswith("caches") else (found.own,))
 
 
+def test_words_for_the_store_are_taken_in_any_case_and_no_folder_has_their_name(environment, tmp_path):
+    environment.chdir(tmp_path)
+    environment.setenv("HOME", str(tmp_path / "home"))
+    for asked, expected in (
+        *((word, "off") for word in ("off", "OFF", " Off ", "no", "False", "0")),
+        *((word, "caches/rasterizer") for word in ("on", "ON", "yes", "True", "1")),
+        *((word, "refused") for word in ("of", "none", "disabled", "kernels")),
+        ("~", "home"),
+        ("~/kernels", "home/kernels"),
+        ("./off", "off"),
+    ):
+        environment.setenv("RASTER_STORE", asked)
+        found = Store.of_process(True)
+        if expected == "refused":
+            assert found.own is None and f"given {asked!r}" in found.reasons[0] and "on, off" in found.reasons[0]
+        elif expected == "off" and os.path.dirname(asked) == "":
+            assert (found.own, found.is_used) == (None, False), asked
+        else:
+            assert found.own.parent == tmp_path / expected, asked
+        assert not {each.name for each in tmp_path.iterdir()} - {"home", "caches", "off"}
+        assert (tmp_path / "off").exists() == (asked == "./off")
+
+
 def test_where_numba_calls_the_kernels_nothing_is_kept(environment, tmp_path):
     for name, value, reason in (
         ("RASTER_STORE", "off", "RASTER_STORE is off"),

@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -244,24 +245,45 @@ def test_it_listens_on_this_machine_alone_with_a_token_of_its_own(server):
         assert other.token != server.token and len(other.token) >= 32
 
 
-def test_connections_that_are_held_open_are_not_endless():
+def test_who_has_the_token_is_answered_whatever_others_hold_open():
+    """Silent ones, half a request, a byte now and then, an end that is closed: none is kept for three seconds."""
     with serving(Session(SCENE, threads=1)) as server:
         address = server.server_address[:2]
-        held = [socket.create_connection(address) for _ in range(server.request_queue_size)]
-        time.sleep(0.3)
-        with socket.create_connection(address, timeout=5) as more:
-            assert more.recv(1) == b"", "one more is closed at once"
-        for connection in held:
-            connection.close()
-        deadline = time.monotonic() + 5
-        while time.monotonic() < deadline:
-            try:
-                assert ask(server)[0] == 200
-                break
-            except (ConnectionError, http.client.HTTPException):
-                time.sleep(0.05)
-        else:
-            pytest.fail("connections that were closed are still counted")
+        page = socket.create_connection(address, timeout=10)
+        page.sendall(f"GET /{server.token}/alive HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        assert status_of(page.recv(65536)) == 200
+        begun = time.monotonic()
+        others = [socket.create_connection(address, timeout=10) for _ in range(40)]
+        for k, other in enumerate(others[8:]):
+            other.sendall(b"" if k % 2 else f"POST /{server.token}/frame HTTP/1.1\r\nHost:".encode())
+        others[-1].shutdown(socket.SHUT_WR)
+        while time.monotonic() < begun + 2.8:
+            assert ask(server)[0] == 200
+            with suppress(OSError):
+                others[-2].sendall(b"x")  # one byte after the other
+            time.sleep(0.2)
+        for other in others:
+            other.settimeout(0.5)
+            with suppress(ConnectionError):
+                assert other.recv(1) == b"", "it is still open"
+            other.close()
+        page.settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            page.recv(1)  # it is kept
+        page.close()
+
+
+def test_connections_with_the_token_are_not_endless():
+    with serving(Session(SCENE, threads=1)) as server:
+        held = [socket.create_connection(server.server_address[:2], timeout=10) for _ in range(33)]
+        for each in held:
+            each.sendall(f"GET /{server.token}/alive HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+        assert sorted(status_of(each.recv(65536)) for each in held) == [200] * 32 + [503]
+        for each in held:
+            each.close()
+        end = time.monotonic() + 5
+        while ask(server)[0] != 200:
+            assert time.monotonic() < end, "connections that were closed are still counted"
 
 
 def test_the_page_notices_when_the_server_ends():
