@@ -206,7 +206,7 @@ def _tangent(text):
     return text if text == "u" else _slashed_vector(text)
 
 
-MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
+MATERIAL_FIELDS = {  # all of a Material but its name and textures of numbers: how each is read
     "ambient": color,
     "diffuse": color,
     "specular": color,
@@ -219,6 +219,8 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
     "tangent": _tangent,
     "distribution": word_of(DISTRIBUTIONS),
     "fresnel": _or_none(color),
+    "metallic": number,
+    "metal": _or_none(color),
     "normalized": yes_or_no,
     "levels": whole,
 }

@@ -382,8 +382,9 @@ def whole(table, key, default=None) -> int:
 #     wrapS, wrapT         "repeat", "clamp" or "mirror"
 #     doubleSided          not looked at: both sides are lit and drawn, unless faces seen from behind are culled
 #
-# Textures of metallic and roughness count by their means; all others are left out. Specification, 3.8 and 3.9;
-# KHR_texture_transform.
+#     metallicRoughnessTexture   metallic_roughness, where it is laid as the other one is; else its means count
+#
+# All others are left out. Specification, 3.8 and 3.9; KHR_texture_transform.
 
 _NEAREST, _LINEAR = 9728, 9729
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -411,7 +412,7 @@ class Pictures:
 
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
-        self._pixels, self._textures, self._budget = {}, {}, Budget()
+        self._pixels, self._textures, self._numbers, self._budget = {}, {}, {}, Budget()
 
     def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
         """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
@@ -427,16 +428,32 @@ class Pictures:
         pixels = self._read(image)
         if pixels is None:
             return None
-        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
-        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
-        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
-        texture = Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
+        texture = self._sampled(pixels, source, image)
         if alpha_mode == "BLEND":
             return texture
         rgba = np.array(texture.image)
         with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
             rgba[..., 3] = rgba[..., 3] * alpha >= cutoff if alpha_mode == "MASK" else 1.0
         return Texture(rgba, texture.filter, texture.wrap, texture.name)
+
+    def _sampled(self, pixels, source, image) -> Texture:
+        """Make a texture of an image's pixels, with the sampler of a texture of the tree."""
+        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
+        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
+        return Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
+
+    def numbers(self, use: dict) -> Texture | None:
+        """Return a texture of numbers, within 0..1, without its alpha; None where it is missing, or all of its texels are
+        the same, so that their mean says all."""
+        if (number := use["index"]) not in self._numbers:
+            source, image = self._source(number)
+            pixels, self._numbers[number] = self._read(image), None
+            if pixels is not None and np.ptp(pixels, axis=(0, 1)).any():
+                has_color = pixels.ndim == 3 and pixels.shape[2] > 2
+                pixels = pixels[..., :3] if has_color else pixels.reshape(*pixels.shape[:2], -1)[..., :1]
+                self._numbers[number] = self._sampled(pixels / np.float32(255.0), source, image)
+        return self._numbers[number]
 
     def _source(self, number) -> tuple[dict, int | None]:
         """Return a texture of the tree, and the number of its image."""
@@ -504,11 +521,34 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     if _UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light
         plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
         return Paint(plain, *place)._replace(colored=colored)
-    mean_color = (1.0, 1.0, 1.0) if texture is None else texture.image[..., :3].mean(axis=(0, 1), dtype=np.float64)
     metallic = 0.0 if "trimesh" in str(pictures.tree.get("asset", {}).get("generator", "")) else 1.0
+    numbers, place = _metallic_roughness(source, pictures, texture, place)
+    common |= {"emissive": emission_of(source)}
     with np.errstate(all="ignore"):  # what isn't finite is refused by Material
-        fields = lit_fields(source, base, mean_color, pictures.mean, metallic)
-    return Paint(Material(emissive=emission_of(source), **common, **fields), *place)
+        plain, colored = (
+            Material(**common | lit_fields(source, base, many, pictures.mean, metallic, numbers))
+            for many in (texture is not None, True)
+        )
+    return Paint(plain, *place)._replace(colored=colored)
+
+
+def _metallic_roughness(source, pictures, texture, place) -> tuple[Texture | None, tuple]:
+    """Return the texture that says how metallic and rough a material is at every sample, and how its textures are laid;
+    None where it has none, or one whose means count."""
+    use = source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture")
+    if use is None or _GLOSSY in source.get("extensions", {}) or (numbers := pictures.numbers(use)) is None:
+        return None, place
+    (uv_set, matrix), own = place or _placement(use), _placement(use)
+    if texture is None or (uv_set == own[0] and _is_same(matrix, own[1])):
+        return numbers, own
+    what = f"{pictures.model.name}: material '{str(source.get('name', ''))[:80]}'"
+    warn_caller(f"{what}: its metallic-roughness texture is laid otherwise than its color: the means of it count")
+    return None, place
+
+
+def _is_same(first: np.ndarray | None, second: np.ndarray | None) -> bool:
+    """Tell whether two matrices are the same; None is one, too."""
+    return np.array_equal(np.eye(2, 3) if first is None else first, np.eye(2, 3) if second is None else second)
 
 
 def _placement(use) -> tuple[int, np.ndarray | None]:
@@ -572,8 +612,12 @@ def _filter(sampler) -> str:
 #     ambient    diffuse + F0: light from everywhere alike, at normal incidence
 #     specular   1 + (w - 1)·(1 - m)                 w: strength of KHR_materials_specular
 #
-# A texture multiplies diffuse and ambient at every sample. F0 and roughness are those of a whole material, so of a
-# texture of metallic and roughness the means count; and so does that of a base color texture for the F0 of metals.
+# Where a texture or colours of vertices multiply c, or a texture m and r, they do so at every sample:
+#
+#     diffuse    c·(1 - f), of which Material leaves 1 - m
+#     fresnel    f       metallic  m       metal  c
+#     ambient, specular  as above, with the mean of m
+#
 # A material without metallicFactor is a metal, but in files that trimesh has written: it leaves out what it doesn't
 # know.
 #
@@ -623,19 +667,27 @@ def unlit_fields(base, is_multiplied: bool) -> dict:
     return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
 
 
-def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndarray | None], metallic=1.0) -> dict:
+def lit_fields(
+    source: dict,
+    base,
+    is_multiplied: bool,
+    mean_of: Callable[[dict], np.ndarray | None],
+    metallic=1.0,
+    numbers: Texture | None = None,
+) -> dict:
     """Return the fields of Material that say how a surface reflects.
 
     Parameters
     ----------
     source : dict, a material of the tree
-    base : (3,) base color, linear, which the texture multiplies
-    mean_color : (3,) the mean of that texture, linear; 1 where there is none
+    base : (3,) base color, linear
+    is_multiplied : whether a texture or colours of vertices multiply it
     mean_of : function of the use of a texture of numbers, which returns the mean (4,) of its texels, 0..1; None where
         it is missing
     metallic : metallicFactor of a material that has none
+    numbers : the texture that says at every sample how metallic and rough it is; None = its means count
     """
-    base, mean_color = np.array(base), np.array(mean_color)
+    base = np.array(base)
     if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
         f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
         smoothness = float(glossy.get("glossinessFactor", 1.0))
@@ -645,14 +697,20 @@ def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndar
     surface = source.get("pbrMetallicRoughness", {})
     metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
     roughness = float(surface.get("roughnessFactor", 1.0))
-    if (mean := _mean(surface.get("metallicRoughnessTexture"), mean_of)) is not None:
+    mean = _mean(surface.get("metallicRoughnessTexture"), mean_of)
+    if mean is not None and numbers is None:
         metallic, roughness = metallic * mean[2], roughness * mean[1]
-    metallic = min(max(metallic, 0.0), 1.0)
+    factor = min(max(metallic, 0.0), 1.0)
+    metallic = factor * mean[2] if mean is not None and numbers is not None else factor
     weight, dielectric = _dielectric_of(source)
-    f0 = dielectric * (1.0 - metallic) + base * mean_color * metallic
+    f0 = dielectric * (1.0 - metallic) + base * metallic
     diffuse = base * (1.0 - metallic) * (1.0 - weight * dielectric.max())
     ambient = diffuse + base * metallic + weight * dielectric * (1.0 - metallic)
-    return _fields(diffuse, f0, roughness, 1.0 + (weight - 1.0) * (1.0 - metallic), ambient)
+    specular = 1.0 + (weight - 1.0) * (1.0 - metallic)
+    if numbers is None and not (is_multiplied and metallic > 0.0):
+        return _fields(diffuse, f0, roughness, specular, ambient)
+    fields = _fields(base * (1.0 - weight * dielectric.max()), dielectric, roughness, specular, ambient)
+    return fields | {"metallic": factor, "metal": tuple(base.tolist()), "metallic_roughness": numbers}
 
 
 def _dielectric_of(source) -> tuple[float, np.ndarray]:
@@ -864,8 +922,6 @@ def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, .
     materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
     found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
     surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
-    if any("metallicRoughnessTexture" in surface for surface in surfaces):
-        found.append("metallic-roughness textures, but for their means")
     if any(
         "baseColorTexture" in surface and _UNLIT in source.get("extensions", {})
         for surface, source in zip(surfaces, materials, strict=True)

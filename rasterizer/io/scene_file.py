@@ -337,7 +337,8 @@ class Entry:
 # ----------------------------------------------------------------
 # Materials, textures, lights and cameras of a scene file.
 
-COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
+COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "metal", "color")  # fields that are colours
+TEXTURES = ("texture", "metallic_roughness")
 FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 
 # A unit vector that was computed once has n·n = 1 to 10 roundings of 2^-53: 3 of the sum, 1 of the root and 1 of the
@@ -468,7 +469,7 @@ def read_material(entry, context, name="") -> Material:
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
-        if key == "texture" and field.value is not None:
+        if key in TEXTURES and field.value is not None:
             settings[key] = _read_texture(field, context)
         else:
             settings[key] = color_value(field) if key in COLORS else field.value

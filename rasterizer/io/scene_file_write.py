@@ -22,7 +22,7 @@ from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
 from .files import write_whole
-from .scene_file import ARRAYS, COLORS
+from .scene_file import ARRAYS, COLORS, TEXTURES
 
 
 def write_scene(scene, path) -> Path:
@@ -86,8 +86,8 @@ class _Beside:
         for field in fields(Material):
             value = getattr(material, field.name)
             default = Material().diffuse if field.name == "diffuse" else getattr(plain, field.name)
-            if field.name == "texture" and value is not None:
-                table["texture"] = self._texture(value)
+            if field.name in TEXTURES and value is not None:
+                table[field.name] = self._texture(value)
             elif value != default or isinstance(value, Spectrum):
                 is_color = field.name in COLORS and isinstance(value, tuple)
                 table[field.name] = _color(value) if is_color else _plain(value)

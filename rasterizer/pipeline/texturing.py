@@ -69,6 +69,8 @@ class Texturing(NamedTuple):
     lookup_batch: np.ndarray  # see texture_lookup.py
     double_batch: np.ndarray  # see texture_sampling.py
     texels: np.ndarray  # (4, n_row * pitch) float64: those of exact records; the alpha of all, for transparent surfaces
+    of_metals: np.ndarray | None  # (n_material,) int64, the metallic-roughness texture of each, -1 for none, whose
+    # texels stand behind the others, (8, n_row * pitch); None where there are none: then they are not compiled
 
 
 REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
@@ -188,6 +190,16 @@ def shade_exact(entries, records, first, texturing, start, out_radiance):
 
 
 # ---------------------------------------------------------------- what a texture shows
+
+
+@helper
+def put_in_metals(of_metals, texels, material, start, n, batch):
+    """Put in what the metallic-roughness texture of a material shows, if it has one."""
+    if of_metals is not None:
+        if of_metals[material] >= 0:
+            for k in range(n):
+                batch[f.ROUGHNESS + k] = texels[5, start + k]  # green
+                batch[f.METALLIC + k] = texels[6, start + k]  # blue
 
 
 @helper

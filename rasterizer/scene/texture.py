@@ -61,7 +61,7 @@ ImageLike: TypeAlias = ArrayLike | str | os.PathLike[str] | HasPixels  # what a 
 @checked_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Texture(KeepsArrays):
-    """Hold a picture that multiplies a material's diffuse and ambient coefficients.
+    """Hold a picture that multiplies coefficients of a material: see its `texture` and `metallic_roughness`.
 
     Parameters
     ----------
@@ -127,6 +127,16 @@ class Texture(KeepsArrays):
     def has_alpha(self) -> bool:
         """Whether any texel lets something through."""
         return bool((self.image[..., 3] < 1.0).any())
+
+    @cached_property
+    def mean(self) -> NDArray[np.float64]:
+        """The mean of all texels, (4,)."""
+        return self.image.mean(axis=(0, 1), dtype=np.float64)
+
+    @cached_property
+    def least(self) -> NDArray[np.float64]:
+        """The least of all texels in each channel, (4,)."""
+        return self.image.min(axis=(0, 1)).astype(np.float64)
 
     @cached_property
     def pyramid(self) -> tuple[NDArray[np.float32], ...]:
