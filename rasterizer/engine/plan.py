@@ -180,7 +180,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
         has_shadows=tables.has_shadows,
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=textures,
-        metals=lay_textures(of_metals) if any(of_metals) else None,
+        metals=lay_textures(of_metals, tables.n_texcoord) if any(of_metals) else None,
         packed_textures=pack_textures(textures) if of_materials.is_looked_up.any() else None,
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         products=tables.products,
@@ -272,7 +272,8 @@ def plan_materials(
     normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     has_texture = np.array([material.texture is not None for material in tables.materials], np.bool_)
     has_albedo = has_texture | has_vertex_colors
-    with_tangents = 6 + 3 * bool(has_albedo.any()) + 2 * tables.is_textured
+    n_texcoord = tables.n_texcoord
+    with_tangents = 6 + 3 * bool(has_albedo.any()) + n_texcoord * tables.is_textured
     paths, features, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(tables.materials):
         why = reasons_of(material, tables.lights_of(k), options.tolerance, roundings[k], max_intensities[k])
@@ -280,7 +281,8 @@ def plan_materials(
         needs_planes = is_colored or not material.is_opaque
         paths.append(choose_path(why, options.shading, needs_planes, normal_limits[k], max_intensities.max()))
         features.append(list_features(material, bool(why), is_colored, has_vertex_colors[k]))
-        n_attributes.append(count_attributes(material, options.shading, is_colored, has_albedo[k], with_tangents))
+        own = count_attributes(material, options.shading, is_colored, has_albedo[k], with_tangents)
+        n_attributes.append(6 + n_texcoord if material.metallic_roughness is not None else own)
         reasons.append(why)
     return MaterialPlans(
         np.array(paths, np.uint8), np.array(features, np.uint8), np.array(n_attributes, np.int64), normal_limits,

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.points import number_materials
+from ..geometry.points import count_texcoords, number_materials
 from ..options import Options
 from ..pipeline import textures as texturing
 from ..pipeline.a_buffer import Opacity
@@ -125,6 +125,11 @@ class SceneTables:
         return any(material.texture is not None for material in self.materials)
 
     @property
+    def n_texcoord(self) -> int:
+        """Texture coordinates of a point."""
+        return count_texcoords(self.meshes)
+
+    @property
     def is_opaque(self) -> bool:
         """Nothing shows through anything."""
         return all(material.is_opaque for material in self.materials)
@@ -154,8 +159,9 @@ def list_textures(materials) -> Textures:
     return lay_textures([material.texture for material in materials])
 
 
-def lay_textures(of_materials: Sequence[Any]) -> Textures:
-    """Lay textures (n_material,), or None, of which at least one is there, behind each other; the same ones once."""
+def lay_textures(of_materials: Sequence[Any], n_texcoord: int = 2) -> Textures:
+    """Lay textures (n_material,), or None, of which at least one is there, behind each other; the same ones once. The
+    last two of `n_texcoord` texture coordinates are theirs."""
     different = {id(texture): texture for texture in of_materials if texture is not None}
     number = {key: k for k, key in enumerate(different)}
     levels = [level for texture in different.values() for level in texture.pyramid]
@@ -175,6 +181,7 @@ def lay_textures(of_materials: Sequence[Any]) -> Textures:
         np.array([filters[texture.filter] for texture in different.values()], np.int64),
         np.array([[wraps[word] for word in texture.wrap] for texture in different.values()], np.int64),
         np.array([number.get(id(texture), -1) for texture in of_materials], np.int64),
+        texturing.FIRST_TEXCOORD + n_texcoord - 2,
     )
 
 

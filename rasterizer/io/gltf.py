@@ -171,6 +171,8 @@ def _part(primitive, buffers, paint, name) -> Part:
         raise ValueError("indices must be whole numbers, one a row")
     faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
     wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
+    if paint.numbers is not None:
+        wanted["numbers"] = f"TEXCOORD_{paint.numbers[0]}"
     found = {key: buffers.array(attributes[source]) for key, source in wanted.items() if source in attributes}
     arrays = {"vertices": vertices} | {key: array for key, array in found.items() if len(array) == n_vertex}
     if n_vertex > _SPARSE_USE * faces.size > 0 and faces.max() < n_vertex:
@@ -183,6 +185,8 @@ def _part(primitive, buffers, paint, name) -> Part:
         part["normals"] = _real(arrays["normals"], attributes["NORMAL"], buffers)
     if np.shape(arrays.get("uv"))[1:] == (2,):
         part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
+        if paint.numbers is not None and np.shape(arrays.get("numbers"))[1:] == (2,):
+            part["uv"] = np.concatenate([part["uv"], uv_from_gltf(arrays["numbers"], paint.numbers[1])], axis=1)
     if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
         part["colors"] = linear_values(arrays["colors"])
         part["material"] = paint.colored or paint.material
@@ -382,7 +386,7 @@ def whole(table, key, default=None) -> int:
 #     wrapS, wrapT         "repeat", "clamp" or "mirror"
 #     doubleSided          not looked at: both sides are lit and drawn, unless faces seen from behind are culled
 #
-#     metallicRoughnessTexture   metallic_roughness, where it is laid as the other one is; else its means count
+#     metallicRoughnessTexture   metallic_roughness
 #
 # All others are left out. Specification, 3.8 and 3.9; KHR_texture_transform.
 
@@ -396,6 +400,7 @@ class Paint(NamedTuple):
     material: Material
     uv_set: int = 0  # which TEXCOORD_n
     uv_matrix: np.ndarray | None = None  # (2, 3) float64, new from old; None = as they are
+    numbers: "tuple[int, np.ndarray | None] | None" = None  # both of a metallic-roughness texture that is laid otherwise
     colored: Material | None = None  # the one for meshes with colours of vertices; None = the same
 
 
@@ -522,7 +527,7 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
         plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
         return Paint(plain, *place)._replace(colored=colored)
     metallic = 0.0 if "trimesh" in str(pictures.tree.get("asset", {}).get("generator", "")) else 1.0
-    numbers, place = _metallic_roughness(source, pictures, texture, place)
+    numbers, place = _metallic_roughness(source, pictures, place)
     common |= {"emissive": emission_of(source)}
     with np.errstate(all="ignore"):  # what isn't finite is refused by Material
         plain, colored = (
@@ -532,23 +537,17 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     return Paint(plain, *place)._replace(colored=colored)
 
 
-def _metallic_roughness(source, pictures, texture, place) -> tuple[Texture | None, tuple]:
-    """Return the texture that says how metallic and rough a material is at every sample, and how its textures are laid;
-    None where it has none, or one whose means count."""
+def _metallic_roughness(source, pictures, place) -> tuple[Texture | None, tuple]:
+    """Return the texture that says how metallic and rough a material is at every sample, None where none is needed, and
+    how the textures are laid; `place` is how that of its colour is, or empty."""
     use = source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture")
     if use is None or _GLOSSY in source.get("extensions", {}) or (numbers := pictures.numbers(use)) is None:
         return None, place
-    (uv_set, matrix), own = place or _placement(use), _placement(use)
-    if texture is None or (uv_set == own[0] and _is_same(matrix, own[1])):
-        return numbers, own
-    what = f"{pictures.model.name}: material '{str(source.get('name', ''))[:80]}'"
-    warn_caller(f"{what}: its metallic-roughness texture is laid otherwise than its color: the means of it count")
-    return None, place
-
-
-def _is_same(first: np.ndarray | None, second: np.ndarray | None) -> bool:
-    """Tell whether two matrices are the same; None is one, too."""
-    return np.array_equal(np.eye(2, 3) if first is None else first, np.eye(2, 3) if second is None else second)
+    own = _placement(use)
+    place = place or own
+    unmoved = np.eye(2, 3)
+    matrices = [unmoved if matrix is None else matrix for _, matrix in (place, own)]
+    return numbers, place if place[0] == own[0] and np.array_equal(*matrices) else (*place, own)
 
 
 def _placement(use) -> tuple[int, np.ndarray | None]:

@@ -21,7 +21,7 @@ from ..compiler.kernels import choice, class_of, field_of, helper, index, is_non
 from . import fragments as f
 from .fragments import BATCH_SIZE, get_vector
 from .gradients import HAS_TEXTURE, IS_TRANSPARENT, LevelCoding
-from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
+from .interpolate import corner_values, exact_triangle, has_exact, has_planes, mean, next_exact_run, row_extent
 from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .samples import (
@@ -52,13 +52,14 @@ from .texture_sampling import (
     BARYCENTRIC,
     TEXCOORD_S,
     TEXCOORD_T,
+    corner_texcoords,
     fill_barycentric,
     fill_squares,
     fill_texcoords,
     sample_run,
 )
 from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
-from .textures import FILTER_TRILINEAR, Textures, packed_texture
+from .textures import FILTER_TRILINEAR, FIRST_TEXCOORD, Textures, packed_texture
 from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
 
 
@@ -334,12 +335,14 @@ def put_in_exact_texcoords(entries, records, first, material, texture, double_ba
             start, end = next_exact_run(entries, end)
             continue
         n, record, where = end - start, record_of(entries[start]), skip_to(first, start)
-        fill_texcoords(records, record, where, n, texture.wraps, double_batch)
+        corners = corner_texcoords(records, record, FIRST_TEXCOORD)
+        fill_barycentric(records, record, where, n, double_batch)
+        fill_texcoords(corners, n, texture.wraps, double_batch)
         for k in range(n):
             rows[S + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_S + k]))
             rows[T + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_T + k]))
         if texture.filter == FILTER_TRILINEAR:
-            fill_squares(records, record, n, size, step_of(where), double_batch)
+            fill_squares(exact_triangle(records, record), corners, n, size, step_of(where), double_batch)
             for k in range(n):
                 rows[MIP_LEVEL + start + k] = mip_level(np.float32(double_batch[DOUBLE_MIP_LEVEL + k]), coarsest)
         start, end = next_exact_run(entries, end)

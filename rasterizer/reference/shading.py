@@ -116,11 +116,14 @@ def opacity_of(surface: Surface, fragments: Fragments, lighting: Lighting, texel
 
 def sample_textures(surface: Surface, fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:
     """Return what the textures show at samples, (n, 4) linear RGB and alpha; 1 where a surface has none."""
-    return _look_up(surface, fragments, lighting.textures)
+    return _look_up(surface, fragments, lighting.textures, slice(0, 2))
 
 
-def _look_up(surface: Surface, fragments: Fragments, textures: tuple[Texture | None, ...]) -> NDArray[np.float64]:
-    """Return what textures, one or None of each material, show at samples: (n, 4); 1 where there is none."""
+def _look_up(
+    surface: Surface, fragments: Fragments, textures: tuple[Texture | None, ...], columns: slice
+) -> NDArray[np.float64]:
+    """Return what textures, one or None of each material, show at samples: (n, 4); 1 where there is none. `columns` are
+    those of the texture coordinates."""
     texels = np.ones((len(fragments.face), 4))
     if not textures:
         return texels
@@ -129,7 +132,7 @@ def _look_up(surface: Surface, fragments: Fragments, textures: tuple[Texture | N
         texture = textures[number]
         if texture is not None:
             at = material == number
-            corners = surface.uv[fragments.face[at]]
+            corners = surface.uv[fragments.face[at]][..., columns]
             uv, steps = blend(fragments.weights[at], corners), fragments.steps[at] @ corners
             texels[at] = sample_texture(texture, uv, steps)
     return texels
@@ -270,7 +273,7 @@ def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) ->
     tangents = None if surface.tangents is None else blend(fragments.weights, surface.tangents[fragments.face])
     metals = None
     if lighting.metals:
-        texels = _look_up(surface, fragments, lighting.metals)
+        texels = _look_up(surface, fragments, lighting.metals, slice(2, 4))
         metals = np.stack([texels[:, 2], texels[:, 1] ** 2], axis=1)
     return Points(positions, normals, surface.material[fragments.face], albedo, origins, tangents, metals)
 
