@@ -353,8 +353,8 @@ def _changed_mesh(mesh, model, settings):
 
 
 def _with_fields(material, changes) -> Material:
-    """A material with other fields; the ambient coefficient, and what metal reflects, follow the diffuse one unless they
-    are given too."""
+    """A material with other fields; the ambient coefficient, and that of metal, follow the diffuse one unless they are
+    given too."""
     follows = {"ambient": None, "metal": None} if "diffuse" in changes else {}
     return replace(material, **follows | changes)
 

@@ -241,8 +241,8 @@ def list_discontinuities(plan: Any, distances: Distances) -> tuple[Discontinuity
     for light in plan.reflected_lights:
         found += light_table.entry_of(light).discontinuities(light, u)
     found += _shadow_edges(plan, distances)
-    looked_up = [texture for m in plan.materials for texture in (m.texture, m.metallic_roughness) if texture is not None]
-    if any(texture.filter == "nearest" for texture in looked_up):
+    textures = [texture for m in plan.materials for texture in (m.texture, m.metallic_roughness)]
+    if any(texture is not None and texture.filter == "nearest" for texture in textures):
         found.append(Discontinuity("the border between texels that are not blended", 2.0**-20, "texels"))
     least = MIN_SHARE * distances.furthest
     is_near = ((distances.clearances < least[:, None]) & plan.is_lit).any(axis=1)

@@ -414,7 +414,7 @@ def is_metallic(material: Any) -> bool:
 
 
 def has_two_terms(material: Any) -> bool:
-    """Tell whether a material's highlight is two sums, see pipeline/reflection.py: F0 is a colour, or that of a metal."""
+    """Tell whether a material's highlight is two sums, see pipeline/reflection.py: F0 is a colour, or a metal's."""
     is_parted = (isinstance(material.fresnel, tuple) or is_metallic(material)) and has_highlight(material)
     return is_parted and entry_of(material).function(material).second_term is not None
 

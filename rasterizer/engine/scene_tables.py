@@ -320,7 +320,7 @@ def multiply_colors(
 
 
 def diffuse_shares(materials: Sequence[Any]) -> NDArray[np.float64]:
-    """Return the share of each material that reflects diffusely, (n_material,): what is no metal; 1 where a texture says
+    """Return the share of each material that is no metal, and reflects diffusely, (n_material,); 1 where a texture says
     at every sample how much that is."""
     return np.array([1.0 if each.metallic_roughness is not None else 1.0 - each.metallic for each in materials])
 
@@ -328,8 +328,8 @@ def diffuse_shares(materials: Sequence[Any]) -> NDArray[np.float64]:
 def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], ...]:
     """Return what both sums of a highlight are weighted with, and the third of metals.
 
-    F0, 1 - F0 and 0 of materials whose F0 is a colour; F0·(1 - m), 1 - F0·(1 - m) and m·M of metals; F0, 1 and M where a
-    texture says how much is metal, by which the sums are weighted sample by sample; 1, 0 and 0 of the others.
+    F0, 1 - F0 and 0 of materials whose F0 is a colour; F0·(1 - m), 1 - F0·(1 - m) and m·M of metals; F0, 1 and M where
+    a texture says how much is metal, by which the sums are weighted sample by sample; 1, 0 and 0 of the others.
 
     Parameters
     ----------

@@ -179,13 +179,14 @@ def _color_parts(plan) -> np.ndarray:
         return color
     of_lights = np.array([light.color for light in plan.lights]).reshape(1, -1, 3)
     first, rest, metal = split_fresnel(plan.materials)
-    diffuse, specular = np.ones_like(first), np.ones_like(first)
-    shares = diffuse_shares(plan.materials)
+    diffuse, shares = np.ones_like(first), diffuse_shares(plan.materials)
     for k, material in enumerate(plan.materials):
         if has_two_terms(material) and is_metallic(material):
-            diffuse[k], specular[k] = shares[k] * np.array(material.diffuse), material.specular
-    color[:, ::2, :3], color[:, ::2, 3:] = of_lights * diffuse[:, None], of_lights * (specular * first)[:, None]
-    color[:, 1::2, :3], color[:, 1::2, 3:] = of_lights * (specular * metal)[:, None], of_lights * (specular * rest)[:, None]
+            diffuse[k] = shares[k] * np.array(material.diffuse)
+            for weights in (first, rest, metal):
+                weights[k] *= material.specular
+    color[:, ::2, :3], color[:, ::2, 3:] = of_lights * diffuse[:, None], of_lights * first[:, None]
+    color[:, 1::2, :3], color[:, 1::2, 3:] = of_lights * metal[:, None], of_lights * rest[:, None]
     return color
 
 

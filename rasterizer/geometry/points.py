@@ -221,8 +221,8 @@ def count_texcoords(meshes: Sequence[Mesh]) -> int:
 
 
 def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
-    """Split the points of a mesh where faces of different materials meet, and where texture coordinates, `n_texcoord` or
-    0, differ.
+    """Split the points of a mesh where faces of different materials meet, and where texture coordinates differ, of
+    which a point has `n_texcoord`, or 0.
 
     The points of a material then stand side by side, so that they can be lit together. With textures every point gets
     its texture coordinates, and belongs to one vertex: also in flat shading, where points are polygons else.

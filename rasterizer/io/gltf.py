@@ -400,7 +400,7 @@ class Paint(NamedTuple):
     material: Material
     uv_set: int = 0  # which TEXCOORD_n
     uv_matrix: np.ndarray | None = None  # (2, 3) float64, new from old; None = as they are
-    numbers: "tuple[int, np.ndarray | None] | None" = None  # both of a metallic-roughness texture that is laid otherwise
+    numbers: tuple[int, np.ndarray | None] | None = None  # both, of a metallic-roughness texture laid otherwise
     colored: Material | None = None  # the one for meshes with colours of vertices; None = the same
 
 
@@ -449,15 +449,16 @@ class Pictures:
         return Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
 
     def numbers(self, use: dict) -> Texture | None:
-        """Return a texture of numbers, within 0..1, without its alpha; None where it is missing, or all of its texels are
-        the same, so that their mean says all."""
+        """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
+        the same everywhere, so that their mean says all."""
         if (number := use["index"]) not in self._numbers:
             source, image = self._source(number)
             pixels, self._numbers[number] = self._read(image), None
-            if pixels is not None and np.ptp(pixels, axis=(0, 1)).any():
+            if pixels is not None:
                 has_color = pixels.ndim == 3 and pixels.shape[2] > 2
                 pixels = pixels[..., :3] if has_color else pixels.reshape(*pixels.shape[:2], -1)[..., :1]
-                self._numbers[number] = self._sampled(pixels / np.float32(255.0), source, image)
+                if np.ptp(pixels[..., -2:], axis=(0, 1)).any():
+                    self._numbers[number] = self._sampled(pixels / np.float32(255.0), source, image)
         return self._numbers[number]
 
     def _source(self, number) -> tuple[dict, int | None]:

@@ -281,8 +281,10 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
 
 @helper
 def weight_albedo(entries, band, first, material, texturing, start, batch):
-    """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that. Put in
-    how metallic and rough the surface is."""
+    """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that.
+
+    Put in what says how metallic and rough the surface is, too.
+    """
     features, n = band.coding.features[material], index(len(entries))
     if texturing is not None:
         put_in_metals(texturing.of_metals, texturing.texels, material, start, n, batch)

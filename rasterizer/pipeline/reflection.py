@@ -491,7 +491,7 @@ def no_second_term(batch, n, material):
 
 
 def metal_term(batch, n, material):
-    """The second term of metals: of W without the albedo as `grazing_term_of_mirrors`, and what the albedo multiplies."""
+    """The second term of metals: that of `grazing_term_of_mirrors`, and what the albedo multiplies."""
     batch = as_array(batch, f.BATCH_SHAPE)
     for k in range(index(n)):
         part_highlight(batch, k, batch[f.SPECULAR + k])

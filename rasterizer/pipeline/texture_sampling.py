@@ -140,8 +140,8 @@ def fill_barycentric(records, record, first, n, batch):
 
 @helper
 def fill_mip_levels(n, coarsest, batch):
-    """Fill the mip levels, after `fill_squares`: 0 is the texture itself, what lies between whole numbers is a mixture of
-    two levels; `coarsest` is the last one."""
+    """Fill the mip levels, after `fill_squares`: 0 is the texture itself, what lies between whole numbers is a mixture
+    of two levels; `coarsest` is the last one."""
     for k in range(n):
         # Within 0..coarsest for any square, also for one that is no number: a comparison with that is false.
         square = batch[MIP_LEVEL + k]
@@ -153,7 +153,8 @@ def fill_squares(triangle, corners, n, size, step, batch):
     """Fill in the place of mip levels the square of how many texels the longer side of a sample covers, after
     `fill_texcoords`.
 
-    `triangle` is what `exact_triangle` returns, `corners` what `corner_texcoords` does, `size` is the width and the height of level 0, `step` how many samples it is to the next point that is looked up.
+    `triangle` is what `exact_triangle` returns, `corners` what `corner_texcoords` does, `size` is the width and the
+    height of level 0, `step` how many samples it is to the next point that is looked up.
     """
     steps_x, steps_y = weight_steps(triangle)
     us, vs = corners

@@ -434,7 +434,9 @@ def _describe_material(material: Material) -> str:
         "lambert": {},
         "oren-nayar": {"roughness": material.roughness},
         "cook-torrance": {
-            "roughness": material.roughness, "fresnel": material.fresnel, "metallic": material.metallic,
+            "roughness": material.roughness,
+            "fresnel": material.fresnel,
+            "metallic": material.metallic,
         },
         "toon": {"shininess": material.shininess, "levels": material.levels},
     }.get(material.reflection, {"shininess": material.shininess})

@@ -103,9 +103,9 @@ def light_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Evaluate the illumination equation.
 
-    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a (kd D + ks M) + ks F), per channel, with D, F and M as
-    `reflect` computes them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in
-    shadow, else 1.
+    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a (kd D + ks M) + ks F), per channel, with D, F and M
+    as `reflect` computes them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's
+    colour; S is 0 in shadow, else 1.
 
     Parameters
     ----------

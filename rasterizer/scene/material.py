@@ -110,10 +110,11 @@ class Material:
         `texture`, at every sample: W = F + (1 - F)(1 - cos θ)^5 with F = (1 - m)·F0 + m·metal·colour·texel
     metal : colour, F0 of the metal (m), where `metallic` is above 0; None = the same as `diffuse`
     metallic_roughness : Texture, or anything that its class takes as an image, or None: at every sample its blue
-        multiplies `metallic`, and the square of its green `roughness`, both within 0..1, as in glTF; "cook-torrance"
-        takes it with "ggx" and one `roughness`, the other models don't use it. Numbers, so give floats: 8 bits would be decoded as sRGB. The mesh needs `uv`;
-        without a `texture` the material gets a white one. Flat shading and Gouraud's method, which light no samples, take
-        its means. A picture with such a material is computed in float64
+        multiplies `metallic`, and the square of its green `roughness`, both within 0..1, as in glTF; "cook-
+        torrance" takes it with "ggx" and one `roughness`, the other models don't use it. Numbers, so give floats: 8
+        bits would be decoded as sRGB. The mesh needs `uv`; without a `texture` the material gets a white one. Flat
+        shading and Gouraud's method, which light no samples, take its means. A picture with such a material is
+        computed in float64
     normalized : scale the highlight of "phong" by (n + 2)/2·N·L (Lafortune & Willems 1994), that of "blinn" by
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent

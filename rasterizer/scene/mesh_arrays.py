@@ -212,7 +212,7 @@ def checked_floats(
     if values is None:
         return None
     array = _as_real(values, what)
-    legal = [(n_vertex, width) for width in widths]
+    legal: list[tuple[int, ...]] = [(n_vertex, width) for width in widths]
     legal += [(n_face, 3, width) for width in widths if n_face is not None]
     if array.shape not in legal:
         hint = "" if n_face is not None else " (one a corner only with triangles)"

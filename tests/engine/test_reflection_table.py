@@ -16,8 +16,8 @@ from rasterizer.engine.reflections import (
     blinn_scale,
     entry_of,
     first_fresnel,
-    has_two_terms,
     has_highlight,
+    has_two_terms,
     power_slope,
 )
 from rasterizer.engine.rounding import DOUBLE, SINGLE, times
