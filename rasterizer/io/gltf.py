@@ -922,6 +922,9 @@ def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, .
     materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
     found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
     surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
+    glossy = [source.get("extensions", {}).get(_GLOSSY) or {} for source in materials]
+    if any("specularGlossinessTexture" in surface for surface in glossy):
+        found.append("specular-glossiness textures, but for their means")
     if any(
         "baseColorTexture" in surface and _UNLIT in source.get("extensions", {})
         for surface, source in zip(surfaces, materials, strict=True)

@@ -157,7 +157,9 @@ def gltf_of(positions, faces, attributes, materials, images=()) -> bytes:
     return json.dumps(tree).encode()
 
 
-@pytest.mark.parametrize("laid", ["alike", "by another set", "moved", "without base", "as vertex colours"])
+@pytest.mark.parametrize(
+    "laid", ["alike", "by another set", "moved", "without base", "base alone", "as vertex colours"]
+)
 def test_every_texel_of_a_gltf_metal_is_the_material_that_its_factors_make(laid):
     """A ball of 16 patches, of which each lies within a texel, against 16 materials without textures."""
     rng = np.random.default_rng(5)
@@ -168,8 +170,8 @@ def test_every_texel_of_a_gltf_metal_is_the_material_that_its_factors_make(laid)
     base = np.full_like(base, 255) if laid == "without base" else base
     factor, linear = np.array([0.9, 0.8, 0.6]), linear_from_srgb_bytes(base).reshape(16, 3)
     roughness, metallic = (numbers.reshape(16, 3)[:, k] / 255.0 for k in (1, 2))
-    metallic = np.ones(16) if laid == "as vertex colours" else metallic
-    roughness = np.full(16, 0.5) if laid == "as vertex colours" else roughness
+    if laid in ("base alone", "as vertex colours"):
+        metallic, roughness = np.ones(16), np.full(16, 0.5)
     plain = [
         {"pbrMetallicRoughness": {"baseColorFactor": [*(factor * c), 1], "metallicFactor": m, "roughnessFactor": r}}
         for c, m, r in zip(linear, metallic.tolist(), roughness.tolist(), strict=True)
@@ -180,6 +182,8 @@ def test_every_texel_of_a_gltf_metal_is_the_material_that_its_factors_make(laid)
     if laid == "as vertex colours":
         attributes = {"COLOR_0": np.float32(np.repeat(linear, 16, axis=0))}
         surface, images = surface | {"roughnessFactor": 0.5}, ()
+    elif laid == "base alone":
+        surface |= {"roughnessFactor": 0.5, "baseColorTexture": {"index": 0}}
     else:
         if laid == "by another set":
             attributes["TEXCOORD_1"], use = np.float32(1.0 - uv), use | {"texCoord": 1}
@@ -192,7 +196,7 @@ def test_every_texel_of_a_gltf_metal_is_the_material_that_its_factors_make(laid)
     one = gltf_of(positions, [faces.reshape(-1, 3)], attributes, [{"pbrMetallicRoughness": surface}], images)
     scene = rz.load(one, format="gltf")
     camera, lights = rz.Camera.perspective((0, 0, 4), (0, 0, 0), fov=30), [rz.AmbientLight(0.0), SUN]
-    for shading in SHADINGS if laid == "as vertex colours" else ("phong",):
+    for shading in SHADINGS if laid in ("base alone", "as vertex colours") else ("phong",):
         frames = [
             rz.render(rz.Scene(each.meshes, lights, camera), SIZE, shading=shading, tolerance=0.0)
             for each in (scene, expected)
