@@ -206,7 +206,7 @@ def _tangent(text):
     return text if text == "u" else _slashed_vector(text)
 
 
-MATERIAL_FIELDS = {  # all of a Material but its name and textures of numbers: how each is read
+MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
     "ambient": color,
     "diffuse": color,
     "specular": color,
@@ -221,6 +221,7 @@ MATERIAL_FIELDS = {  # all of a Material but its name and textures of numbers: h
     "fresnel": _or_none(color),
     "metallic": number,
     "metal": _or_none(color),
+    "metallic_roughness": _or_none(str),
     "normalized": yes_or_no,
     "levels": whole,
 }

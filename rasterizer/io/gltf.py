@@ -441,12 +441,12 @@ class Pictures:
             rgba[..., 3] = rgba[..., 3] * alpha >= cutoff if alpha_mode == "MASK" else 1.0
         return Texture(rgba, texture.filter, texture.wrap, texture.name)
 
-    def _sampled(self, pixels, source, image) -> Texture:
+    def _sampled(self, pixels, source, image, make=Texture) -> Texture:
         """Make a texture of an image's pixels, with the sampler of a texture of the tree."""
         sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
         self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
         wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
-        return Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
+        return make(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
 
     def numbers(self, use: dict) -> Texture | None:
         """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
@@ -458,7 +458,7 @@ class Pictures:
                 has_color = pixels.ndim == 3 and pixels.shape[2] > 2
                 pixels = pixels[..., :3] if has_color else pixels.reshape(*pixels.shape[:2], -1)[..., :1]
                 if np.ptp(pixels[..., -2:], axis=(0, 1)).any():
-                    self._numbers[number] = self._sampled(pixels / np.float32(255.0), source, image)
+                    self._numbers[number] = self._sampled(pixels, source, image, Texture.of_numbers)
         return self._numbers[number]
 
     def _source(self, number) -> tuple[dict, int | None]:

@@ -109,12 +109,11 @@ class Material:
         don't use it. Metal reflects nothing diffusely, and its F0 is `metal` times the colours of the mesh and
         `texture`, at every sample: W = F + (1 - F)(1 - cos θ)^5 with F = (1 - m)·F0 + m·metal·colour·texel
     metal : colour, F0 of the metal (m), where `metallic` is above 0; None = the same as `diffuse`
-    metallic_roughness : Texture, or anything that its class takes as an image, or None: at every sample its blue
-        multiplies `metallic`, and the square of its green `roughness`, both within 0..1, as in glTF; "cook-
-        torrance" takes it with "ggx" and one `roughness`, the other models don't use it. Numbers, so give floats: 8
-        bits would be decoded as sRGB. The mesh needs `uv`; without a `texture` the material gets a white one. Flat
-        shading and Gouraud's method, which light no samples, take its means. A picture with such a material is
-        computed in float64
+    metallic_roughness : Texture, or anything that `Texture.of_numbers` takes as an image, or None: at every sample
+        its blue multiplies `metallic`, and the square of its green `roughness`, both within 0..1, as in glTF;
+        "cook- torrance" takes it with "ggx" and one `roughness`, the other models don't use it. The mesh needs
+        `uv`; without a `texture` the material gets a white one. Flat shading and Gouraud's method, which light no
+        samples, take its means. A picture with such a material is computed in float64
     normalized : scale the highlight of "phong" by (n + 2)/2·N·L (Lafortune & Willems 1994), that of "blinn" by
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent
@@ -166,10 +165,10 @@ class Material:
         if not 0.0 <= opacity <= 1.0:
             raise SceneError(f"the material's opacity must be within 0..1; given {self.opacity!r}")
         store(self, opacity=opacity)
-        for field in ("texture", "metallic_roughness"):
-            image = getattr(self, field)
-            if image is not None and not isinstance(image, Texture):
-                store(self, **{field: Texture(image)})
+        if self.texture is not None and not isinstance(self.texture, Texture):
+            store(self, texture=Texture(self.texture))
+        if self.metallic_roughness is not None and not isinstance(self.metallic_roughness, Texture):
+            store(self, metallic_roughness=Texture.of_numbers(self.metallic_roughness))
         choice(self.reflection, tuple(REFLECTION_MODELS), "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
@@ -250,7 +249,7 @@ class Material:
         """Return the same with what counts of `metallic` and `metallic_roughness`: nothing where the model doesn't use
         them, the means of the texture where no samples are lit, or none of them has a highlight."""
         specular: Any = self.specular
-        if not REFLECTION_MODELS[self.reflection].is_metallic:
+        if not REFLECTION_MODELS.get(self.reflection, ReflectionModel()).is_metallic:
             is_plain = self.metallic == 0.0 and self.metallic_roughness is None
             return self if is_plain else replace(self, metallic=0.0, metallic_roughness=None)
         is_dull = max(specular) == 0.0

@@ -118,6 +118,24 @@ class Texture(KeepsArrays):
                 ) from fault
         store(self, image=_checked_image(image))
 
+    @classmethod
+    def of_numbers(cls, image: ImageLike, **settings: Any) -> "Texture":
+        """Return a texture of an image that holds numbers: its 8 bits are 0..1, and not sRGB-encoded.
+
+        Parameters
+        ----------
+        image : as the class takes it
+        settings : the other fields
+        """
+        source: Any = image
+        if isinstance(source, (str, os.PathLike)):
+            settings = {"name": os.fsdecode(source)} | settings
+            source = read_picture(source, os.fsdecode(source))
+        elif hasattr(source, "convert"):
+            source = np.asarray(source if source.mode in ("L", "LA", "RGB", "RGBA") else source.convert("RGBA"))
+        is_bytes = isinstance(source, np.ndarray) and source.dtype == np.uint8
+        return cls(source / np.float32(255.0) if is_bytes else source, **settings)
+
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
         height, width = self.image.shape[:2]
