@@ -437,6 +437,7 @@ def _describe_material(material: Material) -> str:
             "roughness": material.roughness,
             "fresnel": material.fresnel,
             "metallic": material.metallic,
+            "metal": material.metal_color,
         },
         "toon": {"shininess": material.shininess, "levels": material.levels},
     }.get(material.reflection, {"shininess": material.shininess})
