@@ -97,7 +97,8 @@ def _describe(model, arguments, messages) -> dict:
     points, faces = _gather(scene)
     topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces)
     materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}.values()
-    textures = {id(each.texture): each.texture for each in materials if each.texture is not None}.values()
+    textures = [texture for each in materials for texture in (each.texture, each.metallic_roughness)]
+    textures = {id(texture): texture for texture in textures if texture is not None}.values()
     low, high = scene.bounds
     return {
         "path": model,
@@ -165,13 +166,15 @@ def _normals_of(scene) -> str:
 
 
 def _material(material) -> dict:
-    texture = material.texture
+    texture, metals = material.texture, material.metallic_roughness
     return {
         "name": material.name,
         "reflection": material.reflection,
         "diffuse": list(material.diffuse),
         "opacity": material.opacity,
+        "metallic": material.metallic,
         "texture": None if texture is None else texture.name,
+        "metallic_roughness": None if metals is None else metals.name,
     }
 
 

@@ -164,9 +164,10 @@ def _make_material(arguments) -> dict:
         settings |= given
     if "reflection" in settings:
         _checked_model(settings["reflection"], "--material: reflection")
-    if settings.get("texture") is not None:
-        with _told_of("--material texture"):
-            settings["texture"] = Texture(settings["texture"])
+    for field, make in (("texture", Texture), ("metallic_roughness", Texture.of_numbers)):
+        if settings.get(field) is not None:
+            with _told_of(f"--material {field}"):
+                settings[field] = make(settings[field])
     with _told_of("--material"):
         Material(**settings)
     return settings
@@ -341,9 +342,10 @@ def _changed(scene, unshadowed, model, settings) -> Scene:
 
 def _changed_mesh(mesh, model, settings):
     """Change a mesh's materials, and subdivide it."""
-    if settings.material.get("texture") is not None and mesh.uv is None:
-        which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
-        raise ModelError(f"{model}: {which} has no texture coordinates (uv), which --material texture needs")
+    for field in ("texture", "metallic_roughness"):
+        if settings.material.get(field) is not None and mesh.uv is None:
+            which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
+            raise ModelError(f"{model}: {which} has no texture coordinates (uv), which --material {field} needs")
     with _told_of(model):
         if settings.material:
             materials = tuple(_with_fields(material, settings.material) for material in mesh.palette)
@@ -353,8 +355,9 @@ def _changed_mesh(mesh, model, settings):
 
 
 def _with_fields(material, changes) -> Material:
-    """A material with other fields; the ambient coefficient follows the diffuse one unless it is given too."""
-    follows = {"ambient": None} if "diffuse" in changes else {}
+    """A material with other fields; the ambient coefficient, and that of metal, follow the diffuse one unless they are
+    given too."""
+    follows = {"ambient": None, "metal": None} if "diffuse" in changes else {}
     return replace(material, **follows | changes)
 
 

@@ -219,6 +219,9 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
     "tangent": _tangent,
     "distribution": word_of(DISTRIBUTIONS),
     "fresnel": _or_none(color),
+    "metallic": number,
+    "metal": _or_none(color),
+    "metallic_roughness": _or_none(str),
     "normalized": yes_or_no,
     "levels": whole,
 }

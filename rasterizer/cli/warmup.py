@@ -182,6 +182,8 @@ def _scenes() -> list:
         [papered(texture=checks)],
         [papered(texture=checks, opacity=0.5)],
         [brushed],
+        [papered(reflection="cook-torrance", texture=checks, metallic=1.0)],
+        [papered(reflection="cook-torrance", metallic_roughness=checks, metallic=1.0)],
         models,
     ]
     # Float64 for some surfaces of a picture in float32: without tangents and with them; and without a texture, with one

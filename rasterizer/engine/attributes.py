@@ -97,7 +97,7 @@ def join(geometry, plan, groups, whole, rest) -> np.ndarray:
         out[:, here, : of_first.shape[2]] = of_first
         if is_textured:
             out[:, here, n_channel : 2 * n_channel] = whole[dtype][:, here]
-            out[:, here, 2 * n_channel :] = geometry.uv[here]
+            out[:, here, 2 * n_channel :] = geometry.uv[here, :2]
     return out
 
 
@@ -189,7 +189,7 @@ class NormalAttributes:
         self._kept: dict[tuple, np.ndarray] = {}
 
     def of(self, plan) -> Attributes:
-        """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 11 attributes."""
+        """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 13 attributes."""
         reads_double, n_attributes = plan.of_materials.reads_double, plan.of_materials.n_attributes
         found = list(NONE)
         for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64))):

@@ -56,7 +56,7 @@ from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen, skew_stretch
 from . import lights as light_table
 from . import reflections as reflection_table
 from .rounding import DOUBLE, SINGLE, Discontinuity, times
-from .scene_tables import SceneTables
+from .scene_tables import SceneTables, diffuse_shares
 
 EXACT = 1e-6  # what is stated of float64
 ROUNDED = 6e-7  # how far float64 may be off before it becomes float32, where EXACT is stated
@@ -121,14 +121,24 @@ def compute_brightness(tables: SceneTables, max_albedo: float) -> Brightness:
     materials, lights, products = tables.materials, tables.lights, tables.products
     undirected = np.array([max(m.ambient) * tables.ambient.max() * max_albedo + max(m.emissive) for m in materials])
     colors = np.array([max(light.color) for light in lights], float)
-    diffuse = np.array([max(m.diffuse) for m in materials])[:, None] * colors
+    diffuse = (np.array([max(m.diffuse) for m in materials]) * diffuse_shares(materials))[:, None] * colors
     specular = np.array([max(m.specular) for m in materials])[:, None] * colors
     if products is not None:
         undirected = np.abs(products.ambient).max(axis=1) * max_albedo + np.abs(products.emissive).max(axis=1)
         diffuse = np.abs(products.diffuse).max(axis=2)
         specular = (np.abs(products.specular) + np.abs(products.grazing)).max(axis=2)
+        specular = specular + np.abs(products.metal).max(axis=2) * max_albedo
+    else:  # W is 1 at most, but where F0 exceeds it
+        specular = specular * np.array([brightest_weight(m, max_albedo) for m in materials])[:, None]
     heights = np.array([reflection_table.highlight_height(material) for material in materials])
     return Brightness(undirected, diffuse * max_albedo, specular * heights[:, None], materials, lights)
+
+
+def brightest_weight(material: Any, max_albedo: float) -> float:
+    """Return the largest W of a material, at least 1: F0 of a metal may exceed it, as colours and textures may."""
+    if not reflection_table.is_metallic(material):
+        return 1.0
+    return max(1.0, 1.0 - material.metallic + material.metallic * max(material.metal_color) * max_albedo)
 
 
 # ---------------------------------------------------------------- what rounding adds
@@ -184,7 +194,7 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     edges = [[edge.near for edge in entry.discontinuities(light, of_type)] for entry, light in entries]
     near = np.array([min(of_one, default=np.inf) for of_one in edges], float)
     of_light = np.where(turns + CONE * u > near / 2.0, np.inf, of_light)
-    n_term = len(lights) * (2 if any(map(reflection_table.has_colored_fresnel, materials)) else 1)
+    n_term = len(lights) * (2 if any(map(reflection_table.has_two_terms, materials)) else 1)
     error = (u * (LIT + INTERPOLATED + n_term) + ratio + fading) * lit.of_materials + fading * fades_to
     for k, (model, material) in enumerate(models):
         rough, rounding = model.diffuse_slope(material), model.highlight_rounding(material, of_type) * u / of_type
@@ -231,7 +241,8 @@ def list_discontinuities(plan: Any, distances: Distances) -> tuple[Discontinuity
     for light in plan.reflected_lights:
         found += light_table.entry_of(light).discontinuities(light, u)
     found += _shadow_edges(plan, distances)
-    if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
+    textures = [texture for m in plan.materials for texture in (m.texture, m.metallic_roughness)]
+    if any(texture is not None and texture.filter == "nearest" for texture in textures):
         found.append(Discontinuity("the border between texels that are not blended", 2.0**-20, "texels"))
     least = MIN_SHARE * distances.furthest
     is_near = ((distances.clearances < least[:, None]) & plan.is_lit).any(axis=1)
@@ -404,9 +415,9 @@ def bound_filters(plan: Any) -> tuple[FilterBound, ...]:
     """Return what the filters of a plan's textures may add: all that a texture can change of an intensity."""
     found: dict[str, float] = {}
     for material, bound in zip(plan.materials, plan.brightness.at(plan.clearances).of_materials.tolist(), strict=True):
-        if material.texture is not None:
-            name = material.texture.filter
-            found[name] = max(found.get(name, 0.0), bound)
+        for texture in (material.texture, material.metallic_roughness):
+            if texture is not None:
+                found[texture.filter] = max(found.get(texture.filter, 0.0), bound)
     return tuple(FilterBound(name, found[name], 2.0**-20 if name == "nearest" else 0.0) for name in sorted(found))
 
 

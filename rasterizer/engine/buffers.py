@@ -168,7 +168,7 @@ def _corner_uv(mesh: Mesh) -> NDArray[np.float64]:
     """Return the texture coordinates of a mesh's corners, (3 n_face, 2)."""
     if mesh.uv is None:
         return np.full((3 * mesh.n_face, 2), np.nan)
-    return (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv).reshape(-1, 2)
+    return (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv)[..., :2].reshape(-1, 2)
 
 
 def _weights_in(corners: NDArray, points: NDArray) -> NDArray[np.float64]:

@@ -212,7 +212,7 @@ class PictureKernels(KernelList):
         is_shaded_once = options.antialias == "shade-once" and factor > 1 and (plan.is_lit_per_sample or plan.textures)
         shape = WorkspaceShape(
             SIZE[0] * factor, SIZE[1] * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
-            plan.textures is not None, plan.opacity is not None, factor if is_shaded_once else 0,
+            plan.n_texel, plan.opacity is not None, factor if is_shaded_once else 0,
         )  # fmt: skip
         screen = self.screen(factor)
         coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
@@ -251,7 +251,7 @@ class PictureKernels(KernelList):
 
     def add_shadow_map(self, dtype: np.dtype) -> None:
         """Add what draws the map of a light."""
-        screen, workspace = self.screen(1), make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, False, False), 1)
+        screen, workspace = self.screen(1), make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, 0, False), 1)
         self.add_stages(Parts(screen, make_map_coding(screen), workspace))
         self.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
 
@@ -293,7 +293,8 @@ class PictureKernels(KernelList):
     def texturing(self, parts: Parts) -> Texturing | None:
         """The textures with memory for looking them up; None where there are none."""
         workspace, textures = parts.workspace, self.plan.textures
-        return textures and Texturing(textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
+        batches = workspace.lookup_batch, workspace.double_batch
+        return textures and Texturing(textures, *batches, workspace.texels, self.plan.of_metals)
 
     def shaded_bands(self, parts: Parts) -> list[ScannedBand]:
         """The bands that the shade stage takes: of points, where a pixel is shaded once a polygon; else of samples, as
@@ -362,7 +363,7 @@ class PictureKernels(KernelList):
         """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
         screen = self.screen(1)
         n_attribute = 3 if any(BUFFER_TABLE[name].needs_normals for name in names) else 0
-        workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, False, False), 1)
+        workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, 0, False), 1)
         parts = Parts(screen, make_buffer_coding(screen, n_attribute), workspace)
         if not is_shared:
             self.add_stages(parts)

@@ -67,6 +67,7 @@ class Pass:
     n_channel: ClassVar[int] = 0  # of the intensities
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
     textures: ClassVar[Textures | None] = None
+    n_texel: ClassVar[int] = 0  # rows of texels that a workspace needs
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
     shades_points: ClassVar[bool] = False  # once a pixel and polygon: see pipeline/shade_once.py
 
@@ -89,7 +90,7 @@ class Pass:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceShape(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
-            self.textures is not None, self.opacity is not None, self.factor if self.shades_points else 0,
+            self.n_texel, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
     def max_records(self, n_triangle: int) -> int:
@@ -143,6 +144,11 @@ class ColorPass(Pass):
         """None where the scene has none."""
         return self.plan.textures
 
+    @property
+    def n_texel(self) -> int:
+        """Rows of texels that a workspace needs."""
+        return self.plan.n_texel
+
     @cached_property
     def sampled(self) -> Textures | None:
         """The textures that are looked up in float64, between scan and shade; None where there are none."""
@@ -171,7 +177,8 @@ class ColorPass(Pass):
 
     def texturing_in(self, workspace: Workspace) -> Texturing:
         """The textures, with a workspace's memory for looking them up."""
-        return Texturing(self.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
+        batches = workspace.lookup_batch, workspace.double_batch
+        return Texturing(self.textures, *batches, workspace.texels, self.plan.of_metals)
 
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs."""
@@ -227,6 +234,8 @@ class ColorPass(Pass):
         """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
         if band.counts.features & HAS_TEXTURE and band.counts.n_exact > 0 and self.sampled is not None:
             sample_textures(band.uncoded(), self.sampled, workspace.double_batch, workspace.texels)
+            if self.plan.metals is not None:
+                sample_textures(band.uncoded(), self.plan.metals, workspace.double_batch, workspace.texels[4:])
 
     def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows."""

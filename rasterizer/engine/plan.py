@@ -33,6 +33,7 @@ from .scene_tables import (
     brightest_texel,
     choose_tint,
     common_tint,
+    lay_textures,
     list_opacities,
     list_textures,
     make_cue,
@@ -71,6 +72,7 @@ class Plan(NamedTuple):
     has_shadows: bool  # some light casts shadows, and is reflected
     has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
+    metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
     packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
@@ -103,6 +105,16 @@ class Plan(NamedTuple):
         """Lighting reads the positions of points."""
         functions = [light_table.entry_of(light).function(light) for light in self.reflected_lights]
         return self.has_shadows or any(function.needs_position for function in functions)
+
+    @property
+    def n_texel(self) -> int:
+        """Rows of texels that a workspace needs."""
+        return 0 if self.textures is None else 4 if self.metals is None else 8
+
+    @property
+    def of_metals(self) -> NDArray[np.int64] | None:
+        """(n_material,): the metallic-roughness texture of each, -1 for none; None where there are none."""
+        return None if self.metals is None else self.metals.of_materials
 
     @property
     def sample_time(self) -> int:
@@ -147,6 +159,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
     n_channel = 3 if of_materials.is_colored.any() else 1
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
     textures = list_textures(materials) if tables.is_textured else None
+    of_metals = [material.metallic_roughness for material in materials]
     return Plan(
         n_channel=n_channel,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
@@ -167,6 +180,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
         has_shadows=tables.has_shadows,
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=textures,
+        metals=lay_textures(of_metals, tables.n_texcoord) if any(of_metals) else None,
         packed_textures=pack_textures(textures) if of_materials.is_looked_up.any() else None,
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         products=tables.products,
@@ -258,7 +272,8 @@ def plan_materials(
     normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     has_texture = np.array([material.texture is not None for material in tables.materials], np.bool_)
     has_albedo = has_texture | has_vertex_colors
-    with_tangents = 6 + 3 * bool(has_albedo.any()) + 2 * tables.is_textured
+    n_texcoord = tables.n_texcoord
+    with_tangents = 6 + 3 * bool(has_albedo.any()) + n_texcoord * tables.is_textured
     paths, features, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(tables.materials):
         why = reasons_of(material, tables.lights_of(k), options.tolerance, roundings[k], max_intensities[k])
@@ -266,7 +281,8 @@ def plan_materials(
         needs_planes = is_colored or not material.is_opaque
         paths.append(choose_path(why, options.shading, needs_planes, normal_limits[k], max_intensities.max()))
         features.append(list_features(material, bool(why), is_colored, has_vertex_colors[k]))
-        n_attributes.append(count_attributes(material, options.shading, is_colored, has_albedo[k], with_tangents))
+        own = count_attributes(material, options.shading, is_colored, has_albedo[k], with_tangents)
+        n_attributes.append(6 + n_texcoord if material.metallic_roughness is not None else own)
         reasons.append(why)
     return MaterialPlans(
         np.array(paths, np.uint8), np.array(features, np.uint8), np.array(n_attributes, np.int64), normal_limits,

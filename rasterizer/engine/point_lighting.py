@@ -81,7 +81,7 @@ def illuminate(
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
     options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
-    meshes = (SimpleNamespace(palette=(material,)),)
+    meshes = (SimpleNamespace(palette=(material,), uv=None),)
     tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
     plan = make_plan(tables, options, np.empty((0, 3)))
     lighting = make_lighting(plan, view, plan.dtype)

@@ -220,14 +220,20 @@ class CookTorranceEntry(ReflectionEntry):
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the distribution, and of the direction along which the surface is brushed."""
-        if material.is_anisotropic:
-            return pipeline.reflection_function_of(
-                "anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"
-            )
-        return pipeline.reflection_function_of(material.distribution)
+        word = material.distribution
+        if material.metallic_roughness is not None:
+            word = "ggx of texture"
+        elif material.is_anisotropic:
+            word = "anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"
+        function = pipeline.reflection_function_of(word)
+        is_even = material.metallic > 0.0 and material.metallic_roughness is None
+        return function._replace(second_term=pipeline.metal_term) if is_even else function
 
     def reason_for_float64(self, material: Any) -> str:
-        """Where the tangent nearly stands upright on the surface its projection has no bound."""
+        """Where the tangent nearly stands upright on the surface its projection has no bound; nor is an error of a
+        roughness small that a texture shows, where it makes mirrors of the surface."""
+        if material.metallic_roughness is not None:
+            return "metallic-roughness textures"
         return "brushed materials" if material.is_anisotropic else ""
 
     def brightest_highlight(self, material: Any) -> float:
@@ -237,8 +243,9 @@ class CookTorranceEntry(ReflectionEntry):
         in G1(V) is at least the smaller α. Beckmann: π D has its maximum at tan² = max(0, 2 m² - 1), and
         G1(V)/N·V <= 3.535/m.
         """
-        r = material.roughness
+        r = min_roughness(material)
         if material.is_anisotropic:
+            r = material.roughness
             return 1.0 / (2.0 * r[0] * r[1] * min(r))
         if material.distribution == "ggx":
             return 1.0 / (2.0 * r**3)
@@ -263,7 +270,20 @@ class CookTorranceEntry(ReflectionEntry):
         r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if u == SINGLE:
             return u * (300.0 if is_ggx else 1080.0)
-        return u * ((110.0 + 44.0 / r) / r if is_ggx else (182.0 + 68.0 / r) / r + 910.0)
+        own = u * ((110.0 + 44.0 / r) / r if is_ggx else (182.0 + 68.0 / r) / r + 910.0)
+        return own + self.alpha_rounding(material, u)
+
+    def alpha_rounding(self, material: Any, u: float) -> float:
+        """Return what the error of an α that a texture shows adds: 0 without one.
+
+        α is g² of a texel's mean g within 0..1. Texture coordinates within the picture err by 16 u of a side, so g errs
+        by as much of a texel's whole range, and α by 2 α/g of that. ln D rises by at most 2/α with α, ln G by 2/α.
+        """
+        if material.metallic_roughness is None:
+            return 0.0
+        r = min_roughness(material)
+        sides = max(material.metallic_roughness.image.shape[:2])
+        return 8.0 * 16.0 * u * sides * math.sqrt(material.roughness / r)
 
     def weight(self, material: Any, u: float) -> float:
         """Return the largest W(θ)."""
@@ -382,21 +402,30 @@ def highlight_height(material: Any) -> float:
 
 
 def min_roughness(material: Any) -> float:
-    """Return the roughness of a material; of two the smaller one."""
+    """Return the roughness of a material; of two, or of what a texture makes of it, the smallest one."""
+    if material.metallic_roughness is not None:
+        return max(material.roughness * material.metallic_roughness.least[1] ** 2, pipeline.MIN_ALPHA)
     return min(material.roughness) if material.is_anisotropic else material.roughness
 
 
-def has_colored_fresnel(material: Any) -> bool:
-    """Tell whether a material's F0 is a colour: then its highlight is two sums, see pipeline/reflection.py."""
-    is_colored = isinstance(material.fresnel, tuple) and has_highlight(material)
-    return is_colored and entry_of(material).function(material).second_term is not None
+def is_metallic(material: Any) -> bool:
+    """Tell whether a material may be metal, whose F0 follows the colours of the mesh and its texture."""
+    return material.metallic > 0.0 or material.metallic_roughness is not None
+
+
+def has_two_terms(material: Any) -> bool:
+    """Tell whether a material's highlight is two sums, see pipeline/reflection.py: F0 is a colour, or a metal's."""
+    is_parted = (isinstance(material.fresnel, tuple) or is_metallic(material)) and has_highlight(material)
+    return is_parted and entry_of(material).function(material).second_term is not None
 
 
 def first_fresnel(material: Any) -> float:
     """Return F0 of a material's specular reflection function W(θ), as the pipeline's functions take it.
 
-    With 1, W is 1: also of an F0 with a colour, which is part of what the sums are weighted with.
+    With 1, W is 1: also of an F0 with a colour, and of a metal's, which are part of what the sums are weighted with.
     """
+    if is_metallic(material):
+        return 1.0
     if material.fresnel is None:
         return entry_of(material).default_fresnel
     return 1.0 if isinstance(material.fresnel, tuple) else material.fresnel

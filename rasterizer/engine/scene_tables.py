@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.points import number_materials
 from ..locks import cached_property
+from ..geometry.points import count_texcoords
+from ..geometry.points import number_materials
 from ..options import Options
 from ..pipeline import textures as texturing
 from ..pipeline.a_buffer import Opacity
@@ -24,7 +25,7 @@ from ..pipeline.textures import Textures
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table
-from .reflections import has_colored_fresnel, has_highlight
+from .reflections import entry_of, has_highlight, has_two_terms, is_metallic
 
 
 class SceneTables:
@@ -42,7 +43,9 @@ class SceneTables:
         self.background: tuple[float, float, float] | None = scene.background  # linear
         self.depth_cue: DepthCue | None = scene.depth_cue
         self._options = options
-        self._materials, self.palettes = number_materials(self.meshes)  # for each mesh the numbers of its materials
+        materials, self.palettes = number_materials(self.meshes)  # for each mesh the numbers of its materials
+        is_lit_per_sample = options.shading == "phong"
+        self._materials = tuple(each.as_lit(is_lit_per_sample) for each in materials)
         expanded = [part for light in scene.lights for part in light_table.entry_of(light).expand(light)]
         self._lights = tuple(light for light in expanded if not light_table.is_black(light))
         self._ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
@@ -123,6 +126,11 @@ class SceneTables:
         return any(material.texture is not None for material in self.materials)
 
     @property
+    def n_texcoord(self) -> int:
+        """Texture coordinates of a point."""
+        return count_texcoords(self.meshes)
+
+    @property
     def is_opaque(self) -> bool:
         """Nothing shows through anything."""
         return all(material.is_opaque for material in self.materials)
@@ -149,7 +157,13 @@ def list_opacities(materials, least) -> Opacity:
 
 def list_textures(materials) -> Textures:
     """Lay the textures of materials, at least one, behind each other; those that are shared, once."""
-    different = {id(material.texture): material.texture for material in materials if material.texture is not None}
+    return lay_textures([material.texture for material in materials])
+
+
+def lay_textures(of_materials: Sequence[Any], n_texcoord: int = 2) -> Textures:
+    """Lay textures (n_material,), or None, of which at least one is there, behind each other; the same ones once. The
+    last two of `n_texcoord` texture coordinates are theirs."""
+    different = {id(texture): texture for texture in of_materials if texture is not None}
     number = {key: k for k, key in enumerate(different)}
     levels = [level for texture in different.values() for level in texture.pyramid]
     first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
@@ -167,7 +181,8 @@ def list_textures(materials) -> Textures:
         np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
         np.array([filters[texture.filter] for texture in different.values()], np.int64),
         np.array([[wraps[word] for word in texture.wrap] for texture in different.values()], np.int64),
-        np.array([number.get(id(material.texture), -1) for material in materials], np.int64),
+        np.array([number.get(id(texture), -1) for texture in of_materials], np.int64),
+        texturing.FIRST_TEXCOORD + n_texcoord - 2,
     )
 
 
@@ -208,7 +223,7 @@ def common_color(
     ----------
     ambient : (3,) float64, the sum of the ambient lights
     """
-    if any(has_colored_fresnel(material) for material in materials):
+    if any(has_two_terms(material) for material in materials):
         return None
     of_lights = [np.array(light.color) for light in lights] + [ambient]
     of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
@@ -249,7 +264,7 @@ def _direction(colors):
 # which gives what an evaluation of every sample of the spectrum at every pixel would give, for the price of three
 # channels. A specular reflection function with a spectrum F0 is no such product, but affine in F0:
 # W = F0·(1 - s) + s, s = (1 - cos θ)^5. So two products serve, ks·Ip·F0 and ks·Ip·(1 - F0): the highlight is that of
-# W = 1 with the first, and times s with the second.
+# W = 1 with the first, and times s with the second. Of metals there is a third: pipeline/reflection.py.
 
 
 class Products(NamedTuple):
@@ -261,6 +276,7 @@ class Products(NamedTuple):
     diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip; of an ambient share ka·Ip
     specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
     grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
+    metal: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·m·M; 0 where nothing is metal
 
 
 def multiply_colors(
@@ -272,7 +288,7 @@ def multiply_colors(
     share, which is weighted with another coefficient than the other lights.
     """
     fields = ("emissive", "ambient", "diffuse", "specular")
-    colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel")]
+    colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel", "metal_color")]
     colors += [light.color for light in (*lights, *ambient_lights)]
     is_spectral = options.spectral is not None or any(hasattr(color, "wavelengths") for color in colors)
     is_share = np.array([light_table.entry_of(light).is_share for light in lights], np.bool_)
@@ -290,7 +306,8 @@ def multiply_colors(
     )
     around = sum((_channels_of(light.color, n) for light in ambient_lights), np.zeros(n or 3))
     of_lights = np.array([_channels_of(light.color, n) for light in lights]).reshape(-1, n or 3)
-    first, rest = split_fresnel(materials, n)
+    first, rest, metal = split_fresnel(materials, n)
+    diffuse = diffuse * diffuse_shares(materials)[:, None]
     directed = np.where(is_share[:, None], 0.0, of_lights)
     return Products(
         is_spectral,
@@ -299,11 +316,21 @@ def multiply_colors(
         np.where(is_share[:, None], ambient[:, None] * of_lights, diffuse[:, None] * of_lights) @ weights,
         ((specular * first)[:, None] * directed) @ weights,
         ((specular * rest)[:, None] * directed) @ weights,
+        ((specular * metal)[:, None] * directed) @ weights,
     )
 
 
-def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return F0 and 1 - F0 of materials whose F0 is a colour, 1 and 0 of the others.
+def diffuse_shares(materials: Sequence[Any]) -> NDArray[np.float64]:
+    """Return the share of each material that is no metal, and reflects diffusely, (n_material,); 1 where a texture says
+    at every sample how much that is."""
+    return np.array([1.0 if each.metallic_roughness is not None else 1.0 - each.metallic for each in materials])
+
+
+def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], ...]:
+    """Return what both sums of a highlight are weighted with, and the third of metals.
+
+    F0, 1 - F0 and 0 of materials whose F0 is a colour; F0·(1 - m), 1 - F0·(1 - m) and m·M of metals; F0, 1 and M where
+    a texture says how much is metal, by which the sums are weighted sample by sample; 1, 0 and 0 of the others.
 
     Parameters
     ----------
@@ -311,13 +338,21 @@ def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArr
 
     Returns
     -------
-    two (n_material, n or 3) float64
+    three (n_material, n or 3) float64
     """
-    first = np.ones((len(materials), n or 3))
-    for row, material in zip(first, materials, strict=True):
-        if has_colored_fresnel(material):
-            row[:] = _channels_of(material.fresnel, n)
-    return first, 1.0 - first
+    first, metal = np.ones((len(materials), n or 3)), np.zeros((len(materials), n or 3))
+    rest = np.zeros_like(first)
+    for k, material in enumerate(materials):
+        if not has_two_terms(material):
+            continue
+        f0 = entry_of(material).default_fresnel if material.fresnel is None else material.fresnel
+        first[k] = _channels_of(f0, n) if isinstance(f0, tuple) else f0
+        if is_metallic(material):
+            is_even = material.metallic_roughness is None
+            metal[k] = _channels_of(material.metal_color, n) * (material.metallic if is_even else 1.0)
+            first[k] *= 1.0 - material.metallic if is_even else 1.0
+        rest[k] = 1.0 if material.metallic_roughness is not None else 1.0 - first[k]
+    return first, rest, metal
 
 
 def _channels_of(color, n: int | None) -> NDArray[np.float64]:

@@ -12,8 +12,8 @@ from ..pipeline.shadow_lookup import occlude
 from . import lights as light_table
 from . import reflections as reflection_table
 from .plan import Plan
-from .reflections import first_fresnel, has_colored_fresnel, has_highlight
-from .scene_tables import split_fresnel
+from .reflections import first_fresnel, has_highlight, has_two_terms, is_metallic
+from .scene_tables import diffuse_shares, split_fresnel
 
 _COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 
@@ -116,8 +116,12 @@ def _material_rows(plan, dtype) -> np.ndarray:
         if not isinstance(source.tangent, str):
             row[m.TANGENT_AXIS : m.TANGENT_AXIS + 3] = source.tangent
         entry = reflection_table.entry_of(source)
+        row[m.METALLIC] = source.metallic
         row[m.FRESNEL], row[m.HIGHLIGHT_SCALE] = first_fresnel(source), entry.highlight_scale(source)
-        colors = (source.emissive, np.array(source.ambient) * plan.ambient, source.diffuse, source.specular)
+        diffuse = (1.0 - source.metallic) * np.array(source.diffuse)
+        colors = (source.emissive, np.array(source.ambient) * plan.ambient, diffuse, source.specular)
+        if has_two_terms(source) and is_metallic(source):  # whose sums have all colours: see `_color_parts`
+            colors = (*colors[:2], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
         if plan.products is not None:
             colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
         for column, color in zip(_COLUMNS, colors, strict=True):
@@ -159,11 +163,11 @@ def _in_channels(colors, is_colored) -> np.ndarray:
 
 
 def is_parted(plan: Plan) -> bool:
-    """Tell whether the light of each light is summed in two terms, because some material's F0 has a colour.
+    """Tell whether the light of each light is summed in two terms, because some material's highlight is two sums.
 
     The second term is that of pipeline/reflection.py; it follows the first as if it were another light's.
     """
-    return any(has_colored_fresnel(material) for material in plan.materials)
+    return any(has_two_terms(material) for material in plan.materials)
 
 
 def _color_parts(plan) -> np.ndarray:
@@ -171,12 +175,18 @@ def _color_parts(plan) -> np.ndarray:
     color = np.zeros((len(plan.materials), 2 * len(plan.lights), 6))
     if plan.products is not None:
         color[:, ::2, :3], color[:, ::2, 3:] = plan.products.diffuse, plan.products.specular
-        color[:, 1::2, 3:] = plan.products.grazing
+        color[:, 1::2, :3], color[:, 1::2, 3:] = plan.products.metal, plan.products.grazing
         return color
     of_lights = np.array([light.color for light in plan.lights]).reshape(1, -1, 3)
-    first, rest = split_fresnel(plan.materials)
-    color[:, ::2, :3], color[:, ::2, 3:] = of_lights, of_lights * first[:, None]
-    color[:, 1::2, 3:] = of_lights * rest[:, None]
+    first, rest, metal = split_fresnel(plan.materials)
+    diffuse, shares = np.ones_like(first), diffuse_shares(plan.materials)
+    for k, material in enumerate(plan.materials):
+        if has_two_terms(material) and is_metallic(material):
+            diffuse[k] = shares[k] * np.array(material.diffuse)
+            for weights in (first, rest, metal):
+                weights[k] *= material.specular
+    color[:, ::2, :3], color[:, ::2, 3:] = of_lights * diffuse[:, None], of_lights * first[:, None]
+    color[:, 1::2, :3], color[:, 1::2, 3:] = of_lights * metal[:, None], of_lights * rest[:, None]
     return color
 
 
@@ -204,6 +214,6 @@ def batch_functions_of(plan: Plan) -> tuple[list, list]:
 
 def _second_term(material):
     """The function of the second term of a material's highlight, in a scene where some material has one."""
-    if not has_colored_fresnel(material):
+    if not has_two_terms(material):
         return no_second_term
     return reflection_table.entry_of(material).function(material).second_term

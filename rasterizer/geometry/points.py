@@ -35,7 +35,7 @@ class Geometry(NamedTuple):
     point_offsets: NDArray[np.int64]  # (n_group + 1,) where groups begin: points of one material, side by side
     group_material: NDArray[np.int64]  # (n_group,) a material may have several groups
     face_material: NDArray[np.uint32]  # (n_face,) empty where there is one material
-    uv: NDArray[np.float64]  # (n_point, 2) texture coordinates; (0, 2) where no material has a texture
+    uv: NDArray[np.float64]  # (n_point, 2 or 4) texture coordinates; (0, 2) where no material has a texture
     tangents: NDArray[np.float64] = NO_TANGENTS  # (3, n_point) where u grows to; (3, 0) where no material needs them
     face: NDArray[np.uint32] = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
     centers: Centers | None = None  # the last points, which are means of others; None where there are none
@@ -55,7 +55,7 @@ class Part(NamedTuple):
     points: NDArray[np.float64]  # (n_point, 3)
     normals: NDArray[np.float64]  # (n_point, 3)
     albedo: NDArray[np.float64] | None  # (n_point, 3)
-    uv: NDArray[np.float64] | None = None  # (n_point, 2)
+    uv: NDArray[np.float64] | None = None  # (n_point, 2 or 4)
     n_points: tuple[int, ...] = ()  # of each material
     tangents: NDArray[np.float64] | None = None  # (n_point, 3)
 
@@ -63,12 +63,12 @@ class Part(NamedTuple):
 def gather_geometry(meshes: Sequence[Mesh], is_flat: bool) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
     materials, numbers = number_materials(meshes)
-    is_textured = any(material.texture is not None for material in materials)
+    is_textured, n_texcoord = any(material.texture is not None for material in materials), count_texcoords(meshes)
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
     parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in meshes]
     if is_brushed:
         parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
-    parts = [split_points(part, mesh, is_textured) for part, mesh in zip(parts, meshes, strict=True)]
+    parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
     geometry = _join_parts(parts, is_flat, is_textured)
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     geometry = geometry._replace(
@@ -216,23 +216,30 @@ def flat_part(mesh: Mesh) -> Part:
     return Part(mesh.vertices, mesh.faces, corner, points, normals, albedo)
 
 
-def split_points(part: Part, mesh: Mesh, is_textured: bool) -> Part:
-    """Split the points of a mesh where faces of different materials meet, and where texture coordinates differ.
+def count_texcoords(meshes: Sequence[Mesh]) -> int:
+    """Return how many texture coordinates a point has: 4 where a mesh has some of its own for `metallic_roughness`."""
+    return max((mesh.uv.shape[-1] for mesh in meshes if mesh.uv is not None), default=2)
+
+
+def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
+    """Split the points of a mesh where faces of different materials meet, and where texture coordinates differ, of
+    which a point has `n_texcoord`, or 0.
 
     The points of a material then stand side by side, so that they can be lit together. With textures every point gets
     its texture coordinates, and belongs to one vertex: also in flat shading, where points are polygons else.
     """
-    n_material = len(mesh.palette)
+    n_material, is_textured = len(mesh.palette), n_texcoord > 0
     if mesh.face_material is None and not is_textured:
         return part._replace(n_points=(len(part.points),))
     corner, vertex = np.asarray(part.corner, np.int64).ravel(), np.asarray(part.vertex, np.int64).ravel()
     material = np.zeros(len(corner), np.int64)
     if mesh.face_material is not None:
         material = np.repeat(mesh.face_material.astype(np.int64), 3)
-    keys, uv = [material[:, None], corner[:, None]], np.zeros((len(corner), 2))
+    keys, uv = [material[:, None], corner[:, None]], np.zeros((len(corner), n_texcoord))
     if is_textured:
         if mesh.uv is not None:
-            uv = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv).reshape(-1, 2)
+            own = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv).reshape(len(corner), -1)
+            uv = np.tile(own, (1, n_texcoord // own.shape[1]))
         keys += [vertex[:, None], uv]
     first, point = unique_rows(np.column_stack(keys))
     order = np.argsort(material[first], kind="stable")
@@ -313,7 +320,7 @@ def add_tangents(part: Part, mesh: Mesh, is_flat: bool) -> Part:
     if not is_flat:
         first, group = unique_rows(np.column_stack([corners.reshape(-1, 3), part.normals[corner].reshape(-1, 3)]))
         n_group = len(first)
-    uv = mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv
+    uv = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv)[..., :2]
     of_groups = compute_tangents(corners, uv, group.reshape(-1, 3), n_group)
     tangents = np.zeros((len(part.points), 3))
     tangents[corner.ravel()] = of_groups[group.ravel()]

@@ -194,6 +194,8 @@ def _part(primitive, buffers, paint, name, weights, joints) -> Part:
         raise ValueError("indices must be whole numbers, one a row")
     faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
     wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
+    if paint.numbers is not None:
+        wanted["numbers"] = f"TEXCOORD_{paint.numbers[0]}"
     found = {key: buffers.array(attributes[source]) for key, source in wanted.items() if source in attributes}
     if joints is not None:
         found |= {key: buffers.array(attributes[key]) for key in attributes if key.startswith(_CARRIED)}
@@ -214,6 +216,8 @@ def _part(primitive, buffers, paint, name, weights, joints) -> Part:
         _carry(part, arrays, joints)
     if np.shape(arrays.get("uv"))[1:] == (2,):
         part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
+        if paint.numbers is not None and np.shape(arrays.get("numbers"))[1:] == (2,):
+            part["uv"] = np.concatenate([part["uv"], uv_from_gltf(arrays["numbers"], paint.numbers[1])], axis=1)
     if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
         part["colors"] = linear_values(arrays["colors"])
         part["material"] = paint.colored or paint.material
@@ -461,8 +465,9 @@ def whole(table, key, default=None) -> int:
 #     wrapS, wrapT         "repeat", "clamp" or "mirror"
 #     doubleSided          not looked at: both sides are lit and drawn, unless faces seen from behind are culled
 #
-# Textures of metallic and roughness count by their means; all others are left out. Specification, 3.8 and 3.9;
-# KHR_texture_transform.
+#     metallicRoughnessTexture   metallic_roughness
+#
+# All others are left out. Specification, 3.8 and 3.9; KHR_texture_transform.
 
 _NEAREST, _LINEAR = 9728, 9729
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -474,6 +479,7 @@ class Paint(NamedTuple):
     material: Material
     uv_set: int = 0  # which TEXCOORD_n
     uv_matrix: np.ndarray | None = None  # (2, 3) float64, new from old; None = as they are
+    numbers: tuple[int, np.ndarray | None] | None = None  # both, of a metallic-roughness texture laid otherwise
     colored: Material | None = None  # the one for meshes with colours of vertices; None = the same
 
 
@@ -490,7 +496,7 @@ class Pictures:
 
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
-        self._pixels, self._textures, self._budget = {}, {}, Budget(self.model.name)
+        self._pixels, self._textures, self._numbers, self._budget = {}, {}, {}, Budget(self.model.name)
 
     def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
         """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
@@ -506,9 +512,6 @@ class Pictures:
         pixels = self._read(image)
         if pixels is None:
             return None
-        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
-        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
-        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
         if alpha_mode != "BLEND":
             pixels = pixels[..., None] if pixels.ndim == 2 else pixels
             has_alpha = pixels.shape[2] in (2, 4)
@@ -519,7 +522,27 @@ class Pictures:
             is_opaque = alpha_mode == "OPAQUE" or is_seen[alphas].all()
             alphas = np.broadcast_to((255 * is_seen.astype(np.uint8))[alphas], (*colors.shape[:2], 1))
             pixels = colors if is_opaque else np.concatenate([colors, alphas], axis=2)
-        return Texture(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
+        return self._sampled(pixels, source, image)
+
+    def _sampled(self, pixels, source, image, make=Texture) -> Texture:
+        """Make a texture of an image's pixels, with the sampler of a texture of the tree."""
+        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
+        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
+        return make(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
+
+    def numbers(self, use: dict) -> Texture | None:
+        """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
+        the same everywhere, so that their mean says all."""
+        if (number := use["index"]) not in self._numbers:
+            source, image = self._source(number)
+            pixels, self._numbers[number] = self._read(image), None
+            if pixels is not None:
+                has_color = pixels.ndim == 3 and pixels.shape[2] > 2
+                pixels = pixels[..., :3] if has_color else pixels.reshape(*pixels.shape[:2], -1)[..., :1]
+                if np.ptp(pixels[..., -2:], axis=(0, 1)).any():
+                    self._numbers[number] = self._sampled(pixels, source, image, Texture.of_numbers)
+        return self._numbers[number]
 
     def _source(self, number) -> tuple[dict, int | None]:
         """Return a texture of the tree, and the number of its image."""
@@ -589,11 +612,28 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     if _UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light
         plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
         return Paint(plain, *place)._replace(colored=colored)
-    mean_color = (1.0, 1.0, 1.0) if texture is None else texture.image[..., :3].mean(axis=(0, 1), dtype=np.float64)
     metallic = 0.0 if "trimesh" in str(pictures.tree.get("asset", {}).get("generator", "")) else 1.0
+    numbers, place = _metallic_roughness(source, pictures, place)
+    common |= {"emissive": emission_of(source)}
     with np.errstate(all="ignore"):  # what isn't finite is refused by Material
-        fields = lit_fields(source, base, mean_color, pictures.mean, metallic)
-    return Paint(Material(emissive=emission_of(source), **common, **fields), *place)
+        plain, colored = (
+            Material(**common | lit_fields(source, base, many, pictures.mean, metallic, numbers))
+            for many in (texture is not None, True)
+        )
+    return Paint(plain, *place)._replace(colored=colored)
+
+
+def _metallic_roughness(source, pictures, place) -> tuple[Texture | None, tuple]:
+    """Return the texture that says how metallic and rough a material is at every sample, None where none is needed, and
+    how the textures are laid; `place` is how that of its colour is, or empty."""
+    use = source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture")
+    if use is None or _GLOSSY in source.get("extensions", {}) or (numbers := pictures.numbers(use)) is None:
+        return None, place
+    own = _placement(use)
+    place = place or own
+    unmoved = np.eye(2, 3)
+    matrices = [unmoved if matrix is None else matrix for _, matrix in (place, own)]
+    return numbers, place if place[0] == own[0] and np.array_equal(*matrices) else (*place, own)
 
 
 def _placement(use) -> tuple[int, np.ndarray | None]:
@@ -657,8 +697,12 @@ def _filter(sampler) -> str:
 #     ambient    diffuse + F0: light from everywhere alike, at normal incidence
 #     specular   1 + (w - 1)·(1 - m)                 w: strength of KHR_materials_specular
 #
-# A texture multiplies diffuse and ambient at every sample. F0 and roughness are those of a whole material, so of a
-# texture of metallic and roughness the means count; and so does that of a base color texture for the F0 of metals.
+# Where a texture or colours of vertices multiply c, or a texture m and r, they do so at every sample:
+#
+#     diffuse    c·(1 - f), of which Material leaves 1 - m
+#     fresnel    f       metallic  m       metal  c
+#     ambient, specular  as above, with the mean of m
+#
 # A material without metallicFactor is a metal, but in files that trimesh has written: it leaves out what it doesn't
 # know.
 #
@@ -708,19 +752,27 @@ def unlit_fields(base, is_multiplied: bool) -> dict:
     return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
 
 
-def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndarray | None], metallic=1.0) -> dict:
+def lit_fields(
+    source: dict,
+    base,
+    is_multiplied: bool,
+    mean_of: Callable[[dict], np.ndarray | None],
+    metallic=1.0,
+    numbers: Texture | None = None,
+) -> dict:
     """Return the fields of Material that say how a surface reflects.
 
     Parameters
     ----------
     source : dict, a material of the tree
-    base : (3,) base color, linear, which the texture multiplies
-    mean_color : (3,) the mean of that texture, linear; 1 where there is none
+    base : (3,) base color, linear
+    is_multiplied : whether a texture or colours of vertices multiply it
     mean_of : function of the use of a texture of numbers, which returns the mean (4,) of its texels, 0..1; None where
         it is missing
     metallic : metallicFactor of a material that has none
+    numbers : the texture that says at every sample how metallic and rough it is; None = its means count
     """
-    base, mean_color = np.array(base), np.array(mean_color)
+    base = np.array(base)
     if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
         f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
         smoothness = float(glossy.get("glossinessFactor", 1.0))
@@ -730,14 +782,20 @@ def lit_fields(source: dict, base, mean_color, mean_of: Callable[[dict], np.ndar
     surface = source.get("pbrMetallicRoughness", {})
     metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
     roughness = float(surface.get("roughnessFactor", 1.0))
-    if (mean := _mean(surface.get("metallicRoughnessTexture"), mean_of)) is not None:
+    mean = _mean(surface.get("metallicRoughnessTexture"), mean_of)
+    if mean is not None and numbers is None:
         metallic, roughness = metallic * mean[2], roughness * mean[1]
-    metallic = min(max(metallic, 0.0), 1.0)
+    factor = min(max(metallic, 0.0), 1.0)
+    metallic = factor * mean[2] if mean is not None and numbers is not None else factor
     weight, dielectric = _dielectric_of(source)
-    f0 = dielectric * (1.0 - metallic) + base * mean_color * metallic
+    f0 = dielectric * (1.0 - metallic) + base * metallic
     diffuse = base * (1.0 - metallic) * (1.0 - weight * dielectric.max())
     ambient = diffuse + base * metallic + weight * dielectric * (1.0 - metallic)
-    return _fields(diffuse, f0, roughness, 1.0 + (weight - 1.0) * (1.0 - metallic), ambient)
+    specular = 1.0 + (weight - 1.0) * (1.0 - metallic)
+    if numbers is None and not (is_multiplied and metallic > 0.0):
+        return _fields(diffuse, f0, roughness, specular, ambient)
+    fields = _fields(base * (1.0 - weight * dielectric.max()), dielectric, roughness, specular, ambient)
+    return fields | {"metallic": factor, "metal": tuple(base.tolist()), "metallic_roughness": numbers}
 
 
 def _dielectric_of(source) -> tuple[float, np.ndarray]:
@@ -951,8 +1009,9 @@ def list_left_out(tree: dict, used: set) -> tuple[tuple[str, ...], tuple[str, ..
     materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
     found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
     surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
-    if any("metallicRoughnessTexture" in surface for surface in surfaces):
-        found.append("metallic-roughness textures, but for their means")
+    glossy = [source.get("extensions", {}).get(_GLOSSY) or {} for source in materials]
+    if any("specularGlossinessTexture" in surface for surface in glossy):
+        found.append("specular-glossiness textures, but for their means")
     if any(
         "baseColorTexture" in surface and _UNLIT in source.get("extensions", {})
         for surface, source in zip(surfaces, materials, strict=True)

@@ -281,8 +281,13 @@ def _without_useless_textures(model, part: Part) -> Part:
     what = f"mesh '{cut(part['name'], 80)}' has no texture coordinates"
     model.warn(f"{what}; it is drawn without the texture of its material {names}")
     if "materials" in part:
-        return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
-    return {**part, "material": replace(part["material"], texture=None)}
+        return {**part, "materials": tuple(_without_textures(material) for material in part["materials"])}
+    return {**part, "material": _without_textures(part["material"])}
+
+
+def _without_textures(material):
+    """Return a material without its texture, and with the means of what a texture says of metal and roughness."""
+    return replace(material.with_means(), texture=None)
 
 
 def _is_worth_drawing(part: Part, drop_bad_faces) -> bool:
@@ -345,7 +350,8 @@ def _counts(contents, parts) -> list[str]:
     """Say how many meshes, materials, textures, lights and cameras there are, unless none, or one mesh."""
     materials = [material for part in parts for material in materials_of(part)]
     n_material = len({material.name for material in materials} - {""})
-    n_texture = len({id(material.texture) for material in materials} - {id(None)})
+    textures = {id(each) for material in materials for each in (material.texture, material.metallic_roughness)}
+    n_texture = len(textures - {id(None)})
     counts = (n_material, "material"), (n_texture, "texture"), (len(contents.lights or ()), "light")
     facts = [counted(len(parts), "mesh")] if len(parts) > 1 else []
     facts += [counted(n, what) for n, what in counts if n]

@@ -444,7 +444,7 @@ def _material(source, pictures) -> Material:
     texture = None if image is None or pictures is None else pictures.texture(image)
     roughness = getattr(source, "roughnessFactor", None)
     surface = {"pbrMetallicRoughness": {"roughnessFactor": 1.0 if roughness is None else float(roughness)}}
-    fields = lit_fields(surface, (red, green, blue), (1.0, 1.0, 1.0), lambda _: None, metallic=0.0)
+    fields = lit_fields(surface, (red, green, blue), texture is not None, lambda _: None, metallic=0.0)
     emission = getattr(source, "emissiveFactor", None)
     emissive = (0.0, 0.0, 0.0) if emission is None else tuple(float(value) for value in emission[:3])
     return Material(**fields, emissive=emissive, opacity=float(alpha), texture=texture)

@@ -352,7 +352,8 @@ class Entry:
 # ----------------------------------------------------------------
 # Materials, textures, lights and cameras of a scene file.
 
-COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
+COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "metal", "color")  # fields that are colours
+TEXTURES = ("texture", "metallic_roughness")
 FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 
 
@@ -405,13 +406,13 @@ class Context:
             self.allowance.n_byte += self._arrays[path].size
         return self._arrays[path]
 
-    def texture(self, path, entry, **settings) -> Texture:
-        """Return the texture of a picture file; the same for the same settings."""
-        key = (path, *settings.items())
+    def texture(self, path, entry, make=Texture, **settings) -> Texture:
+        """Return the texture that `make` makes of a picture file; the same for the same settings."""
+        key = (path, make, *settings.items())
         if key not in self._textures:
             pixels = entry.call(read_picture, self.read(path, entry), str(path), self.budget)
             self.take(pixels, entry)
-            self._textures[key] = entry.call(Texture, pixels, name=str(path), **settings)
+            self._textures[key] = entry.call(make, pixels, name=str(path), **settings)
         return self._textures[key]
 
     def take(self, image, entry) -> None:
@@ -482,17 +483,20 @@ def read_material(entry, context, name="") -> Material:
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
-        if key == "texture" and field.value is not None:
-            settings[key] = _read_texture(field, context)
+        if key in TEXTURES and field.value is not None:
+            settings[key] = _read_texture(field, context, Texture if key == "texture" else Texture.of_numbers)
         else:
             settings[key] = color_value(field) if key in COLORS else field.value
     return entry.call(Material, **settings)
 
 
-def _read_texture(entry, context) -> Texture:
-    """Read a texture: the name of a picture, or a table with it or with an array in a .npz file."""
+def _read_texture(entry, context, make) -> Texture:
+    """Read a texture: the name of a picture, or a table with it or with an array in a .npz file.
+
+    make : function that makes it of an image, and of the other fields of Texture
+    """
     if not isinstance(entry.value, dict):
-        return context.texture(context.path(entry), entry)
+        return context.texture(context.path(entry), entry, make)
     table = entry.table(("file", "arrays", "texture", "filter", "wrap", "name"))
     settings = {"filter": table["filter"].text()} if "filter" in table else {}
     if "wrap" in table:
@@ -501,13 +505,13 @@ def _read_texture(entry, context) -> Texture:
     if ("file" in table) == ("arrays" in table):
         raise entry.fault("a texture needs either file, or arrays and texture")
     if "file" in table:
-        texture = context.texture(context.path(table["file"]), table["file"], **settings)
+        texture = context.texture(context.path(table["file"]), table["file"], make, **settings)
     elif "texture" not in table:
         raise entry.fault("texture is missing: the number of the texture in arrays")
     else:
         image = array_of(table["arrays"], context, f"texture{index_of(table['texture'])}")
         context.take(image, entry)
-        texture = entry.call(Texture, image, **settings)
+        texture = entry.call(make, image, **settings)
     return replace(texture, name=table["name"].text()) if "name" in table else texture
 
 

@@ -22,7 +22,7 @@ from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
 from .files import write_whole
-from .scene_file import ARRAYS, COLORS
+from .scene_file import ARRAYS, COLORS, TEXTURES
 
 
 def write_scene(scene, path) -> Path:
@@ -86,20 +86,20 @@ class _Beside:
         for field in fields(Material):
             value = getattr(material, field.name)
             default = Material().diffuse if field.name == "diffuse" else getattr(plain, field.name)
-            if field.name == "texture" and value is not None:
-                table["texture"] = self._texture(value)
+            if field.name in TEXTURES and value is not None:
+                table[field.name] = self._texture(value, is_picture=field.name == "texture")
             elif value != default or isinstance(value, Spectrum):
                 is_color = field.name in COLORS and isinstance(value, tuple)
                 table[field.name] = _color(value) if is_color else _plain(value)
         return table
 
-    def _texture(self, texture) -> dict:
-        """The table of a texture; the picture is written once."""
-        number = self._textures.setdefault(id(texture), len(self._textures))
+    def _texture(self, texture, is_picture) -> dict:
+        """The table of a texture; it is written once, as a picture where one is decoded to it again."""
+        number = self._textures.setdefault((id(texture), is_picture), len(self._textures))
         rest = {"filter": texture.filter, "wrap": list(texture.wrap), "name": texture.name}
         name = f"{self._stem}-texture{number}.png"
         if name not in self.pictures and f"texture{number}" not in self.arrays:
-            pixels = bytes_of(texture)
+            pixels = bytes_of(texture) if is_picture else None
             if pixels is None:
                 self.arrays[f"texture{number}"] = texture.image
             else:

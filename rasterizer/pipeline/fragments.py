@@ -36,6 +36,9 @@ INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to as
 FACE_NORMAL, FACE_OFFSET, FACE_SIDE = _quantity(27), _quantity(30), _quantity(31)
 FROM_LIGHT, LIMIT_SLOPES, SHADOW_COUNT = _quantity(32), _quantity(35), _quantity(40)
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
+# Of materials with a metallic-roughness texture, which are not brushed: what it multiplies both numbers by, and the
+# highlight without W, from the first of its terms to the second.
+METALLIC, ROUGHNESS, MIRRORS = _quantity(37), _quantity(38), _quantity(39)
 TEXEL = _quantity(41)  # what a texture shows: red, green, blue, alpha
 N_QUANTITY = 45
 BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)

@@ -11,7 +11,8 @@ HIGHLIGHT_SCALE = 3  # of a normalised highlight, beside N·L; 0 for a classic o
 TOON_LEVELS = 4
 ROUGHNESS_ACROSS = 5  # of anisotropic materials: across the tangent
 TANGENT_AXIS = 6  # of anisotropic materials whose tangent is an axis of the world: three numbers
-N_REFLECTION_COEFFICIENT = 9
+METALLIC = 9  # share of the surface that is metal, where a texture multiplies it
+N_REFLECTION_COEFFICIENT = 10
 REFLECTION_SHAPE = (N_REFLECTION_COEFFICIENT,)
 # Colours, three channels each. AMBIENT is ka·Ia.
 EMISSION, AMBIENT, DIFFUSE, SPECULAR = (N_REFLECTION_COEFFICIENT + 3 * k for k in range(4))

@@ -39,7 +39,7 @@ from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of,
 from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes, is_list, samples_from
 from .shade import fill_weights
 from .texture_lookup import S_PLANE
-from .texturing import fill_texels, has_texcoord_planes
+from .texturing import fill_texels, has_texcoord_planes, put_in_metals
 from .transform import SUBPIXEL
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 
@@ -281,9 +281,13 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
 
 @helper
 def weight_albedo(entries, band, first, material, texturing, start, batch):
-    """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that."""
+    """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that.
+
+    Put in what says how metallic and rough the surface is, too.
+    """
     features, n = band.coding.features[material], index(len(entries))
     if texturing is not None:
+        put_in_metals(texturing.of_metals, texturing.texels, material, start, n, batch)
         if features & HAS_TEXTURE:
             quantity = f.TEXEL if features & HAS_ALBEDO else f.ALBEDO
             fill_texels(entries, band, first, material, texturing, start, batch, quantity)

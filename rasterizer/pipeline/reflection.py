@@ -27,6 +27,7 @@ from . import material_coefficients as m
 from .fragments import get_vector, read_vector, set_vector
 from .power import exponential, grazing, power
 
+MIN_ALPHA = 0.001  # of GGX, where a texture multiplies it: what a material may have at least
 MIN_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
 
 
@@ -244,19 +245,25 @@ def ggx(batch, n, material):
     of 1981.
     """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
-    alpha_square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
-    rest = one - alpha_square
+    two, alpha_square = batch.dtype.type(2), material[m.ROUGHNESS] * material[m.ROUGHNESS]
     for k in range(index(n)):
-        half_square, along, across_square = half_vector_parts(batch, k)
-        n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
-        spread = alpha_square * along * along + across_square
-        ratio = half_square / spread if (along > zero) & (spread > zero) else zero
-        mirrors = alpha_square * ratio * ratio
-        masked = n_dot_l / (n_dot_l + np.sqrt(alpha_square + rest * n_dot_l * n_dot_l))
-        masked = masked / (n_dot_v + np.sqrt(alpha_square + rest * n_dot_v * n_dot_v))
-        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
-        set_reflection(batch, k, n_dot_l, reflected)
+        n_dot_l, reflected, half_square = ggx_mirrors(batch, k, alpha_square)
+        set_reflection(batch, k, n_dot_l, reflected * schlick(material[m.FRESNEL], np.sqrt(half_square) / two))
+
+
+@helper
+def ggx_mirrors(batch, k, alpha_square):
+    """Return N·L, what fragment k reflects but for W, and |L + V|²; see `ggx`."""
+    zero, one = batch.dtype.type(0), batch.dtype.type(1)
+    rest = one - alpha_square
+    half_square, along, across_square = half_vector_parts(batch, k)
+    n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
+    spread = alpha_square * along * along + across_square
+    ratio = half_square / spread if (along > zero) & (spread > zero) else zero
+    mirrors = alpha_square * ratio * ratio
+    masked = n_dot_l / (n_dot_l + np.sqrt(alpha_square + rest * n_dot_l * n_dot_l))
+    masked = masked / (n_dot_v + np.sqrt(alpha_square + rest * n_dot_v * n_dot_v))
+    return n_dot_l, mirrors * masked, half_square
 
 
 def beckmann(batch, n, material):
@@ -471,6 +478,68 @@ def no_second_term(batch, n, material):
         batch[f.DIFFUSE + k] = batch[f.SPECULAR + k] = zero
 
 
+# ---------------------------------------------------------------- metals
+
+# The share m of the surface is metal, whose F0 is M times the albedo a: colours of vertices, and what a texture shows.
+# With F0 = (1 - m)·F + m·M·a
+#
+#     W = (1 - m)·F·(1 - s) + s + m·M·a·(1 - s)
+#
+# and the last term belongs to the sum that the albedo multiplies, beside (1 - m)·kd·Ip·N·L: in its colours stand ks·Ip
+# times m·M. So F0 follows the albedo wherever that is looked up, by every method of shading. None of the terms is
+# negative.
+
+
+def metal_term(batch, n, material):
+    """The second term of metals: that of `grazing_term_of_mirrors`, and what the albedo multiplies."""
+    batch = as_array(batch, f.BATCH_SHAPE)
+    for k in range(index(n)):
+        part_highlight(batch, k, batch[f.SPECULAR + k])
+
+
+@helper
+def part_highlight(batch, k, highlight):
+    """Part a highlight: s of it goes to SPECULAR, 1 - s of it to DIFFUSE; return the latter."""
+    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
+    half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
+    share = schlick(zero, length(half) / two)
+    # No products where nothing is left: the highlight may be infinite in the light itself.
+    straight = highlight * (one - share) if share < one else zero
+    batch[f.SPECULAR + k] = highlight * share if share > zero else zero
+    batch[f.DIFFUSE + k] = straight
+    return straight
+
+
+def ggx_of_texture(batch, n, material):
+    """GGX whose α, and the share m, a texture multiplies at every fragment: METALLIC and ROUGHNESS, α by its square.
+
+    The first term: (1 - m)·N·L, and in SPECULAR (1 - m)·(1 - s) of the highlight, whose colour has F.
+    """
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    real = batch.dtype.type
+    zero, one, least = real(0), real(1), real(MIN_ALPHA)
+    for k in range(index(n)):
+        rest = one - material[m.METALLIC] * batch[f.METALLIC + k]
+        alpha = max(material[m.ROUGHNESS] * batch[f.ROUGHNESS + k] * batch[f.ROUGHNESS + k], least)
+        n_dot_l, reflected, _ = ggx_mirrors(batch, k, alpha * alpha)
+        set_reflection(batch, k, n_dot_l, reflected)
+        diffuse, highlight = batch[f.DIFFUSE + k], batch[f.SPECULAR + k]
+        batch[f.MIRRORS + k] = highlight
+        straight = part_highlight(batch, k, highlight)
+        batch[f.SPECULAR + k] = straight * rest if rest > zero else zero
+        batch[f.DIFFUSE + k] = diffuse * rest if rest > zero else zero
+
+
+def metal_term_of_texture(batch, n, material):
+    """The second term of `ggx_of_texture`: s of the highlight, and in DIFFUSE m·(1 - s) of it."""
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        share = material[m.METALLIC] * batch[f.METALLIC + k]
+        straight = part_highlight(batch, k, batch[f.MIRRORS + k])
+        batch[f.DIFFUSE + k] = straight * share if share > zero else zero
+
+
 # ---------------------------------------------------------------- the table of all models, and models of one's own
 
 REFLECTION_FUNCTIONS = {
@@ -479,6 +548,9 @@ REFLECTION_FUNCTIONS = {
     "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
     "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
     "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
+    "ggx of texture": ReflectionFunction(
+        ggx_of_texture, needs_view=True, has_highlight=True, second_term=metal_term_of_texture
+    ),
     "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
     "anisotropic ggx": ReflectionFunction(
         anisotropic_ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors

@@ -37,7 +37,6 @@ from .visibility import record_of, stretch_of, strip_of
 # 1 / Σ q, the mip level, whole or between two, and the weights of the three corners, whose sum is 1.
 TEXCOORD_U, TEXCOORD_V, TEXCOORD_S, TEXCOORD_T, INVERSE_SUM, MIP_LEVEL = (index(BATCH_SIZE * k) for k in range(6))
 BARYCENTRIC = index(BATCH_SIZE * 6)
-LIGHT_COLUMNS = 6  # attributes of a textured surface in front of the texture coordinates
 
 
 @kernel
@@ -90,10 +89,13 @@ def sample_run(records, record, first, textures, texture, batch, out):
     n = index(out.shape[1])
     first_level, last_level = textures.first_levels[texture], textures.first_levels[texture + index(1)] - 1
     filtering, wraps = textures.filters[texture], (textures.wraps[texture, 0], textures.wraps[texture, 1])
-    fill_texcoords(records, record, first, n, wraps, batch)
+    fill_barycentric(records, record, first, n, batch)
+    corners = corner_texcoords(records, record, textures.texcoord)
+    fill_texcoords(corners, n, wraps, batch)
     if filtering == FILTER_TRILINEAR:
         size, coarsest = mip_level_size(textures, first_level), float(last_level - first_level)
-        fill_mip_levels(records, record, n, size, coarsest, step_of(first), batch)
+        fill_squares(exact_triangle(records, record), corners, n, (size[1], size[2]), step_of(first), batch)
+        fill_mip_levels(n, coarsest, batch)
     for k in range(n):
         s, t = batch[TEXCOORD_S + k], batch[TEXCOORD_T + k]
         if filtering == FILTER_NEAREST:
@@ -110,10 +112,10 @@ def sample_run(records, record, first, textures, texture, batch, out):
 
 
 @helper
-def fill_texcoords(records, record, first, n, wraps, batch):
-    """Fill texture coordinates, as they are and within the picture, and 1 / Σ q."""
-    fill_barycentric(records, record, first, n, batch)
-    us, vs = corner_texcoords(records, record)
+def fill_texcoords(corners, n, wraps, batch):
+    """Fill texture coordinates, as they are and within the picture, after `fill_barycentric`; `corners` is what
+    `corner_texcoords` returns."""
+    us, vs = corners
     for k in range(n):
         p = get_vector(batch, BARYCENTRIC, k)
         u, v = mean(us, p), mean(vs, p)
@@ -137,12 +139,9 @@ def fill_barycentric(records, record, first, n, batch):
 
 
 @helper
-def fill_mip_levels(records, record, n, size, coarsest, step, batch):
-    """Fill the mip levels: 0 is the texture itself, what lies between whole numbers is a mixture of two levels.
-
-    The parameters are those of `fill_squares`; `coarsest` is the last level.
-    """
-    fill_squares(records, record, n, (size[1], size[2]), step, batch)
+def fill_mip_levels(n, coarsest, batch):
+    """Fill the mip levels, after `fill_squares`: 0 is the texture itself, what lies between whole numbers is a mixture
+    of two levels; `coarsest` is the last one."""
     for k in range(n):
         # Within 0..coarsest for any square, also for one that is no number: a comparison with that is false.
         square = batch[MIP_LEVEL + k]
@@ -150,13 +149,15 @@ def fill_mip_levels(records, record, n, size, coarsest, step, batch):
 
 
 @helper
-def fill_squares(records, record, n, size, step, batch):
-    """Fill in the place of mip levels the square of how many texels the longer side of a sample covers.
+def fill_squares(triangle, corners, n, size, step, batch):
+    """Fill in the place of mip levels the square of how many texels the longer side of a sample covers, after
+    `fill_texcoords`.
 
-    `size` is the width and the height of level 0, `step` how many samples it is to the next point that is looked up.
+    `triangle` is what `exact_triangle` returns, `corners` what `corner_texcoords` does, `size` is the width and the
+    height of level 0, `step` how many samples it is to the next point that is looked up.
     """
-    steps_x, steps_y = weight_steps(exact_triangle(records, record))
-    us, vs = corner_texcoords(records, record)
+    steps_x, steps_y = weight_steps(triangle)
+    us, vs = corners
     d_x, u_x, v_x = step_sums(steps_x, us, vs)
     d_y, u_y, v_y = step_sums(steps_y, us, vs)
     width, height = step * float(size[0]), step * float(size[1])
@@ -168,9 +169,9 @@ def fill_squares(records, record, n, size, step, batch):
 
 
 @helper
-def corner_texcoords(records, record):
-    """Return u and v of an exact record, each at the three corners."""
-    column = index(ATTRIBUTE + 3 * LIGHT_COLUMNS)
+def corner_texcoords(records, record, attribute):
+    """Return u and v of an exact record, each at the three corners; `attribute` is that which is u."""
+    column = index(ATTRIBUTE) + index(3) * index(attribute)
     return corner_values(records.reals, record, column), corner_values(records.reals, record, column + index(3))
 
 

@@ -23,6 +23,7 @@ from .setup import MIN_INVERSE, SINGLE, compute_plane, linear_in_z, values_at
 
 FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
 WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
+FIRST_TEXCOORD = 6  # attributes of a textured surface in front of the texture coordinates
 
 
 class Textures(NamedTuple):
@@ -34,6 +35,7 @@ class Textures(NamedTuple):
     filters: np.ndarray  # (n_texture,) int64, FILTER_...
     wraps: np.ndarray  # (n_texture, 2) int64, WRAP_... along u and v
     of_materials: np.ndarray  # (n_material,) int64, the texture of each, -1 for none
+    texcoord: int = FIRST_TEXCOORD  # the attribute that is u; v follows
 
 
 class PackedTextures(NamedTuple):

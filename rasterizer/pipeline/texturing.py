@@ -21,7 +21,7 @@ from ..compiler.kernels import choice, class_of, field_of, helper, index, is_non
 from . import fragments as f
 from .fragments import BATCH_SIZE, get_vector
 from .gradients import HAS_TEXTURE, IS_TRANSPARENT, LevelCoding
-from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
+from .interpolate import corner_values, exact_triangle, has_exact, has_planes, mean, next_exact_run, row_extent
 from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .samples import (
@@ -52,13 +52,14 @@ from .texture_sampling import (
     BARYCENTRIC,
     TEXCOORD_S,
     TEXCOORD_T,
+    corner_texcoords,
     fill_barycentric,
     fill_squares,
     fill_texcoords,
     sample_run,
 )
 from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
-from .textures import FILTER_TRILINEAR, Textures, packed_texture
+from .textures import FILTER_TRILINEAR, FIRST_TEXCOORD, Textures, packed_texture
 from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
 
 
@@ -69,6 +70,8 @@ class Texturing(NamedTuple):
     lookup_batch: np.ndarray  # see texture_lookup.py
     double_batch: np.ndarray  # see texture_sampling.py
     texels: np.ndarray  # (4, n_row * pitch) float64: those of exact records; the alpha of all, for transparent surfaces
+    of_metals: np.ndarray | None  # (n_material,) int64, the metallic-roughness texture of each, -1 for none, whose
+    # texels stand behind the others, (8, n_row * pitch); None where there are none: then they are not compiled
 
 
 REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
@@ -188,6 +191,16 @@ def shade_exact(entries, records, first, texturing, start, out_radiance):
 
 
 # ---------------------------------------------------------------- what a texture shows
+
+
+@helper
+def put_in_metals(of_metals, texels, material, start, n, batch):
+    """Put in what the metallic-roughness texture of a material shows, if it has one."""
+    if of_metals is not None:
+        if of_metals[material] >= 0:
+            for k in range(n):
+                batch[f.ROUGHNESS + k] = texels[5, start + k]  # green
+                batch[f.METALLIC + k] = texels[6, start + k]  # blue
 
 
 @helper
@@ -322,12 +335,14 @@ def put_in_exact_texcoords(entries, records, first, material, texture, double_ba
             start, end = next_exact_run(entries, end)
             continue
         n, record, where = end - start, record_of(entries[start]), skip_to(first, start)
-        fill_texcoords(records, record, where, n, texture.wraps, double_batch)
+        corners = corner_texcoords(records, record, FIRST_TEXCOORD)
+        fill_barycentric(records, record, where, n, double_batch)
+        fill_texcoords(corners, n, texture.wraps, double_batch)
         for k in range(n):
             rows[S + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_S + k]))
             rows[T + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_T + k]))
         if texture.filter == FILTER_TRILINEAR:
-            fill_squares(records, record, n, size, step_of(where), double_batch)
+            fill_squares(exact_triangle(records, record), corners, n, size, step_of(where), double_batch)
             for k in range(n):
                 rows[MIP_LEVEL + start + k] = mip_level(np.float32(double_batch[DOUBLE_MIP_LEVEL + k]), coarsest)
         start, end = next_exact_run(entries, end)

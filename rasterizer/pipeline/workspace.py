@@ -25,7 +25,7 @@ class Workspace(NamedTuple):
     double_batch: np.ndarray  # the same in float64
     lookup_batch: np.ndarray  # of samples, for looking textures up
     pixels: PixelBatch  # for the resolve stage
-    texels: np.ndarray  # (4, n_row * pitch) float64; (0, n_row * pitch) where the scene has no textures
+    texels: np.ndarray  # (n_texel, n_row * pitch) float64
     # None where the scene has no transparent surfaces:
     room: Room | None  # for the A-buffer
     extents: VisibilityBuffer | None  # clear, without entries: for those of transparent surfaces
@@ -40,7 +40,7 @@ class WorkspaceShape(NamedTuple):
     n_channel: int
     n_attribute: int
     dtype: np.dtype  # of intensities
-    is_textured: bool
+    n_texel: int  # rows of texels: 4, with metallic-roughness textures 8; 0 where the scene has no textures
     is_transparent: bool
     points_factor: int = 0  # samples a pixel along each axis, where it is shaded once a polygon; 0 = every sample is
 
@@ -82,9 +82,9 @@ def make_workspace(shape: WorkspaceShape, n_record: int) -> Workspace:
         np.zeros((shape.n_channel, n_sample), shape.dtype),
         make_batch(np.float32),
         make_batch(np.float64),
-        make_lookup_batch() if shape.is_textured else np.zeros(0, np.float32),
+        make_lookup_batch() if shape.n_texel else np.zeros(0, np.float32),
         make_pixel_batch(),
-        np.zeros((4 if shape.is_textured else 0, n_sample)),
+        np.zeros((shape.n_texel, n_sample)),
         Room() if shape.is_transparent else None,
         make_extents(shape.n_row) if shape.is_transparent else None,
         make_point_list(visibility, shape.n_row, shape.points_factor, shape.n_channel, shape.dtype)

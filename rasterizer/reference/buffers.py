@@ -152,4 +152,4 @@ def _uv_of(mesh: Mesh) -> NDArray[np.float64]:
     """Return the texture coordinates (n_face, 3, 2) of a mesh's corners, NaN where it has none."""
     if mesh.uv is None:
         return np.full((mesh.n_face, 3, 2), np.nan)
-    return mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+    return (mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces])[..., :2]

@@ -348,7 +348,7 @@ def _explain_lights(
     by."""
     found: dict[int, list[Contribution]] = {}
     arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
-    for each in contributions(*arguments):
+    for each in contributions(*arguments, points.metals):
         found.setdefault(each.lamp.index, []).append(each)
     shares = []
     for index, cells in found.items():
@@ -433,7 +433,12 @@ def _describe_material(material: Material) -> str:
     numbers |= {
         "lambert": {},
         "oren-nayar": {"roughness": material.roughness},
-        "cook-torrance": {"roughness": material.roughness, "fresnel": material.fresnel},
+        "cook-torrance": {
+            "roughness": material.roughness,
+            "fresnel": material.fresnel,
+            "metallic": material.metallic,
+            "metal": material.metal_color,
+        },
         "toon": {"shininess": material.shininess, "levels": material.levels},
     }.get(material.reflection, {"shininess": material.shininess})
     return f"{material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())

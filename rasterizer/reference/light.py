@@ -41,6 +41,7 @@ class Lighting(NamedTuple):
     lights: tuple[Light, ...]
     shading: str
     textures: tuple[Texture | None, ...] = ()  # of each material; empty where no face has one
+    metals: tuple[Texture | None, ...] = ()  # the same of the textures that say how metallic and rough a surface is
     casters: Casters | None = None  # None where no light casts shadows
     n_wave: int | None = None  # samples of the spectrum; None = red, green and blue
     cue: DepthCue | None = None  # None where nothing fades with depth
@@ -87,21 +88,24 @@ def make_lighting(
         casters = gather_casters(surface.corners, owner, is_opaque)
     if all(texture is None for texture in textures):
         textures = ()
-    table = read_materials(scene, n_wave)
+    is_lit_per_sample = shading == "phong"
+    metals = tuple(material.as_lit(is_lit_per_sample).metallic_roughness for material in palette)
+    metals = metals if any(texture is not None for texture in metals) else ()
+    table = read_materials(scene, n_wave, is_lit_per_sample)
     return Lighting(
-        view, projection, table, scene.lights, shading, textures, casters, n_wave, scene.depth_cue, exposure
+        view, projection, table, scene.lights, shading, textures, metals, casters, n_wave, scene.depth_cue, exposure
     )
 
 
 def light_points(
     points: NDArray, normals: NDArray, material: NDArray, lighting: Lighting,
-    origins: RayOrigins | None = None, tangents: NDArray | None = None,
+    origins: RayOrigins | None = None, tangents: NDArray | None = None, metals: NDArray | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Evaluate the illumination equation.
 
-    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect`
-    computes them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in
-    shadow, else 1.
+    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a (kd D + ks M) + ks F), per channel, with D, F and M
+    as `reflect` computes them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's
+    colour; S is 0 in shadow, else 1.
 
     Parameters
     ----------
@@ -111,6 +115,7 @@ def light_points(
     lighting : all else
     origins : where rays to the lights start; None = nothing lies in shadow
     tangents : (n, 3) float64, the directions in which u grows; None where the scene has no texture coordinates
+    metals : (n, 2) float64, what textures multiply metallic and roughness by; None = 1
 
     Returns
     -------
@@ -118,7 +123,7 @@ def light_points(
     specular : (n, 3) float64, linear RGB
     """
     diffuse, specular = ambient_light(material, lighting), lighting.materials["emissive"][material]
-    for each in contributions(points, normals, material, lighting, origins, tangents):
+    for each in contributions(points, normals, material, lighting, origins, tangents, metals):
         diffuse += each.diffuse
         specular += each.specular
     return as_rgb(diffuse, lighting), as_rgb(specular, lighting)
@@ -136,10 +141,15 @@ def ambient_light(material: NDArray, lighting: Lighting) -> NDArray[np.float64]:
 
 def contributions(
     points: NDArray, normals: NDArray, material: NDArray, lighting: Lighting,
-    origins: RayOrigins | None = None, tangents: NDArray | None = None,
+    origins: RayOrigins | None = None, tangents: NDArray | None = None, metals: NDArray | None = None,
 ) -> Iterator[Contribution]:  # fmt: skip
     """Compute what each lamp adds, one after the other; parameters are those of `light_points`."""
     table = lighting.materials[material]
+    if metals is not None:
+        table["metallic"] *= metals[:, 0]
+        has_texture = np.array([texture is not None for texture in lighting.metals])[material]
+        alpha = np.where(has_texture, np.maximum(table["roughness"] * metals[:, 1], 0.001), table["roughness"])
+        table["roughness"], table["across"] = alpha, np.where(has_texture, alpha, table["across"])
     view_dirs = to_viewer(points, lighting)
     brush = table["axis"] if tangents is None else np.where(table["is_by_u"][:, None], tangents, table["axis"])
 
@@ -157,9 +167,10 @@ def contributions(
             is_lit = n_dot_l > 0
             if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None) is not None:
                 is_lit[is_lit] = _is_reached(lamp, arrival, origins, is_lit, lighting.casters)
-            diffuse, specular = reflect(table, normals, arrival.light_dirs, view_dirs, brush)
+            diffuse, specular, metal = reflect(table, normals, arrival.light_dirs, view_dirs, brush)
             with np.errstate(invalid="ignore"):  # an amplifying light in the very point
-                reflected = color * table["diffuse"] * diffuse, color * table["specular"] * specular
+                of_color = table["diffuse"] * diffuse + table["specular"] * metal
+                reflected = color * of_color, color * table["specular"] * specular
             diffuse, specular = (np.where(is_lit[:, None], part, 0) for part in reflected)
             yield Contribution(lamp, arrival.light_dirs, n_dot_l, left, is_lit, diffuse, specular)
 

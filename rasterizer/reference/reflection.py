@@ -1,7 +1,7 @@
 """The reflection models: how much of a light a surface sends to the viewer, in plain numpy float64.
 
-In: normals, directions, and for each point a row of the table of materials (`read_materials`). Out: D and S, which
-light.py multiplies by colours.
+In: normals, directions, and for each point a row of the table of materials (`read_materials`). Out: D, S and M,
+which light.py multiplies by colours.
 
 Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V.
 """
@@ -27,8 +27,12 @@ GRAZING = 2.0**-40
 
 def reflect(
     table: NDArray, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray, tangents: NDArray | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return D and S (n, n_channel) of the material of each row of `table`; of no meaning where N.L <= 0.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return D, S and M (n, n_channel) of the material of each row of `table`; of no meaning where N.L <= 0.
+
+    M is what the surface's own colour a multiplies beside D: of a metal F0 = metal·a, so that with the share m of it
+
+        W = W(F0 = 0) + (1 - (1 - cos theta)^5) ((1 - m) F0 + m metal a)
 
     Parameters
     ----------
@@ -37,15 +41,20 @@ def reflect(
     tangents : (n, 3) float64 of any length, the direction that anisotropic materials are brushed along; None = no such
         materials
     """
-    diffuse, specular = np.zeros((2, *table["fresnel"].shape))
+    diffuse, specular, metal = np.zeros((3, *table["fresnel"].shape))
     tangents = np.zeros_like(normals) if tangents is None else tangents
     for model in np.unique(table["reflection"]):
         at = table["reflection"] == model
         sides = normals[at], light_dirs[at], view_dirs[at], tangents[at]
         d, s, cosine = REFERENCE_MODELS[str(model)].function(table[at], *sides)
-        diffuse[at] = np.reshape(d, (-1, 1))
-        specular[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
-    return diffuse, specular
+        d, s, share = np.reshape(d, (-1, 1)), np.reshape(s, (-1, 1)), table[at]["metallic"][:, None]
+        diffuse[at] = (1 - share) * d
+        if cosine is None:
+            specular[at] = s
+            continue
+        specular[at] = s * _schlick((1 - share) * table[at]["fresnel"], cosine)
+        metal[at] = s * share * table[at]["metal"] * (1 - _schlick(0.0, cosine))
+    return diffuse, specular, metal
 
 
 def _reflect_lambert(_table, normals, light_dirs, _view_dirs, _tangents):
@@ -141,9 +150,9 @@ def _reflect_toon(table, normals, light_dirs, view_dirs, _tangents):
     return np.where(is_lit, np.minimum(step, levels) / levels, 0.0), np.where(is_lit & is_bright, 1.0, 0.0), None
 
 
-def _schlick(table, cosine):
+def _schlick(fresnel, cosine):
     """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5, (n, n_channel)."""
-    return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1)[:, None] ** 5
+    return fresnel + (1 - fresnel) * np.clip(1 - cosine, 0, 1)[:, None] ** 5
 
 
 def _angle(a, b):
@@ -204,30 +213,32 @@ def count_waves(scene: Scene, spectral: int | None) -> int | None:
     colors = [light.color for light in scene.lights]
     for material in palette_of(scene):
         colors += [material.ambient, material.diffuse, material.specular, material.emissive, material.fresnel]
+        colors += [material.metal]
     has_spectrum = any(hasattr(color, "wavelengths") for color in colors)
     return N_WAVE if spectral is None and has_spectrum else spectral
 
 
-def read_materials(scene: Scene, n_wave: int | None = None) -> NDArray:
+def read_materials(scene: Scene, n_wave: int | None = None, is_lit_per_sample: bool = True) -> NDArray:
     """Return the reflection coefficients of the materials of `palette_of`.
 
     Returns
     -------
     (n_material,) records; colours have `n_wave` values, or three where that is None
     """
-    palette = palette_of(scene)
+    palette = [material.as_lit(is_lit_per_sample) for material in palette_of(scene)]
     colors = [
         (name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")
     ]
-    colors += [("fresnel", *colors[0][1:])]
-    numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity")]
+    colors += [(name, *colors[0][1:]) for name in ("fresnel", "metal")]
+    numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity", "metallic")]
     longest = max(map(len, (*REFERENCE_MODELS, *DISTRIBUTIONS)))
     words = [("reflection", f"U{longest}"), ("distribution", f"U{longest}"), ("normalized", bool)]
     brush = [("roughness", np.float64), ("across", np.float64), ("axis", np.float64, 3), ("is_by_u", bool)]
     table = np.zeros(len(palette), [*colors, *numbers, *words, *brush])
     for row, material in zip(table, palette, strict=True):
-        for name, *_ in colors[:-1]:
+        for name, *_ in colors[:-2]:
             row[name] = channels_of(getattr(material, name), n_wave)
+        row["metal"] = channels_of(material.diffuse if material.metal is None else material.metal, n_wave)
         for name, _ in numbers + words:
             row[name] = getattr(material, name)
         absent = reference_model_of(material).default_fresnel

@@ -63,6 +63,7 @@ class Points(NamedTuple):
     albedo: NDArray[np.float64]  # (n, 3) linear RGB that multiplies the diffuse part
     origins: RayOrigins  # of the rays to the lights
     tangents: NDArray[np.float64] | None  # (n, 3) None where no material is brushed along u
+    metals: NDArray[np.float64] | None = None  # (n, 2) what textures multiply metallic and roughness by; None = 1
 
 
 def light_samples(
@@ -115,16 +116,25 @@ def opacity_of(surface: Surface, fragments: Fragments, lighting: Lighting, texel
 
 def sample_textures(surface: Surface, fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:
     """Return what the textures show at samples, (n, 4) linear RGB and alpha; 1 where a surface has none."""
+    return _look_up(surface, fragments, lighting.textures, slice(0, 2))
+
+
+def _look_up(
+    surface: Surface, fragments: Fragments, textures: tuple[Texture | None, ...], columns: slice
+) -> NDArray[np.float64]:
+    """Return what textures, one or None of each material, show at samples: (n, 4); 1 where there is none. `columns` are
+    those of the texture coordinates."""
     texels = np.ones((len(fragments.face), 4))
-    if not lighting.textures:
+    if not textures:
         return texels
     material = surface.material[fragments.face]
     for number in np.unique(material):
-        if lighting.textures[number] is not None:
+        texture = textures[number]
+        if texture is not None:
             at = material == number
-            corners = surface.uv[fragments.face[at]]
+            corners = surface.uv[fragments.face[at]][..., columns]
             uv, steps = blend(fragments.weights[at], corners), fragments.steps[at] @ corners
-            texels[at] = sample_texture(lighting.textures[number], uv, steps)
+            texels[at] = sample_texture(texture, uv, steps)
     return texels
 
 
@@ -143,7 +153,7 @@ def sample_normals(surface: Surface, fragments: Fragments) -> NDArray[np.float64
 def _light(points: Points, lighting: Lighting) -> tuple[NDArray, NDArray]:
     """Evaluate the equation at points; return both parts of the light, (n, 3) each, the diffuse one with the points'
     colours."""
-    args = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
+    args = points.positions, points.normals, points.material, lighting, points.origins, points.tangents, points.metals
     diffuse, specular = light_points(*args)
     return points.albedo * diffuse, specular
 
@@ -261,7 +271,11 @@ def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) ->
     albedo = blend(fragments.weights, surface.albedo[fragments.face])
     origins = RayOrigins(blend(fragments.weights, surface.corners[fragments.face]), fragments.face)
     tangents = None if surface.tangents is None else blend(fragments.weights, surface.tangents[fragments.face])
-    return Points(positions, normals, surface.material[fragments.face], albedo, origins, tangents)
+    metals = None
+    if lighting.metals:
+        texels = _look_up(surface, fragments, lighting.metals, slice(2, 4))
+        metals = np.stack([texels[:, 2], texels[:, 1] ** 2], axis=1)
+    return Points(positions, normals, surface.material[fragments.face], albedo, origins, tangents, metals)
 
 
 def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:

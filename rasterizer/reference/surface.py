@@ -42,7 +42,8 @@ class Surface(NamedTuple):
     albedo: NDArray[np.float64]  # (n_face, 3, 3) linear RGB that multiplies ka and kd
     polygon: NDArray[np.int64]  # (n_face,) polygon that the triangle came from
     material: NDArray[np.int64]  # (n_face,) row of the table of materials
-    uv: NDArray[np.float64] | None = None  # (n_face, 3, 2) texture coordinates; None where no material needs them
+    # (n_face, 3, 4) texture coordinates, and those of metallic-roughness textures; None where no material needs them
+    uv: NDArray[np.float64] | None = None
     tangents: NDArray[np.float64] | None = None  # (n_face, 3, 3) of the corners; None where nothing is brushed along u
     loaded: NDArray[np.int64] | None = None  # (n_face,) the face as loaded; None = the same
     rings: Rings | None = None  # polygons drawn about their centres; None = none
@@ -98,10 +99,11 @@ def _corner_albedo(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _corner_uv(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the (n_face, 3, 2) texture coordinates of the corners, 0 where the mesh has none."""
+    """Return the (n_face, 3, 4) texture coordinates of the corners, 0 where the mesh has none."""
     if mesh.uv is None:
-        return np.zeros((mesh.n_face, 3, 2))
-    return mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+        return np.zeros((mesh.n_face, 3, 4))
+    uv = mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+    return np.concatenate([uv[..., :2], uv[..., -2:]], axis=2)
 
 
 def compute_sides(surface: Surface, face: NDArray, facing: NDArray) -> NDArray[np.int64]:
@@ -162,7 +164,7 @@ def about_centers(surface: Surface) -> Surface:
     table = Rings(rings, start[number >= 0], count[number >= 0])
     return surface._replace(
         corners=values[..., :3], normals=values[..., 3:6], albedo=values[..., 6:9], polygon=surface.polygon[faces],
-        material=surface.material[faces], uv=None if surface.uv is None else values[..., 9:11],
+        material=surface.material[faces], uv=None if surface.uv is None else values[..., 9:13],
         tangents=None if surface.tangents is None else values[..., -3:], loaded=faces, rings=table,
     )  # fmt: skip
 
@@ -301,14 +303,14 @@ def face_tangents(corners: NDArray, uv: NDArray) -> NDArray[np.float64]:
     Parameters
     ----------
     corners : (n_face, 3, 3) float64
-    uv : (n_face, 3, 2) float64
+    uv : (n_face, 3, 2 or more) float64, of which the first two count
 
     Returns
     -------
     (n_face, 3) float64
     """
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    d1, d2 = uv[:, 1, :2] - uv[:, 0, :2], uv[:, 2, :2] - uv[:, 0, :2]
     level_v = e1 * d2[:, 1:] - e2 * d1[:, 1:]
     rise_u = (d1[:, :1] * d2[:, 1:] - d2[:, :1] * d1[:, 1:])[:, 0]
     return unit(level_v) * np.sign(rise_u)[:, None] * length(area_vectors(corners))

@@ -19,7 +19,7 @@ under a light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,11 +40,13 @@ class ReflectionModel(NamedTuple):
     Parameters
     ----------
     min_roughness : legal is `roughness` from here to 1
-    brushed : the `distribution` with which `roughness` may be two numbers; None = it is one number
+    brushed : the `distribution` with which `roughness` may be two numbers, or follow a texture; None = it is one number
+    is_metallic : it reads `metallic`, and what belongs to it
     """
 
     min_roughness: float = 0.0
     brushed: str | None = None
+    is_metallic: bool = False
 
 
 # Every reflection model that a material may name. What the engine and the reference know of it stands in tables by the
@@ -55,7 +57,7 @@ REFLECTION_MODELS: dict[str, ReflectionModel] = {
     "blinn": ReflectionModel(),
     "lambert": ReflectionModel(),
     "oren-nayar": ReflectionModel(),
-    "cook-torrance": ReflectionModel(min_roughness=0.001, brushed="ggx"),
+    "cook-torrance": ReflectionModel(min_roughness=0.001, brushed="ggx", is_metallic=True),
     "toon": ReflectionModel(),
 }
 
@@ -103,6 +105,15 @@ class Material:
         an RGB F0 becomes a curve, as all RGB colours do: that of a saturated one leaves 0..1 here and there, its RGB
         doesn't.) None: W = 1, for "cook-torrance" F0 = 0.04. Stored as a float, or as a linear RGB triple or Spectrum
         where it isn't grey
+    metallic : number within 0..1, the share m of the surface that is bare metal, for "cook-torrance"; the other models
+        don't use it. Metal reflects nothing diffusely, and its F0 is `metal` times the colours of the mesh and
+        `texture`, at every sample: W = F + (1 - F)(1 - cos θ)^5 with F = (1 - m)·F0 + m·metal·colour·texel
+    metal : colour, F0 of the metal (m), where `metallic` is above 0; None = the same as `diffuse`
+    metallic_roughness : Texture, or anything that `Texture.of_numbers` takes as an image, or None: at every sample
+        its blue multiplies `metallic`, and the square of its green `roughness`, both within 0..1, as in glTF;
+        "cook- torrance" takes it with "ggx" and one `roughness`, the other models don't use it. The mesh needs
+        `uv`; without a `texture` the material gets a white one. Flat shading and Gouraud's method, which light no
+        samples, take its means. A picture with such a material is computed in float64
     normalized : scale the highlight of "phong" by (n + 2)/2·N·L (Lafortune & Willems 1994), that of "blinn" by
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent
@@ -113,7 +124,8 @@ class Material:
     name : text, for reports
 
     Coefficients above 1 are legal, written as floats: whole numbers above 1, as (255, 128, 0), are refused.
-    `dataclasses.replace(material, diffuse=...)` keeps the ambient colour; pass `ambient=None` along to let it follow.
+    `dataclasses.replace(material, diffuse=...)` keeps the ambient colour, and a `metal` that was given; pass
+    `ambient=None` along to let it follow.
 
     Raises
     ------
@@ -131,6 +143,9 @@ class Material:
     roughness: float | Sequence[float] = 0.5
     distribution: Distribution = "ggx"
     fresnel: ColorLike | None = None
+    metallic: float = 0.0
+    metal: ColorLike | None = None
+    metallic_roughness: TextureLike | None = None
     normalized: bool = False
     levels: int = 3
     tangent: str | VectorLike = "u"
@@ -152,6 +167,8 @@ class Material:
         store(self, opacity=opacity)
         if self.texture is not None and not isinstance(self.texture, Texture):
             store(self, texture=Texture(self.texture))
+        if self.metallic_roughness is not None and not isinstance(self.metallic_roughness, Texture):
+            store(self, metallic_roughness=Texture.of_numbers(self.metallic_roughness))
         choice(self.reflection, tuple(REFLECTION_MODELS), "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
@@ -168,6 +185,7 @@ class Material:
                 f"the material's tangent must be 'u' or three numbers, an axis; given {shown(self.tangent)}"
             )
         store(self, fresnel=_checked_fresnel(self.fresnel))
+        self._check_metal()
         if not isinstance(self.normalized, (bool, np.bool_)):
             raise SceneError(f"the material's normalized must be True or False; given {shown(self.normalized)}")
         store(self, normalized=bool(self.normalized))
@@ -175,6 +193,25 @@ class Material:
         if levels != int(levels) or not 1 <= levels <= MAX_LEVELS:
             raise SceneError(f"the material's levels must be whole, within 1..{MAX_LEVELS}; given {self.levels!r}")
         store(self, levels=int(levels))
+
+    def _check_metal(self) -> None:
+        """Check how much of the surface is metal, and the texture that says where."""
+        metallic, model = number(self.metallic, "the material's metallic"), REFLECTION_MODELS[self.reflection]
+        if not 0.0 <= metallic <= 1.0:
+            raise SceneError(f"the material's metallic must be within 0..1; given {self.metallic!r}")
+        store(self, metallic=metallic)
+        if self.metal is not None:
+            store(self, metal=surface_rgb(self.metal, "the material's metal"))
+        if self.metallic_roughness is None:
+            return
+        image: Any = self.metallic_roughness.image  # type: ignore[union-attr]
+        if image[..., 1:3].max() > 1.0:
+            raise SceneError("the material's metallic_roughness must have green and blue within 0..1")
+        if model.is_metallic and (self.distribution != model.brushed or isinstance(self.roughness, tuple)):
+            what = f"{self.reflection!r} takes it with {model.brushed!r} and one roughness"
+            raise SceneError(f"the material must have no metallic_roughness: {what}")
+        if self.texture is None:
+            store(self, texture=Texture(np.ones((1, 1, 3)), "bilinear"))
 
     def _checked_roughness(self) -> float | tuple[float, ...]:
         """Return the roughness as a float, or as two that differ."""
@@ -202,6 +239,31 @@ class Material:
     def needs_uv(self) -> bool:
         """Whether the mesh must have texture coordinates."""
         return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
+
+    @property
+    def metal_color(self) -> Any:
+        """F0 of the metal, as the other colours are stored."""
+        return self.diffuse if self.metal is None else self.metal
+
+    def as_lit(self, is_lit_per_sample: bool) -> "Material":
+        """Return the same with what counts of `metallic` and `metallic_roughness`: nothing where the model doesn't use
+        them, the means of the texture where no samples are lit, or none of them has a highlight."""
+        specular: Any = self.specular
+        if not REFLECTION_MODELS.get(self.reflection, ReflectionModel()).is_metallic:
+            is_plain = self.metallic == 0.0 and self.metallic_roughness is None
+            return self if is_plain else replace(self, metallic=0.0, metallic_roughness=None)
+        is_dull = max(specular) == 0.0
+        return self if is_lit_per_sample and not is_dull else self.with_means()
+
+    def with_means(self) -> "Material":
+        """Return the same with the means of `metallic_roughness` in its place."""
+        if self.metallic_roughness is None:
+            return self
+        texture: Any = self.metallic_roughness
+        _, green, blue, _ = texture.mean.tolist()
+        least = REFLECTION_MODELS[self.reflection].min_roughness
+        roughness: Any = self.roughness if isinstance(self.roughness, tuple) else max(self.roughness * green**2, least)
+        return replace(self, metallic_roughness=None, metallic=self.metallic * blue, roughness=roughness)
 
     @classmethod
     def named(cls, name: str, /, **changes: Any) -> "Material":

@@ -57,7 +57,8 @@ class Mesh(KeepsArrays):
         where no face with an area meets the vertex
     colors : (n_vertex, 3 or 4), or (n_face, 3, 3 or 4) for each corner of each triangle; uint8 = sRGB-encoded, float =
         linear; stored float64, linear. An alpha is kept, and not drawn: opacity is the material's, or its texture's
-    uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64
+    uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64. Four in the place of two
+        are those of textures, then those of `metallic_roughness`, which is laid by the others else
     material : Material
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals given, else the smoothing groups, else 30
@@ -174,8 +175,8 @@ class Mesh(KeepsArrays):
         n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else np.asarray(self.faces))
         n_corner_face = n_face if cut_from is None else None
 
-        def per_vertex_or_corner(key: str, width: int) -> NDArray[np.float64] | None:
-            array = mesh_arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, width, key)
+        def per_vertex_or_corner(key: str, *widths: int) -> NDArray[np.float64] | None:
+            array = mesh_arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, widths, key)
             return mesh_arrays.finite(array, self.drop_bad_faces, key)
 
         def per_triangle(array: NDArray | None) -> NDArray | None:
@@ -183,7 +184,7 @@ class Mesh(KeepsArrays):
 
         return {
             "normals": mesh_arrays.unit_normals(per_vertex_or_corner("normals", 3)),
-            "uv": per_vertex_or_corner("uv", 2),
+            "uv": per_vertex_or_corner("uv", 2, 4),
             "colors": mesh_arrays.checked_colors(self.colors, {n_vertex}, "colors", n_corner_face),
             "face_colors": per_triangle(mesh_arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")),
             "face_material": per_triangle(self._checked_face_material(n_face, n_given)),

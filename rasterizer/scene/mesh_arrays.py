@@ -206,12 +206,15 @@ def checked_ints(values: Any, counts: set[int], what: str) -> NDArray[np.int32] 
     return np.ascontiguousarray(array, dtype=np.int32)
 
 
-def checked_floats(values: Any, n_vertex: int, n_face: int | None, width: int, what: str) -> NDArray[np.float64] | None:
+def checked_floats(
+    values: Any, n_vertex: int, n_face: int | None, widths: tuple[int, ...], what: str
+) -> NDArray[np.float64] | None:
     """Return (n_vertex, width), or (n_face, 3, width) unless `n_face` is None, as float64, finite or not."""
     if values is None:
         return None
     array = _as_real(values, what)
-    legal = {(n_vertex, width)} | ({(n_face, 3, width)} if n_face is not None else set())
+    legal: list[tuple[int, ...]] = [(n_vertex, width) for width in widths]
+    legal += [(n_face, 3, width) for width in widths if n_face is not None]
     if array.shape not in legal:
         hint = "" if n_face is not None else " (one a corner only with triangles)"
         raise ModelError(f"{what} must have the shape {' or '.join(map(str, legal))}{hint}; given {array.shape}")

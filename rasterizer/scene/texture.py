@@ -65,7 +65,7 @@ ImageLike: TypeAlias = ArrayLike | str | os.PathLike[str] | HasPixels  # what a 
 @checked_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Texture(KeepsArrays):
-    """Hold a picture that multiplies a material's diffuse and ambient coefficients.
+    """Hold a picture that multiplies coefficients of a material: see its `texture` and `metallic_roughness`.
 
     Parameters
     ----------
@@ -122,6 +122,24 @@ class Texture(KeepsArrays):
                 ) from fault
         store(self, image=_checked_image(image))
 
+    @classmethod
+    def of_numbers(cls, image: ImageLike, **settings: Any) -> "Texture":
+        """Return a texture of an image that holds numbers: its 8 bits are 0..1, and not sRGB-encoded.
+
+        Parameters
+        ----------
+        image : as the class takes it
+        settings : the other fields
+        """
+        source: Any = image
+        if isinstance(source, (str, os.PathLike)):
+            settings = {"name": os.fsdecode(source)} | settings
+            source = read_picture(source, os.fsdecode(source))
+        elif hasattr(source, "convert"):
+            source = np.asarray(source if source.mode in ("L", "LA", "RGB", "RGBA") else source.convert("RGBA"))
+        is_bytes = isinstance(source, np.ndarray) and source.dtype == np.uint8
+        return cls(source / np.float32(255.0) if is_bytes else source, **settings)
+
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
         height, width = self.image.shape[:2]
@@ -131,6 +149,16 @@ class Texture(KeepsArrays):
     def has_alpha(self) -> bool:
         """Whether any texel lets something through."""
         return bool((self.image[..., 3] < 1.0).any())
+
+    @cached_property
+    def mean(self) -> NDArray[np.float64]:
+        """The mean of all texels, (4,)."""
+        return self.image.mean(axis=(0, 1), dtype=np.float64)
+
+    @cached_property
+    def least(self) -> NDArray[np.float64]:
+        """The least of all texels in each channel, (4,)."""
+        return self.image.min(axis=(0, 1)).astype(np.float64)
 
     @cached_property
     def pyramid(self) -> tuple[NDArray[np.float32], ...]:

@@ -84,6 +84,9 @@ def test_a_texture_needs_a_file_and_coordinates(folder, capsys):
     name = write(folder, {"meshes": [TRIANGLE | {"uv": [[0, 0], [1, 0], [0, 1]]}]})
     (made,) = materials(name, "--material", "texture=red, white.png,diffuse=1")
     assert made.diffuse == (1, 1, 1) and made.texture.image[0, 0].tolist() == [1, 0, 0, 1]
+    given = "reflection=cook-torrance,metallic=0.5,metallic_roughness=red, white.png"
+    (metal,) = materials(name, "--material", given)
+    assert metal.metallic == 0.5 and metal.metallic_roughness.image[0, 0].tolist() == [1, 0, 0, 1]
     bare = write(folder, {"meshes": [TRIANGLE]}, "bare.json")
     assert_refused(capsys, [
         ([bare, "--material", "texture=red, white.png"], "bare.json: a mesh has no texture coordinates (uv)"),

@@ -16,8 +16,8 @@ from rasterizer.engine.reflections import (
     blinn_scale,
     entry_of,
     first_fresnel,
-    has_colored_fresnel,
     has_highlight,
+    has_two_terms,
     power_slope,
 )
 from rasterizer.engine.rounding import DOUBLE, SINGLE, times
@@ -204,8 +204,8 @@ def test_fresnel_as_the_pipeline_takes_it():
     for word in REFLECTION_MODELS:
         colored = made(word, fresnel=(0.9, 0.5, 0.1))
         assert first_fresnel(colored) == 1.0
-        assert has_colored_fresnel(colored) == (word in ("phong", "blinn", "cook-torrance"))
-        assert not has_colored_fresnel(made(word, fresnel=(0.9, 0.5, 0.1), specular=0))
+        assert has_two_terms(colored) == (word in ("phong", "blinn", "cook-torrance"))
+        assert not has_two_terms(made(word, fresnel=(0.9, 0.5, 0.1), specular=0))
     assert blinn_scale(made("blinn", shininess=10, normalized=True)) == pytest.approx(12 * 14 / (8 * (2**-5 + 10)))
 
 

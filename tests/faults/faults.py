@@ -182,6 +182,20 @@ FAULTS = (
         "pictures pipeline engine",
     ),
     Fault(
+        "metals: F0 doesn't follow the base colour, but is that of the material",
+        "pipeline/reflection.py",
+        "batch[f.DIFFUSE + k] = straight\n",
+        "batch[f.DIFFUSE + k] = zero\n    batch[f.SPECULAR + k] += straight\n",
+        "pictures/test_metals.py pictures",
+    ),
+    Fault(
+        "metals: the share that a texture says leaves the diffuse part as it is",
+        "pipeline/reflection.py",
+        "diffuse * rest if",
+        "diffuse if",
+        "pictures/test_metals.py pictures",
+    ),
+    Fault(
         "Cook-Torrance, brushed: the two roughnesses are exchanged in the half vector",
         "pipeline/reflection.py",
         "dot(half, tangent) / alpha_x, dot(half, bitangent) / alpha_y",
@@ -412,6 +426,13 @@ FAULTS = (
         "faces[1::2] = faces[1::2, ::-1]",
         "faces[::2] = faces[::2, ::-1]",
         "io",
+    ),
+    Fault(
+        "glTF: F0 of a metal is that of its factors, whatever texture and colours of vertices multiply them",
+        "io/gltf.py",
+        "not (is_multiplied and metallic > 0.0)",
+        "True",
+        "pictures/test_metals.py io",
     ),
     Fault("glTF: the roughness isn't squared", "io/gltf.py", "float(roughness) ** 2", "float(roughness)", "io"),
     Fault(

@@ -18,7 +18,7 @@ def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0
 def fill(covered, radiance, factor=1, dtype=np.float32):
     """A workspace with the intensities (n_channel, rows, columns) where `covered`, rubbish elsewhere."""
     n_row, width = covered.shape
-    workspace = make_workspace(WorkspaceShape(width, n_row, len(radiance), 1, np.dtype(dtype), False, False), 1)
+    workspace = make_workspace(WorkspaceShape(width, n_row, len(radiance), 1, np.dtype(dtype), 0, False), 1)
     visibility = workspace.visibility
     workspace.radiance[:] = 77.0
     workspace.radiance.reshape(len(radiance), n_row, visibility.pitch)[:, :, :width] = np.where(covered, radiance, 1e9)

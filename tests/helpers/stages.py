@@ -136,7 +136,7 @@ def scan_alone(
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
     n_attribute = max(array.shape[2] for array in sides)
     dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
-    kind = WorkspaceShape(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, False, False)
+    kind = WorkspaceShape(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, 0, False)
     workspace = make_workspace(kind, options.get("room", n * max_units(coding)))
     fill = options.get("fill", 0)
     workspace.records.integers.fill(np.max(fill))

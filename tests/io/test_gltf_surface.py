@@ -41,6 +41,16 @@ def material_of(source, *args, **kwargs):
     return mesh.material
 
 
+def with_uv(tree, primitive):
+    """Give the box texture coordinates."""
+    uv = base64.b64encode(np.linspace(0, 1, 16, dtype=np.float32).tobytes()).decode()
+    tree["buffers"].append({"uri": f"data:;base64,{uv}", "byteLength": 64})
+    tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": 64})
+    view = len(tree["bufferViews"]) - 1
+    tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 8, "type": "VEC2"})
+    primitive["attributes"]["TEXCOORD_0"] = len(tree["accessors"]) - 1
+
+
 def metal(**surface) -> dict:
     return {"pbrMetallicRoughness": {"baseColorFactor": [*BASE, 1], **surface}}
 
@@ -77,29 +87,28 @@ def test_what_is_not_given_is_rough_metal_as_the_specification_says():
     assert material_of(metal()).diffuse == (0, 0, 0)
 
 
-def test_textures_of_metallic_and_roughness_count_by_their_means():
+def test_textures_of_metallic_and_roughness_are_kept_but_for_what_has_no_texture_coordinates():
+    """There their means count, as where all texels are the same."""
     picture = [[(9, 255, 0), (9, 0, 255)], [(9, 255, 255), (9, 255, 0)]]  # green is roughness, blue metallic
     source = metal(metallicRoughnessTexture={"index": 0}, roughnessFactor=0.8)
-    material = material_of(source, picture)
-    assert material.roughness == pytest.approx(0.6**2)
-    np.testing.assert_allclose(material.diffuse, np.array(BASE) * 0.5 * 0.96)
-    grey = material_of(source, [[255, 0]])
+    material = material_of(source, picture, with_uv)
+    assert (material.roughness, material.metallic, material.metal) == (pytest.approx(0.8**2), 1.0, BASE)
+    np.testing.assert_allclose(material.metallic_roughness.image[..., 1:3] * 255, np.array(picture)[..., 1:])
+    np.testing.assert_allclose(material.diffuse, np.array(BASE) * 0.96)
+    assert material.texture.image.tolist() == [[[1, 1, 1, 1]]], "it stands for the base colour, which has none"
+    with pytest.warns(UserWarning, match="no texture coordinates"):
+        material = material_of(source, picture)
+    assert material.roughness == pytest.approx(0.6**2) and material.metallic == pytest.approx(0.5)
+    with pytest.warns(UserWarning, match="no texture coordinates"):
+        grey = material_of(source, [[255, 0]])
     assert grey.roughness == pytest.approx(0.4**2)
+    even = material_of(source, [[(9, 255, 0), (1, 255, 0)]], with_uv)
+    assert (even.metallic_roughness, even.texture, even.roughness) == (None, None, pytest.approx(0.8**2))
     with pytest.warns(UserWarning, match="gone"):
         material = material_of(
             source, [[255]], lambda tree, _: tree.update(images=[{"uri": "data:,gone", "name": "gone"}])
         )
     assert material.roughness == pytest.approx(0.8**2)
-
-
-def test_the_mean_of_a_texture_tints_the_highlight_of_a_metal():
-    def change(tree, primitive):
-        primitive["attributes"]["TEXCOORD_0"] = primitive["attributes"]["POSITION"]
-
-    source = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-    with pytest.warns(UserWarning, match="no texture coordinates"):
-        material = material_of(source, [[(255, 0, 0), (255, 255, 255)]], change)
-    np.testing.assert_allclose(material.fresnel, (1, 0.5, 0.5))
 
 
 def test_ior_and_specular():
@@ -174,7 +183,6 @@ def test_what_is_left_out_is_said():
     (fact,) = facts
     assert fact.partition("; not used: ")[2].split(", ") == [
         "8 points", "19 lines", "normal textures", "occlusion textures", "emissive textures", "with their emission",
-        "metallic-roughness textures", "but for their means",
         "the extension KHR_materials_clearcoat", "the extension KHR_materials_sheen", "animations",
         "doubleSided = false (backs are drawn unless they are culled)",
     ]  # fmt: skip

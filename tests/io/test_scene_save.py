@@ -36,11 +36,14 @@ def assert_same(one, two):
             assert y is None or not y.flags.writeable
         assert (a.materials is None) == (b.materials is None) and len(a.palette) == len(b.palette)
         for m, n in zip(a.palette, b.palette, strict=True):
-            assert replace(m, texture=None) == replace(n, texture=None)
+            plain = {"texture": None, "metallic_roughness": None}
+            assert replace(m, **plain) == replace(n, **plain)
             assert [type(getattr(m, f.name)) for f in fields(m)] == [type(getattr(n, f.name)) for f in fields(n)]
-            if m.texture is not None:
-                assert len({(t.filter, t.wrap, t.name) for t in (m.texture, n.texture)}) == 1
-                assert m.texture.image.tobytes() == n.texture.image.tobytes()
+            for one, other in ((m.texture, n.texture), (m.metallic_roughness, n.metallic_roughness)):
+                assert (one is None) == (other is None)
+                if one is not None:
+                    assert len({(t.filter, t.wrap, t.name) for t in (one, other)}) == 1
+                    assert one.image.tobytes() == other.image.tobytes()
 
 
 def round_trip(scene, folder, format):
@@ -103,6 +106,10 @@ def test_textures(tmp_path, format):
     almost[1, 2, 0] = np.nextafter(almost[1, 2, 0], np.float32(2))
     textures += [rz.Texture(np.arange(256, dtype=np.uint8).reshape(16, 16)), rz.Texture(almost)]
     meshes = [rz.Mesh(SQUARE, [[0, 1, 2]], uv=UV, material=rz.Material(texture=texture)) for texture in textures]
+    metal = {"reflection": "cook-torrance", "metallic": 0.75, "metal": (0.9, 0.5, 0.25)}
+    numbers = textures[1], rz.Texture.of_numbers(BYTES, name="of numbers")
+    made = [rz.Material(texture=textures[1], metallic_roughness=each, **metal) for each in numbers]
+    meshes += [rz.Mesh(SQUARE, [[0, 1, 2]], uv=np.tile(UV, 2), material=each) for each in made]
     shared = rz.Material(texture=textures[0], diffuse=1.0)
     again = round_trip(rz.Scene([*meshes, rz.Mesh(SQUARE, [[0, 1, 2]], uv=UV, material=shared)]), tmp_path, format)
     pictures = sorted(name for name in os.listdir(tmp_path) if name.endswith(".png"))

@@ -35,6 +35,9 @@ LOOKS = {
     "smoke": rz.Material(diffuse=0.3, specular=0, opacity=0.7),
     "foil": rz.Material(texture=FOIL, opacity=0.8),
     "textured toon": rz.Material(reflection="toon", specular=0.5, texture=PAPER),
+    "worn metal": rz.Material(
+        reflection="cook-torrance", metallic=0.9, diffuse=CLAY, roughness=0.8, texture=PAPER, metallic_roughness=PAPER
+    ),
     "opacity 0": rz.Material(diffuse="red", opacity=0.0),
     "vertex colours": rz.Material(),
 }
@@ -147,7 +150,7 @@ PLACES = {
 }
 
 
-NIGHTLY = {"textured toon"}  # which takes kernels that nothing else needs
+NIGHTLY = {"textured toon", "worn metal"}  # which take kernels that nothing else needs
 SPECKS = [pytest.param(look, marks=[pytest.mark.nightly] * (look in NIGHTLY)) for look in LOOKS]
 
 
