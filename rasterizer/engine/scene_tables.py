@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.points import count_texcoords, number_materials
 from ..locks import cached_property
-from ..geometry.points import count_texcoords
-from ..geometry.points import number_materials
 from ..options import Options
 from ..pipeline import textures as texturing
 from ..pipeline.a_buffer import Opacity
