@@ -50,6 +50,8 @@ def draw(
     Raises SceneError where the scene has more triangles than records can number.
     """
     vertices, n_outside = transform(geometry.positions, screen, threads)
+    if not render_pass.keeps_planes:
+        vertices = vertices._replace(true_x=vertices.x.astype(np.float64), true_y=vertices.y.astype(np.float64))
     clock.lap("transform")
     drawn = Drawn.whole(geometry, vertices, render_pass)
     if n_outside:

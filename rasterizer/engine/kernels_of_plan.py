@@ -48,7 +48,8 @@ CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
-    Triangles(CORNERS, CORNERS, FLAGS), Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS),
+    Triangles(CORNERS, CORNERS, FLAGS),
+    Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS, LENGTHS, LENGTHS, 0.0, 0.0),
     np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)),
 )  # fmt: skip
 

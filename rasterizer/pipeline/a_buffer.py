@@ -214,7 +214,7 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
         s.gather_vertices(faces[index(first) : index(first) + n], triangles, vertices, block)
         s.order_vertices(block)
         s.compute_boxes(rows, visibility.width, block)
-        s.compute_depth_planes(block)
+        s.compute_depth_planes(vertices, block)
         for k in range(n):
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:

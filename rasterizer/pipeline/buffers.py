@@ -43,7 +43,7 @@ from .interpolate import (
 )
 from .records import DEPTH, SIDE, Records, face_of
 from .setup import DEPTH_PLANE_ROUNDING, DepthScale, rotate_to_first
-from .transform import DEPTH_BITS, SUBPIXEL, Drawables
+from .transform import DEPTH_BITS, SUBPIXEL, Drawables, depths_on_plane
 from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
 
 
@@ -477,10 +477,15 @@ def fetch_triangle(face, drawables, depths):
     `face` is its index in the picture, `depths` the DepthScale.
     """
     xs, ys = fetch_positions(face, drawables)
-    order, z = order_of(xs, ys), drawables.vertices.z
+    order, vertices = order_of(xs, ys), drawables.vertices
     a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
     (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
-    z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
+    true_x, true_y, z = vertices.true_x, vertices.true_y, vertices.z
+    (z0, z1, z2), _ = depths_on_plane(
+        ordered((true_x[a], true_x[b], true_x[c]), order), ordered((true_y[a], true_y[b], true_y[c]), order),
+        (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)), ordered((z[a], z[b], z[c]), order),
+        (vertices.width_offset, vertices.width_scale),
+    )  # fmt: skip
     offset, step = depths.inv_w_offset, depths.inv_w_scale
     inv_w = (offset + step * z0, offset + step * z1, offset + step * z2)
     dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0

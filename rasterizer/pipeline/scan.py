@@ -116,7 +116,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         s.order_vertices(block)
         s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
-        s.compute_depth_planes(block)
+        s.compute_depth_planes(drawables.vertices, block)
         compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(index(len(some))):

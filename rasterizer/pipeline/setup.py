@@ -25,7 +25,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from .cull import first_sample
-from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
+from .transform import DEPTH_BITS, DEPTH_MARGIN, HALF, SUBPIXEL, depths_on_plane
 
 BLOCK = 64  # triangles
 
@@ -55,17 +55,19 @@ N_INT = 26
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
-# Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
-# in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
-# planes of attributes, three rows each, see gradients.py; the error that its material accepts.
+# Rows of float64: z of the vertices, then of their plane where they are rounded to; what a rise along edge 1 or 2 adds
+# to d/dx and d/dy; from vertex 0 to the anchor, in samples; the range of z that a sample may have; the vertices before
+# they were rounded, 1/256 px; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each,
+# see gradients.py; the error that its material accepts.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 MIN_Z, MAX_Z = _starts(9, 11)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 11), 11
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MAX_ATTRIBUTES)), 10
-LIMIT = index(BLOCK * (11 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
-N_REAL = 12 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+TRUE_X0, TRUE_Y0, TRUE_X1, TRUE_Y1, TRUE_X2, TRUE_Y2 = _starts(11, 17)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 17), 11
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (17 + 3 * MAX_ATTRIBUTES)), 10
+LIMIT = index(BLOCK * (17 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 18 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -83,13 +85,12 @@ MAX_ELONGATION = 2.0**20
 #
 # Other triangles get their depth from exact edge functions, as slivers.
 MAX_LEVERAGE = 2.0**53
-# A part of a clipped face has the plane of the whole face, but its corners are rounded to 1/256 px: a sample in it lies
-# up to 1/512 px outside the face, along either axis, and the plane leaves the face's range of depths by up to its slope
-# over 512 there. Where that is more than half the room at the ends of the z-buffer, depth is computed at every sample,
-# and kept within the range.
-MAX_CLIPPED_SLOPE = DEPTH_MARGIN / 2 * (2 * SUBPIXEL)
-# Steeper planes of depth would leave 64 bits, a sample: a triangle that reaches far out of the picture may have one.
-MAX_SLOPE = 2.0**60
+# A face is drawn in its own plane, but its corners are rounded to 1/256 px: a sample in it lies up to 1/512 px outside
+# the face, along either axis, and the plane leaves the face's range of depths by up to its slope over 512 there. Where
+# that is more than half the room at the ends of the z-buffer, depth is computed at every sample, and kept within the
+# z-buffer. A part of a clipped face that is seen edge-on (`depths_on_plane`) is kept within the depths of the face.
+MAX_SLOPE = DEPTH_MARGIN / 2 * (2 * SUBPIXEL)
+MAX_Z_OF_ALL = 2.0**DEPTH_BITS - 2.0  # what lies there is nearer than nothing
 
 
 class Block(NamedTuple):
@@ -113,12 +114,12 @@ def gather_vertices(faces, triangles, vertices, block):
     was left there, but a material that there is: loops over the whole block look materials up.
     """
     ints, reals = block.ints, block.reals
-    x, y, z = vertices.x, vertices.y, vertices.z
+    x, y, z = vertices.true_x, vertices.true_y, vertices.z
     for k in range(index(len(faces))):
         face = faces[k]
         a, b, c = triangles.vertex_idx[0, face], triangles.vertex_idx[1, face], triangles.vertex_idx[2, face]
-        ints[X0 + k], ints[X1 + k], ints[X2 + k] = x[a], x[b], x[c]
-        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = y[a], y[b], y[c]
+        reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k] = x[a], x[b], x[c]
+        reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k] = y[a], y[b], y[c]
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z[a], z[b], z[c]
         ints[CORNER0 + k] = triangles.corner_idx[0, face]
         ints[CORNER1 + k] = triangles.corner_idx[1, face]
@@ -127,7 +128,7 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
         clipped = triangles.clipped_idx[face] if len(triangles.clipped_idx) > 0 else np.int32(-1)
         ints[CLIPPED_IDX + k] = clipped
-        reals[MIN_Z + k], reals[MAX_Z + k] = -np.inf, np.inf
+        reals[MIN_Z + k], reals[MAX_Z + k] = 0.0, MAX_Z_OF_ALL
         if clipped >= 0:
             reals[MIN_Z + k] = triangles.z_ranges[index(clipped), 0]
             reals[MAX_Z + k] = triangles.z_ranges[index(clipped), 1]
@@ -158,21 +159,27 @@ def gather_materials(n, coding, block):
 
 @helper
 def order_vertices(block):
-    """Order the vertices, so that the same triangle gives the same planes however the file lists them.
+    """Round the vertices and order them, so that the same triangle gives the same planes however the file lists them.
 
     Completes IS_FLIPPED.
     """
     ints, reals = block.ints, block.reals
     for k in range(index(BLOCK)):
-        xa, xb, xc = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
-        ya, yb, yc = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
+        ta, tb, tc = reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k]
+        ua, ub, uc = reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k]
+        xa, xb, xc = rounded(ta), rounded(tb), rounded(tc)
+        ya, yb, yc = rounded(ua), rounded(ub), rounded(uc)
         is_front = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0  # counter-clockwise as loaded
         key_a, key_b, key_c = (ya << 32) + xa, (yb << 32) + xb, (yc << 32) + xc
         is_c_first = key_c < min(key_a, key_b)
         is_b_first = (key_b < key_a) & (not is_c_first)
         ints[IS_FLIPPED + k] = is_front == (ints[IS_FLIPPED + k] != 0)
-        ints[X0 + k], ints[X1 + k], ints[X2 + k] = rotate_to_first(xa, xb, xc, is_b_first, is_c_first, is_front)
-        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = rotate_to_first(ya, yb, yc, is_b_first, is_c_first, is_front)
+        t0, t1, t2 = rotate_to_first(ta, tb, tc, is_b_first, is_c_first, is_front)
+        u0, u1, u2 = rotate_to_first(ua, ub, uc, is_b_first, is_c_first, is_front)
+        reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k] = t0, t1, t2
+        reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k] = u0, u1, u2
+        ints[X0 + k], ints[X1 + k], ints[X2 + k] = rounded(t0), rounded(t1), rounded(t2)
+        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = rounded(u0), rounded(u1), rounded(u2)
         za, zb, zc = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
         ca, cb, cc = ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k]
@@ -181,6 +188,12 @@ def order_vertices(block):
         ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k] = rotate_to_first(
             ca, cb, cc, is_b_first & is_whole, is_c_first & is_whole, is_front & is_whole
         )
+
+
+@helper
+def rounded(coordinate):
+    """Round a coordinate of a vertex to 1/256 px as `transform` does, int64."""
+    return np.int64(np.int32(np.rint(coordinate)))
 
 
 @helper
@@ -258,20 +271,30 @@ def compute_boxes(rows, width, block):
 
 
 @helper
-def compute_depth_planes(block):
+def compute_depth_planes(vertices, block):
     """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
+
+    The z of the vertices become those of the triangles' planes where the vertices are rounded to.
 
     Slivers are the triangles that are too long and thin for a plane, also for what their depth rises by, and those
     whose depth is too steep for one.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
+    width = vertices.width_offset, vertices.width_scale
     for k in range(index(BLOCK)):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
         area = np.float64(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
         wide, high = float(max(x0, x1, x2) - min(x0, x1, x2)), float(max(y1, y2) - y0)
-        rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
+        (z0, z1, z2), is_edge_on = depths_on_plane(
+            (reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k]),
+            (reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k]),
+            (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)),
+            (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]), width,
+        )  # fmt: skip
+        reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z0, z1, z2
+        rise1, rise2 = z1 - z0, z2 - z0
         leverage = wide * high * max(abs(rise1), abs(rise2))
         is_sliver = (wide * high > MAX_ELONGATION * area) | (leverage > MAX_LEVERAGE * area)
         # The columns of the inverse of the edges' matrix.
@@ -281,14 +304,14 @@ def compute_depth_planes(block):
         offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
         offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
-        is_steep = abs(dx) + abs(dy) > (MAX_SLOPE if ints[CLIPPED_IDX + k] < 0 else MAX_CLIPPED_SLOPE)
+        is_steep = (abs(dx) + abs(dy) > MAX_SLOPE) | (is_edge_on & (ints[CLIPPED_IDX + k] >= 0))
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
         ints[IS_SLIVER + k] = is_sliver | is_steep
         ints[HAS_PLANES + k] = not (is_sliver | is_steep | (ints[CLIPPED_IDX + k] >= 0))
         reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
         reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
         reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y
-        longs[PLANE_Z + k] = np.int64(np.rint(reals[Z0 + k] + dx * offset_x + dy * offset_y))
+        longs[PLANE_Z + k] = np.int64(np.rint(z0 + dx * offset_x + dy * offset_y))
         longs[PLANE_Z_DX + k], longs[PLANE_Z_DY + k] = np.int64(np.rint(dx)), np.int64(np.rint(dy))
 
 

@@ -34,9 +34,9 @@ class Pieces(NamedTuple):
     """Triangles after clipping."""
 
     face: NDArray[np.int64]  # (n_piece,) ascending
-    position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth
+    position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth; of whole faces see `onto_grid`
     is_cut: NDArray[np.bool_]  # (n_piece,) the face is in several pieces, or only a part of it is left
-    corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face; moved to the grid if all are on the screen's
+    corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face
     depth_range: NDArray[np.float64]  # (n_piece, 2) least and largest depth of what is left of the face
 
 
@@ -76,8 +76,8 @@ def choose_range(
 def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_rounded: bool = True) -> Pieces:
     """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
 
-    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid
-    then decides what is covered, and nothing else.
+    Those that aren't cut are moved to the screen's grid within their planes. Unless `is_rounded`, all faces count as
+    cut: rounding to the grid then decides what is covered, and nothing else.
     """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
     planes: list[Plane] = [(0.0, 0.0, 1.0, -depths.near)]
@@ -102,11 +102,9 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
     corners = triangles[source]
     if not is_rounded:
         return Pieces(face[source], fans, np.ones(len(source), bool), corners, ranges)
-    is_on_grid = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
-    for plane in _screen_planes(projection):
-        is_on_grid &= (_plane_distance(corners, plane) >= 0).all(axis=1)
-    corners[is_on_grid] = _onto_grid(corners[is_on_grid], projection)
-    return Pieces(face[source], fans, ~is_whole[source], corners, ranges)
+    is_drawn_whole = is_whole[source]
+    fans[is_drawn_whole] = onto_grid(fans[is_drawn_whole], projection)
+    return Pieces(face[source], fans, ~is_drawn_whole, corners, ranges)
 
 
 def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
@@ -124,12 +122,35 @@ def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.flo
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 
-def _onto_grid(points: NDArray, projection: Projection) -> NDArray[np.float64]:
-    """Move points (..., 3) across the view to where the screen's grid of 1/256 px shows them; their depths stay."""
-    pixels = snap(points, projection) / SUBPIXELS
-    w = points[..., 2:] if projection.is_perspective else 1.0
-    moved = w * rays(pixels[..., 0], pixels[..., 1], projection)
-    return np.concatenate([moved[..., :2], points[..., 2:]], axis=-1)
+def onto_grid(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
+    """Move the corners of faces (n, 3, 3) to the screen's grid of 1/256 px, each within the plane of its face: so its
+    depth at a sample is that of the plane.
+
+    Faces that are seen so nearly edge-on that half a step of the grid along either axis could change their depth by
+    more than the width of a pixel there, move across the view instead, and keep their depths.
+
+    A plane n·P = n·P_0 is seen at the depth n·P_0 / n·r along the ray r of a grid point; without perspective the point
+    (x, y) has the depth (n·P_0 - n_x x - n_y y) / n_z. What is affine on the screen is 1/depth, else the depth; let v
+    be that, with the slopes g a pixel. A pixel is depth/scale wide, which v changes by v/scale; else by 1/scale.
+    """
+    pixels = snap(faces, projection) / SUBPIXELS
+    moved = rays(pixels[..., 0], pixels[..., 1], projection)
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])[:, None, :]
+    distance, per_px = dot(normal, faces), max(projection.scale_x, projection.scale_y)  # n·P_i, all equal
+    one_px = rays(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), projection)
+    steps = one_px[1:] - one_px[0]  # of the ray, by one pixel to the right, and down
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if projection.is_perspective:
+            depth = distance / dot(normal, moved)
+            slopes, width = dot(normal, steps) / distance[:, :1], 1.0 / faces[..., 2].min(axis=1) / per_px
+        else:
+            depth = (distance - dot(normal[..., :2], moved[..., :2])) / normal[..., 2]
+            slopes, width = dot(normal[..., :2], steps[:, :2]) / normal[..., 2], 1.0 / per_px
+        is_edge_on = ~(np.abs(slopes).sum(axis=1) / (2 * SUBPIXELS) <= width)
+    depth = np.where(is_edge_on[:, None], faces[..., 2], depth)
+    moved[..., :2] *= depth[..., None] if projection.is_perspective else 1.0
+    moved[..., 2] = depth
+    return moved
 
 
 def _depth_range(polygons: NDArray) -> NDArray[np.float64]:
