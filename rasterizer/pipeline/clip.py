@@ -105,7 +105,7 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
     if screen.is_perspective:
         planes[:, MIN_SUM], planes[:, MAX_SUM] = 1.0 / largest, 1.0 / least
     # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See setup.py:
-    # MAX_SLOPE.
+    # MAX_CLIPPED_SLOPE.
     z_ranges = np.sort(compute_z(np.stack([least, largest], axis=1), screen), axis=1)
     (x, y, z), is_placed = snap_corners(parts, np.repeat(owners, 3), z_planes, z_ranges, screen)
     new_idx = np.arange(len(vertices.x), len(vertices.x) + 3 * n_part, dtype=np.uint32).reshape(-1, 3)[is_placed].T
@@ -126,7 +126,7 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
         z_ranges,
     )
     placed = zip(vertices[:5], (x, y, z, x, y), strict=True)  # a corner's z is that of where it is rounded to
-    vertices = Vertices(*(np.append(old, new.astype(old.dtype)) for old, new in placed), *vertices[5:])
+    vertices = Vertices(*(np.append(old, new.astype(old.dtype)) for old, new in placed), vertices.pixel)
     return Clipped(parted, vertices, faces, planes, len(touched))
 
 

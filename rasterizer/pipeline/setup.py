@@ -55,19 +55,20 @@ N_INT = 26
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
-# Rows of float64: z of the vertices, then of their plane where they are rounded to; what a rise along edge 1 or 2 adds
-# to d/dx and d/dy; from vertex 0 to the anchor, in samples; the range of z that a sample may have; the vertices before
-# they were rounded, 1/256 px; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each,
+# Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
+# in samples; the range of z that a sample may have; the vertices before they were rounded, 1/256 px; z of the
+# triangle's plane where they are rounded to; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each,
 # see gradients.py; the error that its material accepts.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 MIN_Z, MAX_Z = _starts(9, 11)
 TRUE_X0, TRUE_Y0, TRUE_X1, TRUE_Y1, TRUE_X2, TRUE_Y2 = _starts(11, 17)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 17), 11
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (17 + 3 * MAX_ATTRIBUTES)), 10
-LIMIT = index(BLOCK * (17 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
-N_REAL = 18 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+OWN_Z0, OWN_Z1, OWN_Z2 = _starts(17, 20)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 20), 11
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (20 + 3 * MAX_ATTRIBUTES)), 10
+LIMIT = index(BLOCK * (20 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 21 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -86,11 +87,16 @@ MAX_ELONGATION = 2.0**20
 # Other triangles get their depth from exact edge functions, as slivers.
 MAX_LEVERAGE = 2.0**53
 # A face is drawn in its own plane, but its corners are rounded to 1/256 px: a sample in it lies up to 1/512 px outside
-# the face, along either axis, and the plane leaves the face's range of depths by up to its slope over 512 there. Where
-# that is more than half the room at the ends of the z-buffer, depth is computed at every sample, and kept within the
-# z-buffer. A part of a clipped face that is seen edge-on (`depths_on_plane`) is kept within the depths of the face.
-MAX_SLOPE = DEPTH_MARGIN / 2 * (2 * SUBPIXEL)
-MAX_Z_OF_ALL = 2.0**DEPTH_BITS - 2.0  # what lies there is nearer than nothing
+# the face, along either axis, and the plane leaves the face's range of depths there, by no more than it does at a
+# corner. Where that is more than half the room at the ends of the z-buffer, depth is computed at every sample, and kept
+# within the z-buffer.
+MAX_PLANE_SHIFT = DEPTH_MARGIN / 2
+FURTHEST = 2.0**DEPTH_BITS - 2.0  # what lies there is still seen
+# Of a part of a clipped face it may be the slope over 512. One that is seen edge-on (`depths_on_plane`) is kept within
+# the face's range.
+MAX_CLIPPED_SLOPE = MAX_PLANE_SHIFT * (2 * SUBPIXEL)
+# Steeper planes of depth would leave 64 bits, a sample: a triangle that reaches far out of the picture may have one.
+MAX_SLOPE = 2.0**60
 
 
 class Block(NamedTuple):
@@ -128,7 +134,7 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
         clipped = triangles.clipped_idx[face] if len(triangles.clipped_idx) > 0 else np.int32(-1)
         ints[CLIPPED_IDX + k] = clipped
-        reals[MIN_Z + k], reals[MAX_Z + k] = 0.0, MAX_Z_OF_ALL
+        reals[MIN_Z + k], reals[MAX_Z + k] = 0.0, FURTHEST
         if clipped >= 0:
             reals[MIN_Z + k] = triangles.z_ranges[index(clipped), 0]
             reals[MAX_Z + k] = triangles.z_ranges[index(clipped), 1]
@@ -274,13 +280,11 @@ def compute_boxes(rows, width, block):
 def compute_depth_planes(vertices, block):
     """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
 
-    The z of the vertices become those of the triangles' planes where the vertices are rounded to.
-
     Slivers are the triangles that are too long and thin for a plane, also for what their depth rises by, and those
     whose depth is too steep for one.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
-    width = vertices.width_offset, vertices.width_scale
+    pixel = vertices.pixel
     for k in range(index(BLOCK)):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
@@ -291,9 +295,9 @@ def compute_depth_planes(vertices, block):
             (reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k]),
             (reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k]),
             (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)),
-            (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]), width,
+            (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]), pixel,
         )  # fmt: skip
-        reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z0, z1, z2
+        reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k] = z0, z1, z2
         rise1, rise2 = z1 - z0, z2 - z0
         leverage = wide * high * max(abs(rise1), abs(rise2))
         is_sliver = (wide * high > MAX_ELONGATION * area) | (leverage > MAX_LEVERAGE * area)
@@ -304,10 +308,12 @@ def compute_depth_planes(vertices, block):
         offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
         offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
-        is_steep = (abs(dx) + abs(dy) > MAX_SLOPE) | (is_edge_on & (ints[CLIPPED_IDX + k] >= 0))
+        is_part = ints[CLIPPED_IDX + k] >= 0
+        is_steep = abs(dx) + abs(dy) > (MAX_CLIPPED_SLOPE if is_part else MAX_SLOPE)
+        is_steep |= (is_edge_on & is_part) | (plane_shift(k, block) > MAX_PLANE_SHIFT)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
         ints[IS_SLIVER + k] = is_sliver | is_steep
-        ints[HAS_PLANES + k] = not (is_sliver | is_steep | (ints[CLIPPED_IDX + k] >= 0))
+        ints[HAS_PLANES + k] = not (is_sliver | is_steep | is_part)
         reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
         reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
         reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y
@@ -337,12 +343,29 @@ class DepthScale(NamedTuple):
     depth_scale: float
     ratio_offset: float  # r = ratio_offset + ratio_scale · z; 1 + 0 z without perspective
     ratio_scale: float
+    is_perspective: bool
 
 
 @helper
-def linear_in_z(k, offset, scale, block):
-    """Compute offset + scale·z at the vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale."""
-    z0, z1, z2 = block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
+def depth_at_corner(z, own_z, depths):
+    """Return what an exact record holds for the depth at a corner: that of the triangle's plane, or in perspective its
+    1/w over that of the corner.
+
+    Parameters
+    ----------
+    z, own_z : of the corner, and of the plane where it is rounded to
+    depths : DepthScale
+    """
+    offset, step = depths.inv_w_offset, depths.inv_w_scale
+    own = (offset + step * own_z) / (offset + step * z)
+    return own if depths.is_perspective else depths.depth_offset + depths.depth_scale * own_z
+
+
+@helper
+def linear_in_z(k, offset, scale, block, first=Z0):
+    """Compute offset + scale·z at the vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale; with
+    OWN_Z0 for `first` those of its plane."""
+    z0, z1, z2 = block.reals[first + k], block.reals[first + NEXT + k], block.reals[first + NEXT + NEXT + k]
     return offset + scale * z0, offset + scale * z1, offset + scale * z2
 
 
@@ -369,3 +392,11 @@ def compute_plane(k, plane, a0, a1, a2, block):
 def depth_rounding(k, block):
     """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see MAX_LEVERAGE."""
     return 0.5 * float(block.ints[EXTENT_X + k] + block.ints[EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING
+
+
+@helper
+def plane_shift(k, block):
+    """Return how far the z of triangle k's plane is from what is interpolated between the z of its vertices, at most."""
+    reals = block.reals
+    shift0, shift1 = abs(reals[OWN_Z0 + k] - reals[Z0 + k]), abs(reals[OWN_Z1 + k] - reals[Z1 + k])
+    return max(shift0, shift1, abs(reals[OWN_Z2 + k] - reals[Z2 + k]))

@@ -19,9 +19,9 @@ vertices have. And |p' - p| <= Σ b_i |v_i - s_i| <= 1/512 px along either axis 
 and texture coordinate is that of a point of the polygon that lies no further than this from the sample; how much that
 is in a colour depends on how fast the colour changes there.
 
-Depth is not moved: s_i gets the depth that the polygon's plane has there (`depths_on_plane`), so that the depth at p is
-that of the plane at p. A polygon that lies behind another one, in a plane that is parallel to its, would else lie
-before it at some samples: what moves both differs.
+Depth is that of the polygon's plane at p: it is interpolated between those that the plane has at the s_i
+(`depths_on_plane`). A polygon that lies behind another one, in a plane that is parallel to its, would else lie before
+it at some samples, because the points p' of both differ.
 """
 
 import math
@@ -64,6 +64,14 @@ class Screen(NamedTuple):
     is_perspective: bool
 
 
+class PixelWidth(NamedTuple):
+    """How wide a pixel is where it shows what lies at z: offset + scale·z, units of the z-buffer."""
+
+    offset: float
+    scale: float
+    horizon: float  # z of what is infinitely far away
+
+
 class Vertices(NamedTuple):
     """Vertices on the screen."""
 
@@ -72,9 +80,7 @@ class Vertices(NamedTuple):
     z: np.ndarray  # (n,) float64, z-buffer units
     true_x: np.ndarray  # (n,) float64, 1/256 px: x and y before they were rounded
     true_y: np.ndarray  # (n,) float64
-    # A pixel is as wide as width_offset + width_scale·z units of the z-buffer, where it shows what lies at z.
-    width_offset: float
-    width_scale: float
+    pixel: PixelWidth
 
 
 class Triangles(NamedTuple):
@@ -141,23 +147,22 @@ def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
     """
     n = positions.shape[1]
     x, y = np.empty(n, np.int32), np.empty(n, np.int32)
-    out = Vertices(x, y, np.empty(n), np.empty(n), np.empty(n), *pixel_width(screen))
+    out = Vertices(x, y, np.empty(n), np.empty(n), np.empty(n), pixel_width(screen))
     parts = workers.ranges(n, MIN_VERTICES)
     counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
     return out, sum(counts)
 
 
-def pixel_width(screen) -> tuple[float, float]:
-    """Return (offset, scale): a pixel is as wide as offset + scale·z units of the z-buffer where it shows what lies at
-    z.
+def pixel_width(screen) -> PixelWidth:
+    """Return how wide a pixel is.
 
     Without perspective that is z_scale times its width in scene units. With it w/scale_x is how wide it is at w, and
     |dz/dw| = |z_scale|/w²: the product is |z_scale|/w over scale_x.
     """
     per_px = max(screen.scale_x, screen.scale_y)
     if screen.is_perspective:
-        return screen.z_offset / per_px, -1.0 / per_px
-    return screen.z_scale / per_px, 0.0
+        return PixelWidth(screen.z_offset / per_px, -1.0 / per_px, screen.z_offset)
+    return PixelWidth(screen.z_scale / per_px, 0.0, math.inf)
 
 
 @kernel
@@ -215,29 +220,28 @@ def compute_z(depth, screen):
 
 
 @helper
-def depths_on_plane(true_x, true_y, x, y, z, width):
+def depths_on_plane(true_x, true_y, x, y, z, pixel):
     """Return the z of a triangle's plane where its vertices are rounded to, three numbers, and whether it is seen so
     nearly edge-on that these are the z of the vertices instead.
 
     With the edges e1, e2 and the rises r1, r2 of z along them, the slopes g = dz/d(x, y) of the plane solve e1·g = r1,
-    e2·g = r2. A vertex was moved by 1/2, 1/256 px, along either axis at most: where z could change by more than a pixel
-    is wide there, which is at a slope of 512, the triangle is seen edge-on. All its vertices are where they are as
-    triangles in the same plane have theirs: so these are all moved, or none, but for what perspective makes of the
-    width from one to the other.
+    e2·g = r2. A vertex was moved by half a 256th of a pixel along either axis at most. Where z could change by more
+    than a pixel is wide at the nearest vertex, a triangle is seen edge-on: it leans by 512 to 1 and more. So is one
+    with a vertex so near to the horizon of its plane that it could get half way there.
 
     Parameters
     ----------
     true_x, true_y : three float64 each, 1/256 px
     x, y : the same, rounded
     z : three float64, z-buffer units
-    width : (offset, scale) as `pixel_width` returns them
+    pixel : PixelWidth
     """
     x1, y1, x2, y2 = true_x[1] - true_x[0], true_y[1] - true_y[0], true_x[2] - true_x[0], true_y[2] - true_y[0]
     rise1, rise2 = z[1] - z[0], z[2] - z[0]
     inverse = 1.0 / (x1 * y2 - x2 * y1)
     slope_x, slope_y = (rise1 * y2 - rise2 * y1) * inverse, (rise2 * x1 - rise1 * x2) * inverse
-    # Also where they are no numbers.
-    is_edge_on = not 0.5 * (abs(slope_x) + abs(slope_y)) <= width[0] + width[1] * min(z[0], z[1], z[2])
+    width, way = pixel.offset + pixel.scale * min(z[0], z[1], z[2]), pixel.horizon - max(z[0], z[1], z[2])
+    is_edge_on = not 0.5 * (abs(slope_x) + abs(slope_y)) <= min(width, 0.5 * way)  # also where they are no numbers
     slope_x, slope_y = 0.0 if is_edge_on else slope_x, 0.0 if is_edge_on else slope_y
     z0 = z[0] - slope_x * (true_x[0] - x[0]) - slope_y * (true_y[0] - y[0])
     z1 = z[1] - slope_x * (true_x[1] - x[1]) - slope_y * (true_y[1] - y[1])

@@ -34,7 +34,8 @@ class Pieces(NamedTuple):
     """Triangles after clipping."""
 
     face: NDArray[np.int64]  # (n_piece,) ascending
-    position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth; of whole faces see `onto_grid`
+    position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth
+    plane_depth: NDArray[np.float64]  # (n_piece, 3) depth of the face's plane where the grid shows `position`; see below
     is_cut: NDArray[np.bool_]  # (n_piece,) the face is in several pieces, or only a part of it is left
     corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face
     depth_range: NDArray[np.float64]  # (n_piece, 2) least and largest depth of what is left of the face
@@ -76,7 +77,7 @@ def choose_range(
 def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_rounded: bool = True) -> Pieces:
     """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
 
-    Those that aren't cut are moved to the screen's grid within their planes. Unless `is_rounded`, all faces count as
+    Unless `is_rounded`, all faces count as
     cut: rounding to the grid then decides what is covered, and nothing else.
     """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
@@ -101,10 +102,8 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
     source, fans, ranges = (np.concatenate(rows)[order] for rows in (source, fans, ranges))
     corners = triangles[source]
     if not is_rounded:
-        return Pieces(face[source], fans, np.ones(len(source), bool), corners, ranges)
-    is_drawn_whole = is_whole[source]
-    fans[is_drawn_whole] = onto_grid(fans[is_drawn_whole], projection)
-    return Pieces(face[source], fans, ~is_drawn_whole, corners, ranges)
+        return Pieces(face[source], fans, fans[..., 2], np.ones(len(source), bool), corners, ranges)
+    return Pieces(face[source], fans, plane_depths(fans, projection), ~is_whole[source], corners, ranges)
 
 
 def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
@@ -122,16 +121,15 @@ def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.flo
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 
-def onto_grid(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
-    """Move the corners of faces (n, 3, 3) to the screen's grid of 1/256 px, each within the plane of its face: so its
-    depth at a sample is that of the plane.
+def plane_depths(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
+    """Return the depths (n, 3) that the planes of faces (n, 3, 3) have where their corners are rounded to 1/256 px.
 
     Faces that are seen so nearly edge-on that half a step of the grid along either axis could change their depth by
-    more than the width of a pixel there, move across the view instead, and keep their depths.
+    more than the width of a pixel at their nearest corner, or put a corner twice as far away, keep their depths.
 
     A plane n·P = n·P_0 is seen at the depth n·P_0 / n·r along the ray r of a grid point; without perspective the point
     (x, y) has the depth (n·P_0 - n_x x - n_y y) / n_z. What is affine on the screen is 1/depth, else the depth; let v
-    be that, with the slopes g a pixel. A pixel is depth/scale wide, which v changes by v/scale; else by 1/scale.
+    be that, with the slopes g a pixel. A pixel is depth/scale wide, by which v changes by v/scale; else by 1/scale.
     """
     pixels = snap(faces, projection) / SUBPIXELS
     moved = rays(pixels[..., 0], pixels[..., 1], projection)
@@ -142,15 +140,14 @@ def onto_grid(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         if projection.is_perspective:
             depth = distance / dot(normal, moved)
-            slopes, width = dot(normal, steps) / distance[:, :1], 1.0 / faces[..., 2].min(axis=1) / per_px
+            slopes, inverse = dot(normal, steps) / distance[:, :1], 1.0 / faces[..., 2]
+            width = np.minimum(inverse.max(axis=1) / per_px, inverse.min(axis=1) / 2)
         else:
-            depth = (distance - dot(normal[..., :2], moved[..., :2])) / normal[..., 2]
-            slopes, width = dot(normal[..., :2], steps[:, :2]) / normal[..., 2], 1.0 / per_px
+            across, forward = normal * (1.0, 1.0, 0.0), normal[..., 2]
+            depth = (distance - dot(across, moved)) / forward
+            slopes, width = dot(across, steps) / forward, 1.0 / per_px
         is_edge_on = ~(np.abs(slopes).sum(axis=1) / (2 * SUBPIXELS) <= width)
-    depth = np.where(is_edge_on[:, None], faces[..., 2], depth)
-    moved[..., :2] *= depth[..., None] if projection.is_perspective else 1.0
-    moved[..., 2] = depth
-    return moved
+    return np.where(is_edge_on[:, None], faces[..., 2], depth)
 
 
 def _depth_range(polygons: NDArray) -> NDArray[np.float64]:

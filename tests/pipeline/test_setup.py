@@ -22,7 +22,7 @@ def set_up(band, drawables, width, n_attribute, is_double, block):
     s.order_vertices(block)
     s.gather_attributes(len(band.faces), n_attribute, drawables, is_double, block)
     s.compute_boxes(band, width, block)
-    s.compute_depth_planes(block)
+    s.compute_depth_planes(drawables.vertices, block)
 
 
 def triangles(seed):
