@@ -144,7 +144,7 @@ def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
 def layer_step(render_pass: Pass) -> float:
     """Return how much nearer a layer lies than the one below it, units of the z-buffer.
 
-    Two planes of depth of faces in one plane differ by DEPTH_PLANE_ROUNDING each, and by half a unit for each column and
+    Planes of depth of faces in one plane differ by DEPTH_PLANE_ROUNDING each, and by half a unit for each column and
     row from where they have their values (pipeline/setup.py). Beside that, float64 rounds the place of a vertex by less
     than 2^-32 px up to 2^18 px, and a plane is no steeper than 2^40 units a pixel: 2^8 units for each of two times
     three corners and for what their slopes move these by.

@@ -345,7 +345,7 @@ class BufferPass(Pass):
 class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
 
-    # Faces that share an edge must agree at it: the one that lies behind would else show beside it, and shade the other.
+    # Faces that share an edge must agree at it: the one behind would else show beside it, and shade the other.
     keeps_planes: ClassVar[bool] = False
 
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale

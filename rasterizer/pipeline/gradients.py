@@ -363,8 +363,9 @@ def affine_error(magnitude, rise):
 def weighted_error(magnitude, rise, least, largest, shift):
     """Bound the error of a sample's value.
 
-    A weighted plane errs by u·(3 m r_max + 4 s); a sample's r, found from a depth that is off by d z-buffer units
-    (`depth_rounding`, and `plane_shift`: values are interpolated between the vertices), by d·|ratio_scale|/r_min of it and 2 u more of rounding; one more is for the product. So a is off by
+    A weighted plane errs by u·(3 m r_max + 4 s). A sample's r is found from a depth that is off by d z-buffer units:
+    `depth_rounding`, and `plane_shift`, because values are interpolated between the vertices. So r is off by
+    d·|ratio_scale|/r_min of it and 2 u more of rounding; one more is for the product. So a is off by
 
         (u·(3 m r_max + 4 s) + m·d·|ratio_scale|)/r_min + 3 u m
 

@@ -113,10 +113,10 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         n_attribute, of_block, has_others = look_at_materials(len(some), material, coding, block, deferred)
         features |= of_block
         material = np.int64(-1) if has_others else material
-        s.order_vertices(block)
+        s.order_vertices(drawables.vertices.pixel, block)
         s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
-        s.compute_depth_planes(drawables.vertices, block)
+        s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(index(len(some))):

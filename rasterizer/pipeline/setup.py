@@ -49,26 +49,27 @@ MATERIAL = index(BLOCK * 22)
 # What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
 PATH, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
 IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
-N_INT = 26
+IS_EDGE_ON = index(BLOCK * 26)  # see depths_on_plane in transform.py
+N_INT = 27
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
-# in samples; the range of z that a sample may have; the vertices before they were rounded, 1/256 px; z of the
-# triangle's plane where they are rounded to; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each,
-# see gradients.py; the error that its material accepts.
+# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to;
+# attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each, see gradients.py; the error
+# that its material accepts. Before there are planes, the vertices stand in their place as they come, 1/256 px.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 MIN_Z, MAX_Z = _starts(9, 11)
-TRUE_X0, TRUE_Y0, TRUE_X1, TRUE_Y1, TRUE_X2, TRUE_Y2 = _starts(11, 17)
-OWN_Z0, OWN_Z1, OWN_Z2 = _starts(17, 20)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 20), 11
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (20 + 3 * MAX_ATTRIBUTES)), 10
-LIMIT = index(BLOCK * (20 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
-N_REAL = 21 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+OWN_Z0, OWN_Z1, OWN_Z2 = _starts(11, 14)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 14), 11
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (14 + 3 * MAX_ATTRIBUTES)), 10
+TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(14 + 3 * MAX_ATTRIBUTES, 20 + 3 * MAX_ATTRIBUTES)
+LIMIT = index(BLOCK * (14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 15 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -124,8 +125,8 @@ def gather_vertices(faces, triangles, vertices, block):
     for k in range(index(len(faces))):
         face = faces[k]
         a, b, c = triangles.vertex_idx[0, face], triangles.vertex_idx[1, face], triangles.vertex_idx[2, face]
-        reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k] = x[a], x[b], x[c]
-        reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k] = y[a], y[b], y[c]
+        reals[TRUE_XA + k], reals[TRUE_XB + k], reals[TRUE_XC + k] = x[a], x[b], x[c]
+        reals[TRUE_YA + k], reals[TRUE_YB + k], reals[TRUE_YC + k] = y[a], y[b], y[c]
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z[a], z[b], z[c]
         ints[CORNER0 + k] = triangles.corner_idx[0, face]
         ints[CORNER1 + k] = triangles.corner_idx[1, face]
@@ -164,15 +165,15 @@ def gather_materials(n, coding, block):
 
 
 @helper
-def order_vertices(block):
+def order_vertices(pixel, block):
     """Round the vertices and order them, so that the same triangle gives the same planes however the file lists them.
 
-    Completes IS_FLIPPED.
+    Completes IS_FLIPPED, and computes the z of the triangles' planes; `pixel` is the PixelWidth of the vertices.
     """
     ints, reals = block.ints, block.reals
     for k in range(index(BLOCK)):
-        ta, tb, tc = reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k]
-        ua, ub, uc = reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k]
+        ta, tb, tc = reals[TRUE_XA + k], reals[TRUE_XB + k], reals[TRUE_XC + k]
+        ua, ub, uc = reals[TRUE_YA + k], reals[TRUE_YB + k], reals[TRUE_YC + k]
         xa, xb, xc = rounded(ta), rounded(tb), rounded(tc)
         ya, yb, yc = rounded(ua), rounded(ub), rounded(uc)
         is_front = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0  # counter-clockwise as loaded
@@ -180,14 +181,18 @@ def order_vertices(block):
         is_c_first = key_c < min(key_a, key_b)
         is_b_first = (key_b < key_a) & (not is_c_first)
         ints[IS_FLIPPED + k] = is_front == (ints[IS_FLIPPED + k] != 0)
-        t0, t1, t2 = rotate_to_first(ta, tb, tc, is_b_first, is_c_first, is_front)
-        u0, u1, u2 = rotate_to_first(ua, ub, uc, is_b_first, is_c_first, is_front)
-        reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k] = t0, t1, t2
-        reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k] = u0, u1, u2
-        ints[X0 + k], ints[X1 + k], ints[X2 + k] = rounded(t0), rounded(t1), rounded(t2)
-        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = rounded(u0), rounded(u1), rounded(u2)
+        true_x = rotate_to_first(ta, tb, tc, is_b_first, is_c_first, is_front)
+        true_y = rotate_to_first(ua, ub, uc, is_b_first, is_c_first, is_front)
+        x = np.rint(true_x[0]), np.rint(true_x[1]), np.rint(true_x[2])
+        y = np.rint(true_y[0]), np.rint(true_y[1]), np.rint(true_y[2])
+        ints[X0 + k], ints[X1 + k], ints[X2 + k] = np.int32(x[0]), np.int32(x[1]), np.int32(x[2])
+        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = np.int32(y[0]), np.int32(y[1]), np.int32(y[2])
         za, zb, zc = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
-        reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
+        z = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
+        own_z, is_edge_on = depths_on_plane(true_x, true_y, x, y, z, pixel)
+        reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z
+        reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k] = own_z
+        ints[IS_EDGE_ON + k] = is_edge_on
         ca, cb, cc = ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k]
         # A part's attributes are those of its face, in the order of the planes.
         is_whole = ints[CLIPPED_IDX + k] < 0
@@ -277,27 +282,20 @@ def compute_boxes(rows, width, block):
 
 
 @helper
-def compute_depth_planes(vertices, block):
+def compute_depth_planes(block):
     """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
 
     Slivers are the triangles that are too long and thin for a plane, also for what their depth rises by, and those
     whose depth is too steep for one.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
-    pixel = vertices.pixel
     for k in range(index(BLOCK)):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
         area = np.float64(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
         wide, high = float(max(x0, x1, x2) - min(x0, x1, x2)), float(max(y1, y2) - y0)
-        (z0, z1, z2), is_edge_on = depths_on_plane(
-            (reals[TRUE_X0 + k], reals[TRUE_X1 + k], reals[TRUE_X2 + k]),
-            (reals[TRUE_Y0 + k], reals[TRUE_Y1 + k], reals[TRUE_Y2 + k]),
-            (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)),
-            (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]), pixel,
-        )  # fmt: skip
-        reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k] = z0, z1, z2
+        z0, z1, z2 = reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k]
         rise1, rise2 = z1 - z0, z2 - z0
         leverage = wide * high * max(abs(rise1), abs(rise2))
         is_sliver = (wide * high > MAX_ELONGATION * area) | (leverage > MAX_LEVERAGE * area)
@@ -310,7 +308,7 @@ def compute_depth_planes(vertices, block):
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
         is_part = ints[CLIPPED_IDX + k] >= 0
         is_steep = abs(dx) + abs(dy) > (MAX_CLIPPED_SLOPE if is_part else MAX_SLOPE)
-        is_steep |= (is_edge_on & is_part) | (plane_shift(k, block) > MAX_PLANE_SHIFT)
+        is_steep |= ((ints[IS_EDGE_ON + k] != 0) & is_part) | (plane_shift(k, block) > MAX_PLANE_SHIFT)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
         ints[IS_SLIVER + k] = is_sliver | is_steep
         ints[HAS_PLANES + k] = not (is_sliver | is_steep | is_part)
@@ -396,7 +394,8 @@ def depth_rounding(k, block):
 
 @helper
 def plane_shift(k, block):
-    """Return how far the z of triangle k's plane is from what is interpolated between the z of its vertices, at most."""
+    """Return how far the z of triangle k's plane is from what is interpolated between those of its vertices, at
+    most."""
     reals = block.reals
     shift0, shift1 = abs(reals[OWN_Z0 + k] - reals[Z0 + k]), abs(reals[OWN_Z1 + k] - reals[Z1 + k])
     return max(shift0, shift1, abs(reals[OWN_Z2 + k] - reals[Z2 + k]))

@@ -2,9 +2,10 @@
 
 In:  positions, world space, one float64 array an axis.
 Out: `Vertices`: x and y int32 in 1/256 px, and as they were before they were rounded; and z float64, depth in units of
-     the z-buffer. It is affine in screen space, so that a plane interpolates it: z = a + b/w in perspective, with w the
-     distance along the viewing axis, else z = a + b·depth. A vertex that has no place on the screen (nearer than the near plane, beyond the far plane,
-     further than 2^20 px from the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
+     the z-buffer. It is affine in screen space, so that a plane interpolates it: z = a + b/w in perspective, with w
+     the distance along the viewing axis, else z = a + b·depth. A vertex that has no place on the screen (nearer than
+     the near plane, beyond the far plane, further than 2^20 px from the picture, not finite) has x = OUTSIDE; its
+     triangles go to the clip stage.
 
 Skew is a shear of the view, and that is all it is: where points are measured along `across` instead of `right`, they
 are seen as without skew. So the stages that only project, clip, or solve for weights know nothing of it. A length of
