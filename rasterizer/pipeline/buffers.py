@@ -484,7 +484,7 @@ def fetch_triangle(face, drawables, depths):
     (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
     true_x, true_y, z = vertices.true_x, vertices.true_y, vertices.z
     z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
-    (own0, own1, own2), _ = depths_on_plane(
+    (own0, own1, own2), _, _ = depths_on_plane(
         ordered((true_x[a], true_x[b], true_x[c]), order), ordered((true_y[a], true_y[b], true_y[c]), order),
         (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)), (z0, z1, z2),
         vertices.pixel,

@@ -33,7 +33,6 @@ from .setup import (
     compute_plane,
     depth_rounding,
     linear_in_z,
-    plane_shift,
     values_at,
 )
 from .textures import TEXCOORDS, TextureCoding, compute_texcoord_planes
@@ -308,7 +307,7 @@ def compute_value_planes(first, max_affine, depths, block):
             a0, a1, a2 = a0 * factors[0], a1 * factors[1], a2 * factors[2]
             here = compute_plane(k, index(first) + number, a0, a1, a2, block)
             rise = larger(rise, here if number < n_own else 0.0)
-        shift = (depth_rounding(k, block) + plane_shift(k, block)) * abs(depths.ratio_scale)
+        shift = (depth_rounding(k, block) + reals[s.PLANE_SHIFT + k]) * abs(depths.ratio_scale)
         shrinkage = affine_error(magnitude, rise)
         error = 2.0 * shrinkage if is_affine else weighted_error(magnitude, rise, least, largest, shift)
         is_good = error <= (0.5 * accepted if is_affine else accepted)
@@ -364,7 +363,7 @@ def weighted_error(magnitude, rise, least, largest, shift):
     """Bound the error of a sample's value.
 
     A weighted plane errs by u·(3 m r_max + 4 s). A sample's r is found from a depth that is off by d z-buffer units:
-    `depth_rounding`, and `plane_shift`, because values are interpolated between the vertices. So r is off by
+    `depth_rounding`, and PLANE_SHIFT, because values are interpolated between the vertices. So r is off by
     d·|ratio_scale|/r_min of it and 2 u more of rounding; one more is for the product. So a is off by
 
         (u·(3 m r_max + 4 s) + m·d·|ratio_scale|)/r_min + 3 u m

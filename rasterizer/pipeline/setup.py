@@ -57,19 +57,19 @@ PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
-# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to;
-# attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each, see gradients.py; the error
+# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to, and how
+# far it is from theirs at most; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each, see gradients.py; the error
 # that its material accepts. Before there are planes, the vertices stand in their place as they come, 1/256 px.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 MIN_Z, MAX_Z = _starts(9, 11)
-OWN_Z0, OWN_Z1, OWN_Z2 = _starts(11, 14)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 14), 11
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (14 + 3 * MAX_ATTRIBUTES)), 10
-TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(14 + 3 * MAX_ATTRIBUTES, 20 + 3 * MAX_ATTRIBUTES)
-LIMIT = index(BLOCK * (14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
-N_REAL = 15 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+OWN_Z0, OWN_Z1, OWN_Z2, PLANE_SHIFT = _starts(11, 15)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 15), 11
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (15 + 3 * MAX_ATTRIBUTES)), 10
+TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(15 + 3 * MAX_ATTRIBUTES, 21 + 3 * MAX_ATTRIBUTES)
+LIMIT = index(BLOCK * (15 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 16 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -189,10 +189,10 @@ def order_vertices(pixel, block):
         ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = np.int32(y[0]), np.int32(y[1]), np.int32(y[2])
         za, zb, zc = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
         z = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
-        own_z, is_edge_on = depths_on_plane(true_x, true_y, x, y, z, pixel)
+        own_z, is_edge_on, shift = depths_on_plane(true_x, true_y, x, y, z, pixel)
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z
         reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k] = own_z
-        ints[IS_EDGE_ON + k] = is_edge_on
+        ints[IS_EDGE_ON + k], reals[PLANE_SHIFT + k] = is_edge_on, shift
         ca, cb, cc = ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k]
         # A part's attributes are those of its face, in the order of the planes.
         is_whole = ints[CLIPPED_IDX + k] < 0
@@ -308,7 +308,7 @@ def compute_depth_planes(block):
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
         is_part = ints[CLIPPED_IDX + k] >= 0
         is_steep = abs(dx) + abs(dy) > (MAX_CLIPPED_SLOPE if is_part else MAX_SLOPE)
-        is_steep |= ((ints[IS_EDGE_ON + k] != 0) & is_part) | (plane_shift(k, block) > MAX_PLANE_SHIFT)
+        is_steep |= ((ints[IS_EDGE_ON + k] != 0) & is_part) | (reals[PLANE_SHIFT + k] > MAX_PLANE_SHIFT)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
         ints[IS_SLIVER + k] = is_sliver | is_steep
         ints[HAS_PLANES + k] = not (is_sliver | is_steep | is_part)
@@ -390,12 +390,3 @@ def compute_plane(k, plane, a0, a1, a2, block):
 def depth_rounding(k, block):
     """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see MAX_LEVERAGE."""
     return 0.5 * float(block.ints[EXTENT_X + k] + block.ints[EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING
-
-
-@helper
-def plane_shift(k, block):
-    """Return how far the z of triangle k's plane is from what is interpolated between those of its vertices, at
-    most."""
-    reals = block.reals
-    shift0, shift1 = abs(reals[OWN_Z0 + k] - reals[Z0 + k]), abs(reals[OWN_Z1 + k] - reals[Z1 + k])
-    return max(shift0, shift1, abs(reals[OWN_Z2 + k] - reals[Z2 + k]))

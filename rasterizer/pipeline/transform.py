@@ -222,8 +222,8 @@ def compute_z(depth, screen):
 
 @helper
 def depths_on_plane(true_x, true_y, x, y, z, pixel):
-    """Return the z of a triangle's plane where its vertices are rounded to, three numbers, and whether it is seen so
-    nearly edge-on that these are the z of the vertices instead.
+    """Return the z of a triangle's plane where its vertices are rounded to, three numbers; whether it is seen so nearly
+    edge-on that these are the z of the vertices instead; and how far they are from those at most.
 
     With the edges e1, e2 and the rises r1, r2 of z along them, the slopes g = dz/d(x, y) of the plane solve e1·g = r1,
     e2·g = r2. A vertex was moved by half a 256th of a pixel along either axis at most. Where z could change by more
@@ -242,12 +242,13 @@ def depths_on_plane(true_x, true_y, x, y, z, pixel):
     inverse = 1.0 / (x1 * y2 - x2 * y1)
     slope_x, slope_y = (rise1 * y2 - rise2 * y1) * inverse, (rise2 * x1 - rise1 * x2) * inverse
     width, way = pixel.offset + pixel.scale * min(z[0], z[1], z[2]), pixel.horizon - max(z[0], z[1], z[2])
-    is_edge_on = not 0.5 * (abs(slope_x) + abs(slope_y)) <= min(width, 0.5 * way)  # also where they are no numbers
+    shift = 0.5 * (abs(slope_x) + abs(slope_y))
+    is_edge_on = not shift <= min(width, 0.5 * way)  # also where they are no numbers
     slope_x, slope_y = 0.0 if is_edge_on else slope_x, 0.0 if is_edge_on else slope_y
     z0 = z[0] - slope_x * (true_x[0] - x[0]) - slope_y * (true_y[0] - y[0])
     z1 = z[1] - slope_x * (true_x[1] - x[1]) - slope_y * (true_y[1] - y[1])
     z2 = z[2] - slope_x * (true_x[2] - x[2]) - slope_y * (true_y[2] - y[2])
-    return (z0, z1, z2), is_edge_on
+    return (z0, z1, z2), is_edge_on, 0.0 if is_edge_on else shift
 
 
 def skew_stretch(screen) -> float:

@@ -35,9 +35,7 @@ class Pieces(NamedTuple):
 
     face: NDArray[np.int64]  # (n_piece,) ascending
     position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth
-    plane_depth: NDArray[
-        np.float64
-    ]  # (n_piece, 3) depth of the face's plane where the grid shows `position`; see below
+    plane_depth: NDArray[np.float64]  # (n_piece, 3) of the face, where the grid shows `position`: see `plane_depths`
     is_cut: NDArray[np.bool_]  # (n_piece,) the face is in several pieces, or only a part of it is left
     corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face
     depth_range: NDArray[np.float64]  # (n_piece, 2) least and largest depth of what is left of the face

@@ -185,7 +185,8 @@ def _interpolate(affine: NDArray, piece: int | NDArray, raster: Raster) -> tuple
     """Return depths (n,) and perspective-correct weights (n, 3) of samples of whole faces with affine weights (n, 3).
 
     The depth is that of the face's plane, and not that of the point with these weights, which the rounding of the
-    corners puts beside the sample. 1/depth is affine on the screen, and so is A/depth for every A that is affine on the surface.
+    corners puts beside the sample. 1/depth is affine on the screen, and so is A/depth for every A that is affine on the
+    surface.
     Source: Blinn 1992, Hyperbolic interpolation, IEEE Computer Graphics and Applications 12(4), 89-94.
     """
     plane_depths = raster.pieces.plane_depth[piece]

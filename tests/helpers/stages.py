@@ -107,7 +107,7 @@ def drawables_of(triangles, z, attributes, is_inverted=None, material=NO_MATERIA
     """
     triangles, n = np.asarray(triangles, np.int32), len(triangles)
     x, y = (np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2))
-    vertices = Vertices(x, y, z.ravel(), x.astype(float), y.astype(float), PixelWidth(np.inf, 0.0, np.inf))
+    vertices = Vertices(x, y, z.ravel(), x.astype(float), y.astype(float), PixelWidth(0.0, 0.0, 0.0))
     columns = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
     found = {array.dtype.type: array for array in (attributes if isinstance(attributes, tuple) else (attributes,))}

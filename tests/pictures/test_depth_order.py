@@ -44,8 +44,8 @@ def random_triangles(rng, point, axes, n):
 
 
 def planes_of(triangles, camera):
-    """Of each triangle's plane what is affine on the screen, 1/w or the depth: (n, 3) long double, at the middle of the
-    first sample, and what one sample to the right, and down, adds; and which are too nearly edge-on to have an order."""
+    """Of each triangle's plane what is affine on the screen, 1/w or the depth: (n, 3) long double, at the first sample,
+    and what one sample to the right, and down, adds; and which are too nearly edge-on to have an order."""
     view, projection = camera.view(), camera.projection(SIZE)
     axes = np.stack([view.right, view.up, view.forward]).astype(WIDE)
     corners = (triangles.astype(WIDE) - view.eye) @ axes.T
