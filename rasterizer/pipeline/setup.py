@@ -57,9 +57,10 @@ PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
-# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to, and how
-# far it is from theirs at most; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each, see gradients.py; the error
-# that its material accepts. Before there are planes, the vertices stand in their place as they come, 1/256 px.
+# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to, and
+# how far it is from theirs at most; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows
+# each, see gradients.py; the error that its material accepts. Before there are planes, the vertices stand in their
+# place as they come, 1/256 px.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
