@@ -270,8 +270,8 @@ def line_of_run(triangle, depths, is_perspective, x, y):
     where all w are 1; m the largest |a_i|; u = 2^-53. Samples of a triangle lie in it, so |k Δe_i| <= |A|, and
     Σ |k Δe_i| <= 2 |A|. What rounds k·Δa is two products, two sums, a divisor, a quotient and the product with k: 14 u
     m, in perspective with the corners' shares of 1/w (records.py) 18 u m. The first a errs by 8 u m, exact
-    interpolation by 10 u m; the last sum, 1/a and the two ends of the range by u each. Together that is less than 64 u m. In
-    perspective it is divided by a, which is not below the least a_i.
+    interpolation by 10 u m; the last sum, 1/a and the two ends of the range by u each. Together that is less than 64 u
+    m. In perspective it is divided by a, which is not below the least a_i.
     """
     (q0, q1, q2), (steps, _) = corner_weights(triangle, x, y), weight_steps(triangle)
     first = q0 * depths[0] + q1 * depths[1] + q2 * depths[2]
