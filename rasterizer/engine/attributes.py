@@ -222,7 +222,7 @@ class NormalAttributes:
 
 # ---------------------------------------------------------------- how entries, records and bytes hold them
 
-NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # of no view
+NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, True)  # of no view
 
 
 def make_coding(plan: Plan, tolerance, step=1.0) -> Coding:
@@ -313,11 +313,11 @@ def scale_depths(screen) -> DepthScale:
     inverse = 1.0 / screen.z_scale if has_range else 0.0
     line = (-screen.z_offset * inverse, inverse)
     if not screen.is_perspective:
-        return DepthScale(1.0, 0.0, *(line if has_range else (screen.near, 0.0)), 1.0, 0.0)
+        return DepthScale(1.0, 0.0, *(line if has_range else (screen.near, 0.0)), 1.0, 0.0, False)
     if not has_range:
-        return DepthScale(1.0 / screen.near, 0.0, 0.0, 0.0, 1.0, 0.0)
+        return DepthScale(1.0 / screen.near, 0.0, 0.0, 0.0, 1.0, 0.0, True)
     nearest = screen.z_scale / (DEPTH_MARGIN - screen.z_offset)  # that a z-buffer has room for
-    return DepthScale(*line, 0.0, 0.0, nearest * line[0], nearest * line[1])
+    return DepthScale(*line, 0.0, 0.0, nearest * line[0], nearest * line[1], True)
 
 
 def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:

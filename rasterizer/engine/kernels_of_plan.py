@@ -27,7 +27,7 @@ from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.texturing import Texturing, shade_textured
-from ..pipeline.transform import Drawables, Screen, Triangles, Vertices, make_screen, transform_range
+from ..pipeline.transform import Drawables, PixelWidth, Screen, Triangles, Vertices, make_screen, transform_range
 from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
@@ -50,7 +50,8 @@ NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty
 NUMBER_ROWS = weld.number_rows, np.empty((0, 3), np.uint32), np.uint64(0), FACES, NUMBERS, FACES  # equal rows
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
-    Triangles(CORNERS, CORNERS, FLAGS), Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS),
+    Triangles(CORNERS, CORNERS, FLAGS),
+    Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS, LENGTHS, LENGTHS, PixelWidth(0.0, 0.0, 0.0)),
     np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)),
 )  # fmt: skip
 

@@ -70,6 +70,7 @@ class Pass:
     n_texel: ClassVar[int] = 0  # rows of texels that a workspace needs
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
     shades_points: ClassVar[bool] = False  # once a pixel and polygon: see pipeline/shade_once.py
+    keeps_planes: ClassVar[bool] = True  # faces are drawn in their own planes, see pipeline/transform.py
 
     @property
     def n_sample(self) -> tuple[int, int]:
@@ -352,6 +353,9 @@ class BufferPass(Pass):
 @dataclass(**AS_PASS)
 class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
+
+    # Faces that share an edge must agree at it: the one behind would else show beside it, and shade the other.
+    keeps_planes: ClassVar[bool] = False
 
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
     texels: np.ndarray  # (n, n) float32 or float64, written

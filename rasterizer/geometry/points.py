@@ -39,6 +39,7 @@ class Geometry(NamedTuple):
     tangents: NDArray[np.float64] = NO_TANGENTS  # (3, n_point) where u grows to; (3, 0) where no material needs them
     face: NDArray[np.uint32] = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
     centers: Centers | None = None  # the last points, which are means of others; None where there are none
+    layers: NDArray[np.int16] = np.empty(0, np.int16)  # (n_vertex,) the layer of the mesh; empty where all are 0
 
     @property
     def n_loaded(self) -> int:
@@ -80,7 +81,15 @@ def gather_geometry(meshes: Sequence[Mesh], is_flat: bool) -> Geometry:
     if not is_flat:
         geometry = about_centers(geometry, meshes, parts)
         flag_inverted(geometry.positions, geometry.normals, geometry.vertex, geometry.is_inverted)
-    return geometry
+    return with_layers(geometry, meshes) if any(mesh.layer for mesh in meshes) else geometry
+
+
+def with_layers(geometry: Geometry, meshes: Sequence[Mesh]) -> Geometry:
+    """Give the vertices the layers of their meshes."""
+    of_loaded = np.repeat([mesh.layer for mesh in meshes], [mesh.n_face for mesh in meshes])
+    layers = np.zeros(geometry.positions.shape[1], np.int16)
+    layers[geometry.vertex] = of_loaded[geometry.face] if len(geometry.face) else of_loaded
+    return geometry._replace(layers=layers)
 
 
 def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool) -> Geometry:

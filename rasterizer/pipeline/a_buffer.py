@@ -212,7 +212,7 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
     for first in range(0, len(faces), s.BLOCK):
         n = index(min(len(faces) - first, s.BLOCK))
         s.gather_vertices(faces[index(first) : index(first) + n], triangles, vertices, block)
-        s.order_vertices(block)
+        s.order_vertices(vertices.pixel, block)
         s.compute_boxes(rows, visibility.width, block)
         s.compute_depth_planes(block)
         for k in range(n):

@@ -33,6 +33,7 @@ from .interpolate import (
     corner_vectors,
     corner_weights,
     exact_triangle,
+    inverse_range,
     mean,
     mean_depth,
     mean_vector,
@@ -42,8 +43,8 @@ from .interpolate import (
     weight_steps,
 )
 from .records import DEPTH, SIDE, Records, face_of
-from .setup import DEPTH_PLANE_ROUNDING, DepthScale, rotate_to_first
-from .transform import DEPTH_BITS, SUBPIXEL, Drawables
+from .setup import DEPTH_PLANE_ROUNDING, DepthScale, depth_at_corner, rotate_to_first
+from .transform import DEPTH_BITS, SUBPIXEL, Drawables, depths_on_plane
 from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
 
 
@@ -268,19 +269,20 @@ def line_of_run(triangle, depths, is_perspective, x, y):
     Letters: e_i edge functions, A their sum, a_i what stands at the corners: 1/w, or the depth without perspective,
     where all w are 1; m the largest |a_i|; u = 2^-53. Samples of a triangle lie in it, so |k Δe_i| <= |A|, and
     Σ |k Δe_i| <= 2 |A|. What rounds k·Δa is two products, two sums, a divisor, a quotient and the product with k: 14 u
-    m. The first a errs by 6 u m, exact interpolation by 8 u m; the last sum, 1/a and the two ends of the range by u
-    each. Together that is less than 32 u m. In perspective it is divided by a, which is not below the least a_i.
+    m, in perspective with the corners' shares of 1/w (records.py) 18 u m. The first a errs by 8 u m, exact
+    interpolation by 10 u m; the last sum, 1/a and the two ends of the range by u each. Together that is less than 64 u
+    m. In perspective it is divided by a, which is not below the least a_i.
     """
     (q0, q1, q2), (steps, _) = corner_weights(triangle, x, y), weight_steps(triangle)
-    least, largest = triangle.sums
+    first = q0 * depths[0] + q1 * depths[1] + q2 * depths[2]
+    step = steps[0] * depths[0] + steps[1] * depths[1] + steps[2] * depths[2]
     if is_perspective:
-        first, step = q0 + q1 + q2, steps[0] + steps[1] + steps[2]
-        slack = 2.0**-48 * largest / least
+        least, largest = inverse_range(triangle, depths)
+        slack = 2.0**-47 * largest / least
         slack = slack if slack <= MAX_SLACK else np.inf
     else:
-        first = q0 * depths[0] + q1 * depths[1] + q2 * depths[2]
-        step = steps[0] * depths[0] + steps[1] * depths[1] + steps[2] * depths[2]
-        slack = 2.0**-48 * max(abs(depths[0]), abs(depths[1]), abs(depths[2])) if least == largest == 1.0 else np.inf
+        least, largest = triangle.sums
+        slack = 2.0**-47 * max(abs(depths[0]), abs(depths[1]), abs(depths[2])) if least == largest == 1.0 else np.inf
     return first / triangle.area, step / triangle.area, np.inf if triangle.is_clipped else slack
 
 
@@ -477,18 +479,24 @@ def fetch_triangle(face, drawables, depths):
     `face` is its index in the picture, `depths` the DepthScale.
     """
     xs, ys = fetch_positions(face, drawables)
-    order, z = order_of(xs, ys), drawables.vertices.z
+    order, vertices = order_of(xs, ys), drawables.vertices
     a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
     (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
+    true_x, true_y, z = vertices.true_x, vertices.true_y, vertices.z
     z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
+    (own0, own1, own2), _, _ = depths_on_plane(
+        ordered((true_x[a], true_x[b], true_x[c]), order), ordered((true_y[a], true_y[b], true_y[c]), order),
+        (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)), (z0, z1, z2),
+        vertices.pixel,
+    )  # fmt: skip
     offset, step = depths.inv_w_offset, depths.inv_w_scale
     inv_w = (offset + step * z0, offset + step * z1, offset + step * z2)
     dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
     zeros, sums = (0.0, 0.0, 0.0), (min(inv_w), max(inv_w))
     area = float(dx1 * dy2 - dx2 * dy1)
     triangle = ExactTriangle(False, x0, y0, dx1, dy1, dx2, dy2, inv_w, zeros, zeros, zeros, sums, area)
-    offset, step = depths.depth_offset, depths.depth_scale
-    return triangle, (offset + step * z0, offset + step * z1, offset + step * z2)
+    own_depths = depth_at_corner(z0, own0, depths), depth_at_corner(z1, own1, depths), depth_at_corner(z2, own2, depths)
+    return triangle, own_depths
 
 
 @helper

@@ -11,17 +11,16 @@ outside one, so two triangles that share an edge get the same one, and no gap op
 The parts say only what is covered. Depth and attributes come from the planes of the whole face, so they are the same in
 all parts of a face, wherever it is clipped:
 
-* A part's corners are rounded to 1/256 px as all vertices are. Its depths are those of the whole face at the rounded
-  corners; depth is affine on the screen, so the planes of all parts are the plane of the face.
+* A part's corners are rounded to 1/256 px as all vertices are. Its depths are those of the whole face's plane at the
+  rounded corners; depth is affine on the screen, so the planes of all parts are the plane of the face.
 * Attributes are interpolated with the weights q_i of the face's own three vertices, which are affine on the screen,
   too. With the vertices P_i in eye space and the ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a
   sample, q = M^-1 r, where P_0, P_1, P_2 are the columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i
   (Olano & Greer 1997, "Triangle scan conversion using 2D homogeneous coordinates"). Without perspective
   P_i = (across, upward, 1), and q_i = b_i.
 
-Where all three vertices have a place on the screen, near and far planes apart, they count where they are rounded to:
-the planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and all
-count where they are.
+The three vertices count where they are, and not where they would be rounded to: one may be behind the eye, or too far
+out to be rounded.
 
 The vertices of a face are sorted before anything is computed from them, and a part begins at its topmost, leftmost
 corner: so two faces with the same vertices have the same parts and the same depths to the last bit, in whatever order a
@@ -108,7 +107,7 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
     # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See setup.py:
     # MAX_CLIPPED_SLOPE.
     z_ranges = np.sort(compute_z(np.stack([least, largest], axis=1), screen), axis=1)
-    new_vertices, is_placed = snap_corners(parts, np.repeat(owners, 3), z_planes, z_ranges, screen)
+    (x, y, z), is_placed = snap_corners(parts, np.repeat(owners, 3), z_planes, z_ranges, screen)
     new_idx = np.arange(len(vertices.x), len(vertices.x) + 3 * n_part, dtype=np.uint32).reshape(-1, 3)[is_placed].T
 
     # Put the new triangles where the old ones stood: order is what decides at equal depth.
@@ -126,12 +125,14 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
         np.concatenate([np.full(len(whole), -1, np.int32), owners.astype(np.int32)])[order],
         z_ranges,
     )
-    vertices = Vertices(*(np.append(old, new) for old, new in zip(vertices, new_vertices, strict=True)))
+    placed = zip(vertices[:5], (x, y, z, x, y), strict=True)  # a corner's z is that of where it is rounded to
+    vertices = Vertices(*(np.append(old, new.astype(old.dtype)) for old, new in placed), vertices.pixel)
     return Clipped(parted, vertices, faces, planes, len(touched))
 
 
 def snap_corners(parts, owners, z_planes, z_ranges, screen):
-    """Round the corners of parts to 1/256 px: (Vertices, which parts have all of their corners on the screen).
+    """Round the corners of parts to 1/256 px: ((x, y, z) as of `Vertices`, which parts have all of their corners on the
+    screen).
 
     Parameters
     ----------
@@ -151,7 +152,7 @@ def snap_corners(parts, owners, z_planes, z_ranges, screen):
     z = plane[:, 0] + plane[:, 1] * x + plane[:, 2] * y
     z = np.where(np.isnan(z), z_ranges.mean(axis=1)[owners], z)  # the face is seen edge-on
     x, y = np.where(is_finite, x, OUTSIDE).astype(np.int32), np.where(is_finite, y, 0).astype(np.int32)
-    return Vertices(x, y, z), is_finite.reshape(-1, 3).all(axis=1)
+    return (x, y, z), is_finite.reshape(-1, 3).all(axis=1)
 
 
 def compute_depth_ranges(w, owners, n_clipped):
@@ -197,7 +198,6 @@ def compute_face_planes(positions, vertex_idx, screen):
         np.einsum("a,akn->nk", axis, relative) for axis in (screen.across, screen.up, screen.forward)
     )
     w = depth if screen.is_perspective else np.ones_like(depth)
-    across, upward = snap_across_view(across, upward, w, screen)
     order = np.lexsort((upward, across, depth), axis=-1)
     across, upward, w, depth = (np.take_along_axis(values, order, axis=1) for values in (across, upward, w, depth))
     corners = np.stack([across, upward, w], axis=2)
@@ -218,24 +218,6 @@ def compute_face_planes(positions, vertex_idx, screen):
     z_planes[:, 0] += screen.z_offset
     z_planes[is_edge_on] = np.nan
     return planes, z_planes
-
-
-def snap_across_view(across, upward, w, screen):
-    """Move the vertices of faces across the view to where the screen shows them rounded; depths stay.
-
-    Faces with a vertex that has no place on the screen are left as they are.
-
-    Parameters
-    ----------
-    across, upward, w : (n_clipped, 3) float64, scene units; w is 1 without perspective
-    """
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        x, y = project(across, upward, w, screen)
-        is_placed = ((w > 0.0) & (np.abs(x) <= LIMIT) & (np.abs(y) <= LIMIT)).all(axis=1, keepdims=True)
-        x, y = np.rint(x) / SUBPIXEL, np.rint(y) / SUBPIXEL
-        across = np.where(is_placed, w * (x - screen.center_x) / screen.scale_x, across)
-        upward = np.where(is_placed, w * (screen.center_y - y) / screen.scale_y, upward)
-    return across, upward
 
 
 def invert_corners(corners, is_perspective, stretch=1.0):

@@ -266,8 +266,8 @@ def check_distances(coding, block):
     With perspective it is found from 1/w, else from the depth; the other one is a constant, and its scale 0.
     """
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
-        d0, d1, d2 = linear_in_z(k, coding.depths.depth_offset, coding.depths.depth_scale, block)
+        w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block, s.OWN_Z0)
+        d0, d1, d2 = linear_in_z(k, coding.depths.depth_offset, coding.depths.depth_scale, block, s.OWN_Z0)
         units = depth_rounding(k, block)
         is_good = units * abs(coding.depths.inv_w_scale) <= 8.0 * 2.0**-24 * min(w0, w1, w2)
         is_good &= units * abs(coding.depths.depth_scale) <= 8.0 * 2.0**-24 * min(abs(d0), abs(d1), abs(d2))
@@ -307,7 +307,7 @@ def compute_value_planes(first, max_affine, depths, block):
             a0, a1, a2 = a0 * factors[0], a1 * factors[1], a2 * factors[2]
             here = compute_plane(k, index(first) + number, a0, a1, a2, block)
             rise = larger(rise, here if number < n_own else 0.0)
-        shift = depth_rounding(k, block) * abs(depths.ratio_scale)
+        shift = (depth_rounding(k, block) + reals[s.PLANE_SHIFT + k]) * abs(depths.ratio_scale)
         shrinkage = affine_error(magnitude, rise)
         error = 2.0 * shrinkage if is_affine else weighted_error(magnitude, rise, least, largest, shift)
         is_good = error <= (0.5 * accepted if is_affine else accepted)
@@ -362,7 +362,8 @@ def affine_error(magnitude, rise):
 def weighted_error(magnitude, rise, least, largest, shift):
     """Bound the error of a sample's value.
 
-    A weighted plane errs by u·(3 m r_max + 4 s); a sample's r, found from a depth that is off by d z-buffer units, by
+    A weighted plane errs by u·(3 m r_max + 4 s). A sample's r is found from a depth that is off by d z-buffer units:
+    `depth_rounding`, and PLANE_SHIFT, because values are interpolated between the vertices. So r is off by
     d·|ratio_scale|/r_min of it and 2 u more of rounding; one more is for the product. So a is off by
 
         (u·(3 m r_max + 4 s) + m·d·|ratio_scale|)/r_min + 3 u m

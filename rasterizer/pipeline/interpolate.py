@@ -267,9 +267,25 @@ def depth_at(records, record, triangle, q, is_perspective):
 
 @helper
 def mean_depth(triangle, depths, q, is_perspective):
-    """Return the depth of a triangle at a sample; `depths` are those of its corners, used without perspective."""
-    total = q[0] + q[1] + q[2]
+    """Return the depth of a triangle's plane at a sample; `depths` is what the record holds of it (records.py)."""
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
-        return 1.0 / min(max(total / triangle.area, triangle.sums[0]), triangle.sums[1])
+        least, largest = inverse_range(triangle, depths)
+        return 1.0 / min(max(plane_inverse(triangle, depths, q), least), largest)
+    total = q[0] + q[1] + q[2]
     return float(mean(depths, (q[0] / total, q[1] / total, q[2] / total)))
+
+
+@helper
+def plane_inverse(triangle, depths, q):
+    """Return 1/w of a triangle's plane at a sample, in perspective; see `mean_depth`."""
+    return (q[0] * depths[0] + q[1] * depths[1] + q[2] * depths[2]) / triangle.area
+
+
+@helper
+def inverse_range(triangle, depths):
+    """Return the least and the largest 1/w of a triangle's plane within it, in perspective."""
+    if triangle.is_clipped:
+        return triangle.sums
+    a, b, c = triangle.inv_w[0] * depths[0], triangle.inv_w[1] * depths[1], triangle.inv_w[2] * depths[2]
+    return min(a, b, c), max(a, b, c)

@@ -29,6 +29,7 @@ from .interpolate import (
     mean,
     mean_vector,
     next_exact_run,
+    plane_inverse,
     rounded,
     row_extent,
     sample_weights,
@@ -236,7 +237,8 @@ def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_d
         record = record_of(entries[start])
         triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
         normals = rounded_vectors(corner_vectors(records, record, index(0)), real)
-        depths = rounded(corner_values(records.reals, record, index(DEPTH)), real)
+        exact_depths = corner_values(records.reals, record, index(DEPTH))
+        depths = rounded(exact_depths, real)
         colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes longer.
         for k in range(start, end):
@@ -246,9 +248,8 @@ def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_d
             batch[f.NORMAL + k] = side * mean(normals[0], p)
             batch[f.NORMAL + f.NEXT + k] = side * mean(normals[1], p)
             batch[f.NORMAL + f.NEXT + f.NEXT + k] = side * mean(normals[2], p)
-            # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
             if is_perspective:
-                batch[f.DISTANCE + k] = real(triangle.area * inverse)
+                batch[f.DISTANCE + k] = real(1.0 / plane_inverse(triangle, exact_depths, (q0, q1, q2)))
             else:
                 batch[f.DISTANCE + k] = mean(depths, p)
             if has_albedo:

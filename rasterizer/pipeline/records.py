@@ -29,7 +29,8 @@ from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
 # the side that is seen; the row of the planes of the clipped face that it is a part of, or -1; the material.
 EDGES, FACE, SIDE, CLIPPED_IDX, MATERIAL = 0, 6, 7, 8, 9
 N_INTEGER = 10
-# Columns of an exact record's reals: 1/w, depth (orthographic) and each attribute, each at the three vertices.
+# Columns of an exact record's reals, each at the three vertices: 1/w; the depth of the triangle's plane where they are
+# rounded to, with perspective 1/w of that over the 1/w; each attribute.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
 # Columns of a record of planes: the sample where the planes are anchored, then groups of four planes.
 PLANES_MATERIAL, PLANES_ANCHOR_X, PLANES_ANCHOR_Y, PLANES_FACE, FIRST_GROUP = 0, 1, 2, 3, 4
@@ -213,7 +214,7 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
     """Write record number `n_record`: where triangle k lies on the screen; 1/w, depth and attributes of its corners.
 
     Of a part of a clipped face the depths and attributes are those of the face's corners, and the weights come from its
-    planes.
+    planes, which are those of its depth, too.
 
     Parameters
     ----------
@@ -231,11 +232,12 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
     clipped = ints[s.CLIPPED_IDX + k]
     integers[row, CLIPPED_IDX] = clipped
     for corner in range(index(3)):
-        z = reals[s.Z0 + corner * s.NEXT + k]
+        z, own = reals[s.Z0 + corner * s.NEXT + k], reals[s.OWN_Z0 + corner * s.NEXT + k]
         out[row, index(INV_W) + corner] = depths.inv_w_offset + depths.inv_w_scale * z
-        out[row, index(DEPTH) + corner] = depths.depth_offset + depths.depth_scale * z
+        out[row, index(DEPTH) + corner] = s.depth_at_corner(z, own, depths)
     if clipped >= 0:
         for corner in range(index(3)):
-            out[row, index(DEPTH) + corner] = records.clipped_planes[index(clipped), index(FACE_DEPTH) + corner]
+            depth = records.clipped_planes[index(clipped), index(FACE_DEPTH) + corner]
+            out[row, index(DEPTH) + corner] = 1.0 if depths.is_perspective else depth
     for column in range(index(3 * n_attribute)):
         out[row, index(ATTRIBUTE) + column] = reals[s.ATTRIBUTE + column * s.NEXT + k]

@@ -113,7 +113,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         n_attribute, of_block, has_others = look_at_materials(len(some), material, coding, block, deferred)
         features |= of_block
         material = np.int64(-1) if has_others else material
-        s.order_vertices(block)
+        s.order_vertices(drawables.vertices.pixel, block)
         s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
@@ -261,7 +261,8 @@ class Payload(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """The z of a triangle's vertices, float64, z-buffer units, and the range that its samples may have."""
+    """The z of a triangle's plane at its rounded vertices, float64, z-buffer units, and the range that its samples may
+    have."""
 
     z0: float
     z1: float
@@ -308,7 +309,7 @@ def surface_of(k, payload, block):
     dx, dy = pack(longs[s.PLANE_Z_DX + k], payload.dx), pack(longs[s.PLANE_Z_DY + k], payload.dy)
     plane = Plane(pack(longs[s.PLANE_Z + k], payload.value) - anchor_x * dx - anchor_y * dy, dx, dy)
     depths = Depths(
-        reals[s.Z0 + k], reals[s.Z1 + k], reals[s.Z2 + k], reals[s.MIN_Z + k], reals[s.MAX_Z + k]
+        reals[s.OWN_Z0 + k], reals[s.OWN_Z1 + k], reals[s.OWN_Z2 + k], reals[s.MIN_Z + k], reals[s.MAX_Z + k]
     )  # fmt: skip
     return Surface(triangle, ints[s.IS_SLIVER + k] != 0, plane, depths, payload.value)
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from .cull import first_sample
-from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
+from .transform import DEPTH_BITS, DEPTH_MARGIN, HALF, SUBPIXEL, depths_on_plane
 
 BLOCK = 64  # triangles
 
@@ -49,23 +49,28 @@ MATERIAL = index(BLOCK * 22)
 # What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
 PATH, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
 IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
-N_INT = 26
+IS_EDGE_ON = index(BLOCK * 26)  # see depths_on_plane in transform.py
+N_INT = 27
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
-# in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
-# planes of attributes, three rows each, see gradients.py; the error that its material accepts.
+# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to, and
+# how far it is from theirs at most; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows
+# each, see gradients.py; the error that its material accepts. Before there are planes, the vertices stand in their
+# place as they come, 1/256 px.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 MIN_Z, MAX_Z = _starts(9, 11)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 11), 13
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MAX_ATTRIBUTES)), 10
-LIMIT = index(BLOCK * (11 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
-N_REAL = 12 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+OWN_Z0, OWN_Z1, OWN_Z2, PLANE_SHIFT = _starts(11, 15)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 15), 13
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (15 + 3 * MAX_ATTRIBUTES)), 10
+TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(15 + 3 * MAX_ATTRIBUTES, 21 + 3 * MAX_ATTRIBUTES)
+LIMIT = index(BLOCK * (15 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 16 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -83,11 +88,15 @@ MAX_ELONGATION = 2.0**20
 #
 # Other triangles get their depth from exact edge functions, as slivers.
 MAX_LEVERAGE = 2.0**53
-# A part of a clipped face has the plane of the whole face, but its corners are rounded to 1/256 px: a sample in it lies
-# up to 1/512 px outside the face, along either axis, and the plane leaves the face's range of depths by up to its slope
-# over 512 there. Where that is more than half the room at the ends of the z-buffer, depth is computed at every sample,
-# and kept within the range.
-MAX_CLIPPED_SLOPE = DEPTH_MARGIN / 2 * (2 * SUBPIXEL)
+# A face is drawn in its own plane, but its corners are rounded to 1/256 px: a sample in it lies up to 1/512 px outside
+# the face, along either axis, and the plane leaves the face's range of depths there, by no more than it does at a
+# corner. Where that is more than half the room at the ends of the z-buffer, depth is computed at every sample, and kept
+# within the z-buffer.
+MAX_PLANE_SHIFT = DEPTH_MARGIN / 2
+FURTHEST = 2.0**DEPTH_BITS - 2.0  # what lies there is still seen
+# Of a part of a clipped face it may be the slope over 512. One that is seen edge-on (`depths_on_plane`) is kept within
+# the face's range.
+MAX_CLIPPED_SLOPE = MAX_PLANE_SHIFT * (2 * SUBPIXEL)
 # Steeper planes of depth would leave 64 bits, a sample: a triangle that reaches far out of the picture may have one.
 MAX_SLOPE = 2.0**60
 
@@ -113,12 +122,12 @@ def gather_vertices(faces, triangles, vertices, block):
     was left there, but a material that there is: loops over the whole block look materials up.
     """
     ints, reals = block.ints, block.reals
-    x, y, z = vertices.x, vertices.y, vertices.z
+    x, y, z = vertices.true_x, vertices.true_y, vertices.z
     for k in range(index(len(faces))):
         face = faces[k]
         a, b, c = triangles.vertex_idx[0, face], triangles.vertex_idx[1, face], triangles.vertex_idx[2, face]
-        ints[X0 + k], ints[X1 + k], ints[X2 + k] = x[a], x[b], x[c]
-        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = y[a], y[b], y[c]
+        reals[TRUE_XA + k], reals[TRUE_XB + k], reals[TRUE_XC + k] = x[a], x[b], x[c]
+        reals[TRUE_YA + k], reals[TRUE_YB + k], reals[TRUE_YC + k] = y[a], y[b], y[c]
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z[a], z[b], z[c]
         ints[CORNER0 + k] = triangles.corner_idx[0, face]
         ints[CORNER1 + k] = triangles.corner_idx[1, face]
@@ -127,7 +136,7 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
         clipped = triangles.clipped_idx[face] if len(triangles.clipped_idx) > 0 else np.int32(-1)
         ints[CLIPPED_IDX + k] = clipped
-        reals[MIN_Z + k], reals[MAX_Z + k] = -np.inf, np.inf
+        reals[MIN_Z + k], reals[MAX_Z + k] = 0.0, FURTHEST
         if clipped >= 0:
             reals[MIN_Z + k] = triangles.z_ranges[index(clipped), 0]
             reals[MAX_Z + k] = triangles.z_ranges[index(clipped), 1]
@@ -157,30 +166,46 @@ def gather_materials(n, coding, block):
 
 
 @helper
-def order_vertices(block):
-    """Order the vertices, so that the same triangle gives the same planes however the file lists them.
+def order_vertices(pixel, block):
+    """Round the vertices and order them, so that the same triangle gives the same planes however the file lists them.
 
-    Completes IS_FLIPPED.
+    Completes IS_FLIPPED, and computes the z of the triangles' planes; `pixel` is the PixelWidth of the vertices.
     """
     ints, reals = block.ints, block.reals
     for k in range(index(BLOCK)):
-        xa, xb, xc = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
-        ya, yb, yc = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
+        ta, tb, tc = reals[TRUE_XA + k], reals[TRUE_XB + k], reals[TRUE_XC + k]
+        ua, ub, uc = reals[TRUE_YA + k], reals[TRUE_YB + k], reals[TRUE_YC + k]
+        xa, xb, xc = rounded(ta), rounded(tb), rounded(tc)
+        ya, yb, yc = rounded(ua), rounded(ub), rounded(uc)
         is_front = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0  # counter-clockwise as loaded
         key_a, key_b, key_c = (ya << 32) + xa, (yb << 32) + xb, (yc << 32) + xc
         is_c_first = key_c < min(key_a, key_b)
         is_b_first = (key_b < key_a) & (not is_c_first)
         ints[IS_FLIPPED + k] = is_front == (ints[IS_FLIPPED + k] != 0)
-        ints[X0 + k], ints[X1 + k], ints[X2 + k] = rotate_to_first(xa, xb, xc, is_b_first, is_c_first, is_front)
-        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = rotate_to_first(ya, yb, yc, is_b_first, is_c_first, is_front)
+        true_x = rotate_to_first(ta, tb, tc, is_b_first, is_c_first, is_front)
+        true_y = rotate_to_first(ua, ub, uc, is_b_first, is_c_first, is_front)
+        x = np.rint(true_x[0]), np.rint(true_x[1]), np.rint(true_x[2])
+        y = np.rint(true_y[0]), np.rint(true_y[1]), np.rint(true_y[2])
+        ints[X0 + k], ints[X1 + k], ints[X2 + k] = np.int32(x[0]), np.int32(x[1]), np.int32(x[2])
+        ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = np.int32(y[0]), np.int32(y[1]), np.int32(y[2])
         za, zb, zc = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
-        reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
+        z = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
+        own_z, is_edge_on, shift = depths_on_plane(true_x, true_y, x, y, z, pixel)
+        reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z
+        reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k] = own_z
+        ints[IS_EDGE_ON + k], reals[PLANE_SHIFT + k] = is_edge_on, shift
         ca, cb, cc = ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k]
         # A part's attributes are those of its face, in the order of the planes.
         is_whole = ints[CLIPPED_IDX + k] < 0
         ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k] = rotate_to_first(
             ca, cb, cc, is_b_first & is_whole, is_c_first & is_whole, is_front & is_whole
         )
+
+
+@helper
+def rounded(coordinate):
+    """Round a coordinate of a vertex to 1/256 px as `transform` does, int64."""
+    return np.int64(np.int32(np.rint(coordinate)))
 
 
 @helper
@@ -271,7 +296,8 @@ def compute_depth_planes(block):
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
         area = np.float64(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
         wide, high = float(max(x0, x1, x2) - min(x0, x1, x2)), float(max(y1, y2) - y0)
-        rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
+        z0, z1, z2 = reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k]
+        rise1, rise2 = z1 - z0, z2 - z0
         leverage = wide * high * max(abs(rise1), abs(rise2))
         is_sliver = (wide * high > MAX_ELONGATION * area) | (leverage > MAX_LEVERAGE * area)
         # The columns of the inverse of the edges' matrix.
@@ -281,14 +307,16 @@ def compute_depth_planes(block):
         offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
         offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
-        is_steep = abs(dx) + abs(dy) > (MAX_SLOPE if ints[CLIPPED_IDX + k] < 0 else MAX_CLIPPED_SLOPE)
+        is_part = ints[CLIPPED_IDX + k] >= 0
+        is_steep = abs(dx) + abs(dy) > (MAX_CLIPPED_SLOPE if is_part else MAX_SLOPE)
+        is_steep |= ((ints[IS_EDGE_ON + k] != 0) & is_part) | (reals[PLANE_SHIFT + k] > MAX_PLANE_SHIFT)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
         ints[IS_SLIVER + k] = is_sliver | is_steep
-        ints[HAS_PLANES + k] = not (is_sliver | is_steep | (ints[CLIPPED_IDX + k] >= 0))
+        ints[HAS_PLANES + k] = not (is_sliver | is_steep | is_part)
         reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
         reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
         reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y
-        longs[PLANE_Z + k] = np.int64(np.rint(reals[Z0 + k] + dx * offset_x + dy * offset_y))
+        longs[PLANE_Z + k] = np.int64(np.rint(z0 + dx * offset_x + dy * offset_y))
         longs[PLANE_Z_DX + k], longs[PLANE_Z_DY + k] = np.int64(np.rint(dx)), np.int64(np.rint(dy))
 
 
@@ -314,12 +342,29 @@ class DepthScale(NamedTuple):
     depth_scale: float
     ratio_offset: float  # r = ratio_offset + ratio_scale · z; 1 + 0 z without perspective
     ratio_scale: float
+    is_perspective: bool
 
 
 @helper
-def linear_in_z(k, offset, scale, block):
-    """Compute offset + scale·z at the vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale."""
-    z0, z1, z2 = block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
+def depth_at_corner(z, own_z, depths):
+    """Return what an exact record holds for the depth at a corner: that of the triangle's plane, or in perspective its
+    1/w over that of the corner.
+
+    Parameters
+    ----------
+    z, own_z : of the corner, and of the plane where it is rounded to
+    depths : DepthScale
+    """
+    offset, step = depths.inv_w_offset, depths.inv_w_scale
+    own = (offset + step * own_z) / (offset + step * z)
+    return own if depths.is_perspective else depths.depth_offset + depths.depth_scale * own_z
+
+
+@helper
+def linear_in_z(k, offset, scale, block, first=Z0):
+    """Compute offset + scale·z at the vertices of triangle k: 1/w, the depth or r, by the numbers of DepthScale; with
+    OWN_Z0 for `first` those of its plane."""
+    z0, z1, z2 = block.reals[first + k], block.reals[first + NEXT + k], block.reals[first + NEXT + NEXT + k]
     return offset + scale * z0, offset + scale * z1, offset + scale * z2
 
 

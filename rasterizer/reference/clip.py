@@ -35,8 +35,9 @@ class Pieces(NamedTuple):
 
     face: NDArray[np.int64]  # (n_piece,) ascending
     position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth
+    plane_depth: NDArray[np.float64]  # (n_piece, 3) of the face, where the grid shows `position`: see `plane_depths`
     is_cut: NDArray[np.bool_]  # (n_piece,) the face is in several pieces, or only a part of it is left
-    corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face; moved to the grid if all are on the screen's
+    corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face
     depth_range: NDArray[np.float64]  # (n_piece, 2) least and largest depth of what is left of the face
 
 
@@ -76,8 +77,8 @@ def choose_range(
 def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_rounded: bool = True) -> Pieces:
     """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
 
-    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid
-    then decides what is covered, and nothing else.
+    Unless `is_rounded`, all faces count as
+    cut: rounding to the grid then decides what is covered, and nothing else.
     """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
     planes: list[Plane] = [(0.0, 0.0, 1.0, -depths.near)]
@@ -101,12 +102,8 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
     source, fans, ranges = (np.concatenate(rows)[order] for rows in (source, fans, ranges))
     corners = triangles[source]
     if not is_rounded:
-        return Pieces(face[source], fans, np.ones(len(source), bool), corners, ranges)
-    is_on_grid = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
-    for plane in _screen_planes(projection):
-        is_on_grid &= (_plane_distance(corners, plane) >= 0).all(axis=1)
-    corners[is_on_grid] = _onto_grid(corners[is_on_grid], projection)
-    return Pieces(face[source], fans, ~is_whole[source], corners, ranges)
+        return Pieces(face[source], fans, fans[..., 2], np.ones(len(source), bool), corners, ranges)
+    return Pieces(face[source], fans, plane_depths(fans, projection), ~is_whole[source], corners, ranges)
 
 
 def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
@@ -124,12 +121,33 @@ def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.flo
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 
-def _onto_grid(points: NDArray, projection: Projection) -> NDArray[np.float64]:
-    """Move points (..., 3) across the view to where the screen's grid of 1/256 px shows them; their depths stay."""
-    pixels = snap(points, projection) / SUBPIXELS
-    w = points[..., 2:] if projection.is_perspective else 1.0
-    moved = w * rays(pixels[..., 0], pixels[..., 1], projection)
-    return np.concatenate([moved[..., :2], points[..., 2:]], axis=-1)
+def plane_depths(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
+    """Return the depths (n, 3) that the planes of faces (n, 3, 3) have where their corners are rounded to 1/256 px.
+
+    Faces that are seen so nearly edge-on that half a step of the grid along either axis could change their depth by
+    more than the width of a pixel at their nearest corner, or put a corner twice as far away, keep their depths.
+
+    A plane n·P = n·P_0 is seen at the depth n·P_0 / n·r along the ray r of a grid point; without perspective the point
+    (x, y) has the depth (n·P_0 - n_x x - n_y y) / n_z. What is affine on the screen is 1/depth, else the depth; let v
+    be that, with the slopes g a pixel. A pixel is depth/scale wide, by which v changes by v/scale; else by 1/scale.
+    """
+    pixels = snap(faces, projection) / SUBPIXELS
+    moved = rays(pixels[..., 0], pixels[..., 1], projection)
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])[:, None, :]
+    distance, per_px = dot(normal, faces), max(projection.scale_x, projection.scale_y)  # n·P_i, all equal
+    one_px = rays(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), projection)
+    steps = one_px[1:] - one_px[0]  # of the ray, by one pixel to the right, and down
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if projection.is_perspective:
+            depth = distance / dot(normal, moved)
+            slopes, inverse = dot(normal, steps) / distance[:, :1], 1.0 / faces[..., 2]
+            width = np.minimum(inverse.max(axis=1) / per_px, inverse.min(axis=1) / 2)
+        else:
+            across, forward = normal * (1.0, 1.0, 0.0), normal[..., 2]
+            depth = (distance - dot(across, moved)) / forward
+            slopes, width = dot(across, steps) / forward, 1.0 / per_px
+        is_edge_on = ~(np.abs(slopes).sum(axis=1) / (2 * SUBPIXELS) <= width)
+    return np.where(is_edge_on[:, None], faces[..., 2], depth)
 
 
 def _depth_range(polygons: NDArray) -> NDArray[np.float64]:

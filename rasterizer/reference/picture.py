@@ -198,7 +198,9 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if options.cull == "back" else facing != 0
     side = compute_sides(surface, pieces.face, facing)
-    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
+    of_loaded = np.repeat([mesh.layer for mesh in look.scene.meshes], [mesh.n_face for mesh in look.scene.meshes])
+    layer = of_loaded[surface.loaded_faces(pieces.face)]
+    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection, layer), lighting
 
 
 def _draw(look: Look, per_axis: int) -> Layers:

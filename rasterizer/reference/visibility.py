@@ -23,6 +23,7 @@ from .shading import Fragments
 from .vectors import dot
 
 DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
+LAYER_STEPS = 2**12  # of the depth buffer: by so much a layer lies before the one below it
 NO_KEY = np.iinfo(np.int64).max  # of the depth buffer, where nothing is
 
 
@@ -49,6 +50,7 @@ class Raster(NamedTuple):
     is_drawn: NDArray[np.bool_]  # (n_piece,)
     window: Window  # the samples that are looked at
     projection: Projection
+    layer: NDArray[np.int64]  # (n_piece,) of the mesh
 
     def within(self, window: Window) -> "Raster":
         """Return what concerns a window: of other triangles nothing is drawn."""
@@ -108,10 +110,8 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
         if raster.pieces.is_cut[piece_idx]:
             depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
         else:
-            depth, piece_weights = _interpolate(
-                affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective
-            )
-        key = _keys(depth, raster)
+            depth, piece_weights = _interpolate(affine, piece_idx, raster)
+        key = _keys(depth, raster) - LAYER_STEPS * raster.layer[piece_idx]
         rows, columns = rows - top, columns - left
         is_behind = np.ones(len(key), bool)
         if before is not None:
@@ -181,17 +181,19 @@ def doubled_area(triangles: NDArray) -> NDArray[np.int64]:
 # --- depths, and weights on the corners ----------------------------------------------------------------------
 
 
-def _interpolate(affine: NDArray, corner_depths: NDArray, is_perspective: bool) -> tuple[NDArray, NDArray]:
-    """Return depths (n,) and perspective-correct weights (n, 3) of samples with affine weights (n, 3).
+def _interpolate(affine: NDArray, piece: int | NDArray, raster: Raster) -> tuple[NDArray, NDArray]:
+    """Return depths (n,) and perspective-correct weights (n, 3) of samples of whole faces with affine weights (n, 3).
 
-    1/depth is affine on the screen, and so is A/depth for every A that is affine on the surface.
+    The depth is that of the face's plane, and not that of the point with these weights, which the rounding of the
+    corners puts beside the sample. 1/depth is affine on the screen, and so is A/depth for every A that is affine on the
+    surface.
     Source: Blinn 1992, Hyperbolic interpolation, IEEE Computer Graphics and Applications 12(4), 89-94.
     """
-    if not is_perspective:
-        return (affine * corner_depths).sum(axis=1), affine
-    q = affine / corner_depths
-    inv_depth = q.sum(axis=1)
-    return 1.0 / inv_depth, q / inv_depth[:, None]
+    plane_depths = raster.pieces.plane_depth[piece]
+    if not raster.projection.is_perspective:
+        return (affine * plane_depths).sum(axis=1), affine
+    q = affine / raster.pieces.position[piece, :, 2]
+    return 1.0 / (affine / plane_depths).sum(axis=1), q / q.sum(axis=1, keepdims=True)
 
 
 def weights_at(rows: NDArray, columns: NDArray, piece: NDArray, raster: Raster) -> tuple[NDArray, NDArray]:
@@ -206,7 +208,7 @@ def weights_at(rows: NDArray, columns: NDArray, piece: NDArray, raster: Raster) 
         a, b = screen[:, (corner + 1) % 3], screen[:, (corner + 2) % 3]
         affine[:, corner] = (b - a)[:, 0] * (y - a[:, 1]) - (b - a)[:, 1] * (x - a[:, 0])
     affine /= doubled_area(screen)[:, None]
-    depth, weights = _interpolate(affine, raster.pieces.position[piece, :, 2], raster.projection.is_perspective)
+    depth, weights = _interpolate(affine, piece, raster)
     for cut in np.unique(piece[raster.pieces.is_cut[piece]]):
         at = piece == cut
         depth[at], weights[at] = _weights_of_cut(rows[at], columns[at], cut, raster)
@@ -285,9 +287,11 @@ def compute_weight_steps(piece: NDArray, weights: NDArray, depth: NDArray, raste
     screen, is_perspective = raster.screen[piece], raster.projection.is_perspective
     along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
     slopes = np.stack([-along[..., 1], along[..., 0]], axis=1) * SUBPIXELS / doubled_area(screen)[:, None, None]
-    if is_perspective:
-        slopes = slopes / raster.pieces.position[piece, :, 2][:, None, :]
     is_cut = raster.pieces.is_cut[piece]
+    if is_perspective:
+        corner_depths = raster.pieces.position[piece, :, 2]
+        slopes = slopes / corner_depths[:, None, :]
+        depth = np.where(is_cut, depth, (weights * corner_depths).sum(axis=1))  # of the point with these weights
     one_px = rays(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), raster.projection)
     steps = one_px[1:] - one_px[0]  # of the ray, by one sample to the right, and down
     corners = raster.pieces.corners[piece[is_cut]]

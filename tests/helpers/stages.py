@@ -29,7 +29,7 @@ from rasterizer.pipeline.interpolate import ScannedBand
 from rasterizer.pipeline.records import UNIT, max_units
 from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
-from rasterizer.pipeline.transform import Drawables, Triangles, Vertices, make_screen
+from rasterizer.pipeline.transform import Drawables, PixelWidth, Triangles, Vertices, make_screen
 from rasterizer.pipeline.workspace import WorkspaceShape, make_workspace
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View
@@ -106,7 +106,8 @@ def drawables_of(triangles, z, attributes, is_inverted=None, material=NO_MATERIA
     `attributes` is (side, n, 3, k), float32 or float64, or one of each.
     """
     triangles, n = np.asarray(triangles, np.int32), len(triangles)
-    vertices = Vertices(*(np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2)), z.ravel())
+    x, y = (np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2))
+    vertices = Vertices(x, y, z.ravel(), x.astype(float), y.astype(float), PixelWidth(0.0, 0.0, 0.0))
     columns = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
     found = {array.dtype.type: array for array in (attributes if isinstance(attributes, tuple) else (attributes,))}

@@ -122,7 +122,18 @@ def test_face_and_barycentric_give_everything_else():
         error = np.abs(position - frame.position[seen]).max()
         assert error <= 2.0**-22 * np.abs(corners).max(), f"{name}: {error:.3g}"
         assert not differences(np.searchsorted(offsets, frame.face[seen], side="right") - 1, frame.object[seen])
-        assert np.abs(-frame.position_camera[..., 2][seen] / frame.depth[seen] - 1).max() <= 2.0**-22
+        # The weights are those of a point within 1/512 px of the sample; the depth is that of the plane at the sample.
+        camera = scene.camera_for(SIZE)
+        view, projection, depth = camera.view(), camera.projection(SIZE), frame.depth[seen].astype(float)
+        eye = (corners - view.eye) @ np.stack([view.right, view.up, view.forward]).T
+        normal = np.cross(eye[:, 1] - eye[:, 0], eye[:, 2] - eye[:, 0])
+        slope = np.abs(normal[:, :2] / (projection.scale_x, projection.scale_y)).sum(axis=1)
+        if projection.is_perspective:  # 1/depth is n·r / n·P along the ray r
+            moved = depth**2 * slope / np.abs((normal * eye[:, 0]).sum(axis=1)) / 512
+        else:
+            moved = slope / np.abs(normal[:, 2]) / 512
+        off = np.abs(-frame.position_camera[..., 2][seen] - depth)
+        assert (off <= 1.01 * moved + 2.0**-22 * depth).all(), f"{name}: {(off - moved).max():.3g}"
 
 
 def test_positions_lie_on_the_rays_through_the_pixels():

@@ -20,7 +20,7 @@ from rasterizer.pipeline.cull import (
     sort_into_bands,
 )
 from rasterizer.pipeline.threads import MIN_PART, Workers
-from rasterizer.pipeline.transform import OUTSIDE, Vertices
+from rasterizer.pipeline.transform import OUTSIDE, PixelWidth, Vertices
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection
 
@@ -45,7 +45,7 @@ def columns(triangles):
     """The input of the stage: index columns and Vertices, which no two triangles share."""
     index = np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)
     x, y = (np.ascontiguousarray(triangles[..., k].ravel().astype(np.int32)) for k in range(2))
-    return np.ascontiguousarray(index.T), Vertices(x, y, np.zeros(len(x)))
+    return np.ascontiguousarray(index.T), Vertices(x, y, *np.zeros((3, len(x))), PixelWidth(0.0, 0.0, 0.0))
 
 
 def first_at(coordinate):

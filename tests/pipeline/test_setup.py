@@ -19,7 +19,7 @@ SIZE, ROWS = (120, 90), (16, 80)
 def set_up(band, drawables, width, n_attribute, is_double, block):
     """The first part of the scan stage, for one block."""
     s.gather_vertices(band.faces, drawables.triangles, drawables.vertices, block)
-    s.order_vertices(block)
+    s.order_vertices(drawables.vertices.pixel, block)
     s.gather_attributes(len(band.faces), n_attribute, drawables, is_double, block)
     s.compute_boxes(band, width, block)
     s.compute_depth_planes(block)
