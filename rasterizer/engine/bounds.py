@@ -339,10 +339,9 @@ class ErrorBounds(NamedTuple):
     normal : of each component of the unit vector
     interpolated : of "uv", "barycentric", "position" and the like, as a share of the largest number that the corners
         have
-    face : 0, exact: where surfaces lie further apart than depth can tell, which is half a unit of the z-buffer for each
-        column and row of the boxes of both, and 80 units; a unit is a 2^38th of 1.04 times the range. Each has the
-        depth of its own plane, unless it is seen so nearly edge-on that half a 256th of a pixel along either axis
-        changes that by more than a pixel is wide. Of faces in one plane `Mesh.layer` decides
+    face : 0, exact: where two surfaces lie further apart than (columns + rows of both triangles' boxes)/2 + 80 units of
+        the z-buffer, a unit being a 2^38th of 1.04 times the range; but for faces that are seen nearly edge-on, and
+        within 1/512 px of an outline, see pipeline/setup.py. Of faces in one plane `Mesh.layer` decides
     shadows : tuple of ShadowBound, one for each type of light that casts shadows: what is no part of `color`
     filters : tuple of FilterBound, one for each filter in use: likewise
     """

@@ -92,9 +92,8 @@ class Camera:
     height : scene units that the picture is high, above 0; None for a perspective camera
     near, far : distances along the view, scene units; None = fitted to the scene, near to 2^-20 of the furthest
         distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped,
-        and nothing else depends on them. With perspective, surfaces at the distance w are told apart that are
-        2^-38 · w/n of it from each other, n the nearest distance that is seen; what is further than 2^40 n is
-        clipped
+        and nothing else depends on them. With perspective, depth has steps of 2^-38·1.04·w/n
+        of the distance w, n the nearest distance that is seen; what is further than 2^40 n is clipped
     intrinsics : (fx, fy, cx, cy) of an OpenCV calibration, pixels of `size`; `fov` is then taken from fy
     size : (width, height) in pixels of the pictures that `intrinsics` belong to; None without intrinsics
     skew : K[0, 1] of the calibration, pixels of `size`, at most 1024 fx either way; 0 without intrinsics
