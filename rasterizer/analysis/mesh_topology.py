@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES
-from ..geometry.weld import unique_rows
 
 _NEAR = 1e-3  # of the extent: what lies within it of the lowest point stands on the ground
 _LEVEL = 0.99  # cosine: such faces lie level, within 8 degrees
@@ -65,7 +64,8 @@ def compute_topology(points: NDArray[np.float64], faces: NDArray) -> Topology:
     -------
     Topology
     """
-    _, position = unique_rows(points)
+    order, position = np.lexsort(points.T), np.zeros(len(points), np.int64)
+    position[order[1:]] = np.cumsum((points[order[1:]] != points[order[:-1]]).any(axis=1))
     corners = position[faces]
     n_vertex = int(np.count_nonzero(np.bincount(corners.reshape(-1))))
     following = np.roll(corners, -1, axis=1)

@@ -130,6 +130,11 @@ def replace_job(
     return parts
 
 
+def died_once(outcome: Died) -> str:
+    """Return what is said of a model whose process has ended, and that is drawn once more."""
+    return f"the process that drew it {outcome.how}; its pictures are drawn once more"
+
+
 def make_error(name: str, outcome: Died | Failed) -> RasterizerError:
     """Return what is said of a model that no process has drawn."""
     if isinstance(outcome, Died):

@@ -5,6 +5,7 @@ which is one job: the model is loaded once for it. A job whose process dies is d
 of these is drawn once more, alone in its process; the one that ends that process, too, is named.
 """
 
+import logging
 import os
 from collections import OrderedDict, deque
 from collections.abc import Generator, Iterable, Iterator, Mapping
@@ -21,7 +22,7 @@ from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error
-from .pools import LONGEST_RUN, Pool, make_error, make_pool, pictures_per_job, replace_job, work_through
+from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
 _MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them
@@ -240,9 +241,12 @@ class Batch:
     # --- outcomes to records
 
     def _follow_up(self, job: Job, outcome: Done | Died | Failed) -> list[Job]:
-        return replace_job(
+        instead = replace_job(
             job, outcome, lambda job: [self._job_of([item]) for item in job.note.items], self._send_model
         )
+        if instead and isinstance(outcome, Died):
+            logging.getLogger("rasterizer").warning("%s: %s", job.note.run.name, died_once(outcome))
+        return instead
 
     def _send_model(self, job: Job) -> list[Job]:
         """Load a model that the machine that should draw it doesn't see; return the job that has it, if any."""

@@ -14,10 +14,10 @@ from copy import copy
 from typing import Any, NamedTuple
 
 from ..batch.draw_run import identify
-from ..batch.pools import DaskPool, Pool, local_pool, make_error, pictures_per_job, replace_job, work_through
+from ..batch.pools import DaskPool, Pool, died_once, local_pool, make_error, pictures_per_job, replace_job, work_through
 from ..batch.tasks import RenderSummary
 from ..errors import RasterizerError
-from ..processes import Done, Job, SharedObject
+from ..processes import Died, Done, Job, SharedObject
 from .cameras import check_camera
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
 from .models import Settings, load_scene, make_settings
@@ -167,7 +167,10 @@ class _Work:
         def divide(job) -> list[Job]:
             return [self._job(job.note, [target]) for target in job.argument.targets]
 
-        return replace_job(job, outcome, divide, self._send_model)
+        instead = replace_job(job, outcome, divide, self._send_model)
+        if instead and isinstance(outcome, Died):
+            self._messages.warn(f"{job.argument.targets[0].model}: {died_once(outcome)}")
+        return instead
 
     def _send_model(self, job) -> list[Job]:
         """Load a model that the machine that should draw it doesn't see; return the job that has it, if any."""

@@ -50,7 +50,7 @@ WARMS = "from rasterizer.cli import main; main(['warmup', '-q'])"
     "program, number, is_warm",
     [
         (DRAWS, signal.SIGKILL, True),
-        ("import sys\n" + WARMS, signal.SIGKILL, False),
+        pytest.param("import sys\n" + WARMS, signal.SIGKILL, False, marks=pytest.mark.nightly),
         pytest.param(DRAWS, signal.SIGTERM, True, marks=pytest.mark.nightly),
         pytest.param(DRAWS, signal.SIGINT, True, marks=pytest.mark.nightly),
         pytest.param("import sys\n" + WARMS, signal.SIGTERM, False, marks=pytest.mark.nightly),
