@@ -243,7 +243,7 @@ def wide_range(_):
 @case(
     "a model 10¹⁰ away from the origin",
     "Coordinates are float64. What they can't tell there, 2⁻¹⁹ of a unit, no renderer can draw.",
-    path="entries, planes",
+    path="entries, planes, exact",
 )
 def far_from_origin(_):
     center = np.array([1e10, -3e10, 2e10])
@@ -377,7 +377,7 @@ def vanishing_normals(_):
 @case(
     "normals of length 0",
     "A vertex that is said to have none gets the normal of its faces, as where no normals are given.",
-    path="entries, planes",
+    path="entries, planes, exact",
 )
 def zero_normals(_):
     mesh = ball(8)
@@ -522,7 +522,7 @@ def moebius(is_small):
 @case(
     "a model that is inside out",
     "Nothing is culled by default, and lighting is two-sided: it looks like the right one.",
-    path="entries, planes",
+    path="entries, planes, exact",
 )
 def inside_out(_):
     mesh = ball(12)
@@ -622,7 +622,7 @@ def lost_highlight(_):
     return made._replace(expect=expect)
 
 
-@case("the alpha of vertex colours", "A limit: it isn't drawn; the colours are, as if opaque.", path="planes")
+@case("the alpha of vertex colours", "A limit: it isn't drawn; the colours are, as if opaque.", path="planes, exact")
 def vertex_alpha(_):
     mesh = ball(8)
     colors = np.concatenate([np.abs(mesh.normals), np.full((len(mesh.vertices), 1), 0.25)], axis=1)
@@ -736,7 +736,7 @@ def mirrored_seam(is_small):
 @case(
     "colours of vertices under a spectrum",
     "A limit: they are RGB, and multiply what the spectra have become.",
-    path="planes",
+    path="planes, exact",
 )
 def spectral_colors(_):
     mesh = ball(8)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES
+from ..geometry.weld import unique_rows
 
 _NEAR = 1e-3  # of the extent: what lies within it of the lowest point stands on the ground
 _LEVEL = 0.99  # cosine: such faces lie level, within 8 degrees
@@ -64,9 +65,8 @@ def compute_topology(points: NDArray[np.float64], faces: NDArray) -> Topology:
     -------
     Topology
     """
-    order, position = np.lexsort(points.T), np.zeros(len(points), np.int64)
-    position[order[1:]] = np.cumsum((points[order[1:]] != points[order[:-1]]).any(axis=1))
-    corners = position[faces]
+    _, position = unique_rows(points)
+    corners = position.astype(np.int64)[faces]
     n_vertex = int(np.count_nonzero(np.bincount(corners.reshape(-1))))
     following = np.roll(corners, -1, axis=1)
     is_whole = (corners != following).all(axis=1)

@@ -12,8 +12,9 @@ import numpy as np
 
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
-from ..geometry import ears, normals, surfaces, weld
+from ..geometry import ears, equal_rows, normals, surfaces
 from ..geometry.polygons import fill_means
+from ..geometry.weld import FEW
 from ..options import Options
 from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
 from ..pipeline.cull import Band, Rows, scatter
@@ -47,7 +48,7 @@ SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
 ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
-NUMBER_ROWS = weld.number_rows, np.empty((0, 3), np.uint32), np.uint64(0), FACES, NUMBERS, FACES  # equal rows
+NUMBER_ROWS = equal_rows.number_rows, np.empty((0, 3), np.uint32), np.uint64(0), FACES, NUMBERS, FACES  # equal rows
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
     Triangles(CORNERS, CORNERS, FLAGS),
@@ -147,6 +148,11 @@ class PictureKernels(KernelList):
 
     # ------------------------------------------------ before the first picture
 
+    def add_equal_rows(self) -> None:
+        """Add what finds equal vertices, where there may be more than are sorted."""
+        if any(3 * mesh.n_face >= FEW for mesh in self.tables.meshes):
+            self.add(*NUMBER_ROWS)
+
     def add_geometry(self) -> None:
         """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""
         plan, view = self.plan, self.camera.view()
@@ -160,7 +166,7 @@ class PictureKernels(KernelList):
                 self.add(normals.list_corners, FACES, FACES, FACES)
                 self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
         if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
-            self.add(*NUMBER_ROWS)
+            self.add_equal_rows()
         if plan.has_shadows:
             self.add(surfaces.compute_shapes, COLUMNS, CORNERS, np.empty((0, 5)))
         asked: list = []  # of lights whose clearance is measured
@@ -395,7 +401,7 @@ class PictureKernels(KernelList):
 
     def add_edges(self) -> None:
         """Add what draws edges over a picture, and the depths that hide them."""
-        self.add(*NUMBER_ROWS)
+        self.add_equal_rows()
         self.add_buffers(("depth",), is_shared=False)
         samples = np.empty((0, 0), np.float32)
         self.add(draw_edges, np.empty((0, 6)), ROWS, float(self.options.edge_width), True, samples, samples)

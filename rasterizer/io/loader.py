@@ -17,6 +17,7 @@ import numpy as np
 
 from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, counted, cut, one_file, shown
+from ..geometry.weld import weld
 from ..keywords import checked_keywords
 from ..scene.arrays import fixed
 from ..scene.camera import Camera, aimed
@@ -267,8 +268,6 @@ def _prepare(model, part, settings) -> Part:
     """Join copied vertices if normals are to be averaged across them; mend the file's own normals."""
     repeats = formats.FORMATS[model.format].repeats_vertices
     if repeats and (settings.crease_angle is not None or "normals" not in part):
-        from ..geometry.weld import weld  # compiled code, which most files do without
-
         part = weld(part)
     return _mend_normals(model, _without_useless_textures(model, part))
 

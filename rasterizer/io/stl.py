@@ -6,6 +6,7 @@ import re
 import numpy as np
 
 from ..errors import counted
+from ..geometry.weld import weld_triangles
 from ..scene.material import Material
 from .model_file import WHITE, ModelFile, Part, text_of
 from .text_numbers import numbers_in
@@ -50,8 +51,6 @@ def read_stl(model: ModelFile) -> list[Part]:
 
 def _soup(corners, name) -> Part:
     """Make a part of triangles (n, 3, 3)."""
-    from ..geometry.weld import weld_triangles
-
     vertices, faces = weld_triangles(corners)
     return {"vertices": vertices, "faces": faces, "name": name, "material": Material()}
 

@@ -11,7 +11,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, assert_refused, loaded, one_error, picture, raster
+from helpers.command import CUBE, assert_refused, loaded, one_error, picture, raster
 from helpers.model_bytes import rich_gltf
 from helpers.raster import ROOT
 from PIL import Image
@@ -350,12 +350,12 @@ def test_faults_of_scene_files_are_one_line_that_names_the_file(folder, capsys):
 
 
 @pytest.mark.parametrize(("is_terminal", "flags"), [(True, []), (False, []), (True, ["-q"])])
-def test_a_bar_is_shown_while_a_large_file_is_read(monkeypatch, is_terminal, flags):
+def test_a_bar_is_shown_while_a_large_file_is_read(monkeypatch, folder, is_terminal, flags):
     stream, clock = io.StringIO(), itertools.count(0.0, 2.0)
     stream.isatty = lambda: is_terminal
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr("rasterizer.cli.models.perf_counter", lambda: next(clock))  # a file that takes long
-    assert raster("render", GEAR, "-s", "8", "--preset", "studio", *flags) == 0
-    before, _, after = stream.getvalue().partition("joining vertices")
+    assert raster("render", CUBE, "-s", "8", "--preset", "studio", *flags) == 0
+    before, _, after = stream.getvalue().partition("reading lines")
     assert bool(after) == (is_terminal and not flags)
     assert ("\r\x1b[K" in after) == bool(after), "it is taken away at the end"

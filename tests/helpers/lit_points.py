@@ -15,7 +15,7 @@ from rasterizer.pipeline.transform import Screen
 
 def plan_of_points(material, light, tolerance, clearance=None):
     """The plan of a scene of one light and one material; float64 for tolerance 0."""
-    meshes = [SimpleNamespace(palette=(material,))]
+    meshes = [SimpleNamespace(palette=(material,), uv=None)]
     scene = SimpleNamespace(background=None, lights=(light,), depth_cue=None, meshes=meshes)
     clearances = None if clearance is None else np.full((1, 1), clearance)
     options = rz.Options(tolerance=tolerance)

@@ -177,7 +177,7 @@ def test_what_is_left_out_is_said():
         "normalTexture": {"index": 0}, "occlusionTexture": {"index": 0}, "emissiveTexture": {"index": 0}
     }  # fmt: skip
     facts = []
-    said = "not used: 8 points, 19 lines, normal textures, .* \\(9 in all\\)"
+    said = "not used: 8 points, 19 lines, normal textures, .* \\(8 in all\\)"
     with pytest.warns(UserWarning, match=said):
         load(gltf(source, [[0]], change), format="gltf", log=facts.append)
     (fact,) = facts

@@ -10,6 +10,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.against_reference import assert_matches_reference
+from helpers.arrays import deviations
 from helpers.pairs import pairs
 from helpers.pinhole import octasphere
 
@@ -251,8 +252,9 @@ def test_textures_alone_are_drawn_as_beside_others(shading, samples):
     assert beside.stats.covered > alone.stats.covered, "the other one isn't seen"
     is_full = alone.alpha == 1.0
     assert is_full.sum() > 200
-    n_different = (alone.color[is_full] != beside.color[is_full]).any(axis=-1).sum()
-    assert n_different == 0, f"{n_different} > 0 pixels"
+    # A brighter scene accepts a larger error, so some triangles may take another path.
+    budget = alone.stats.error_bound + beside.stats.error_bound
+    assert not deviations(alone.color[is_full], beside.color[is_full], atol=budget)
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])

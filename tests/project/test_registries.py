@@ -410,7 +410,7 @@ def test_numbers_of_vertices_are_interpolated_and_labels_of_faces_looked_up():
         (disc, rz.Camera.perspective((1, 1, 2))),
         (ball, rz.Camera.perspective((1, 0, 0.3))),
     ):
-        scene = rz.Scene([mesh, mesh.translated((0.3, 0, 0))], rz.studio(), camera)
+        scene = rz.Scene([mesh, mesh.translated((0.3, 0, 0.1))], rz.studio(), camera)
         with (
             registries.add_buffer("curvature", curvature_buffer.Curvature),
             registries.add_buffer("loaded", Loaded),
