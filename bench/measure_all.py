@@ -15,7 +15,7 @@ from pathlib import Path
 from time import perf_counter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
-from bench import scenes, tables
+from bench import scenes, tables, whole
 
 HERE = Path(__file__).parent
 QUICK = {"--frames": "3", "--seconds": "0.2", "--runs": "3", "--pairs": "1", "--rounds": "3"}  # what takes their place
@@ -38,6 +38,7 @@ def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
         "hard_cases": ["hard_cases.py"],
         "features": ["features.py", "--model", scan, "--seconds", "15"],
         "startup": ["startup.py", scan, "--runs", "11", "--cold", "2"],
+        "whole": ["whole.py", "--models", "teapot", scan, *whole.USUAL],
         "encode": ["encode.py", "--seconds", "1"],
         "scale": ["scale.py", "--seconds", "1"],
         "scale_many": ["scale.py", "--many", "5000"],

@@ -366,12 +366,20 @@ def paths(rows) -> list[str]:
     return lines_of(["without", *scenes], found)
 
 
+def whole(rows) -> list[str]:
+    """What a person waits for, beside f3d."""
+    head = ["model", "ours, ms", "f3d, ms", "ours/f3d", "of CPU", "MiB", "of f3d's"]
+    keys = ("ours_ms", "f3d_ms", "ratio", "cpu_ratio", "ours_mib", "mib_ratio")
+    found = [[row["model"], *("" if row.get(key) is None else figure(row[key], 3) for key in keys)] for row in rows]
+    return lines_of(head, found)
+
+
 TABLES = {
     "frames in short": frames_in_short, "frames": frames, "memory": memory, "exactness": exactness,
     "tolerances": tolerances, "methods": methods, "samples": samples, "one thing at a time": axes,
     "finer meshes": finer, "hard cases": hard_cases, "features": features, "buffers": buffers, "peers": peers,
     "specks": specks, "programs": programs, "writers": writers, "growth": growth, "held memory": held,
-    "throughput": throughput, "paths": paths,
+    "throughput": throughput, "paths": paths, "whole": whole,
 }  # fmt: skip
 
 

@@ -65,8 +65,7 @@ def main(argv=None) -> int:
 def make_parser() -> argparse.ArgumentParser:
     """Describe the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    usual = ["teapot", *(name for name in MADE if not name.startswith("10m"))]
-    parser.add_argument("--models", nargs="+", default=usual, metavar="MODEL",
+    parser.add_argument("--models", nargs="+", default=["teapot", *USUAL], metavar="MODEL",
                         help=f"names or paths of model files, or {', '.join(MADE)}")  # fmt: skip
     parser.add_argument("--runs", type=int, default=5, help="processes of each program (default: %(default)s)")
     measure.add_output(parser)
@@ -160,6 +159,7 @@ MADE = {
     "layers": write_layers,
     "10m-stl": partial(write_torus, suffix=".stl", shape=TEN_MILLIONS),
 }
+USUAL = [name for name in MADE if not name.startswith("10m")]
 
 
 if __name__ == "__main__":

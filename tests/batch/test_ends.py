@@ -6,12 +6,13 @@ import sys
 import time
 
 import pytest
+from helpers.processes import is_running, workers_of
 from helpers.stores import start
 
 from rasterizer.compiler import kernels
 from rasterizer.processes import Died, Done, Job, ProcessPool
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="processes are those that ps shows")
 
 
 def stop_itself(argument, _shared, _kept):
@@ -71,20 +72,3 @@ def test_no_process_outlives_the_one_that_started_it(program, number, is_warm, t
         while any(map(is_running, workers)):
             assert time.monotonic() < ended + 1.0, f"{workers} run on"
             time.sleep(0.02)
-
-
-def workers_of(number) -> list[int]:
-    """The processes that a process has started, of whichever of its threads."""
-    found = []
-    for task in os.listdir(f"/proc/{number}/task"):
-        with open(f"/proc/{number}/task/{task}/children") as file:
-            found += map(int, file.read().split())
-    return found
-
-
-def is_running(number) -> bool:
-    try:
-        with open(f"/proc/{number}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False

@@ -9,6 +9,7 @@ import time
 
 import pytest
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
+from helpers.processes import is_running, workers_of
 from helpers.raster import ROOT
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -103,7 +104,7 @@ def test_what_is_not_legal_is_told_before_a_model_is_loaded(capsys):
 
 
 @pytest.mark.nightly
-@pytest.mark.skipif(sys.platform != "linux", reason="processes below another one are those of /proc")
+@pytest.mark.skipif(sys.platform == "win32", reason="processes are those that ps shows")
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, alone):
     for k in range(400):
@@ -113,8 +114,7 @@ def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, 
     deadline = time.monotonic() + 20
     while not list(folder.glob("out/*.png")) and time.monotonic() < deadline:
         time.sleep(0.02)
-    with open(f"/proc/{process.pid}/task/{process.pid}/children") as stream:
-        below = stream.read().split()
+    below = workers_of(process.pid)
     assert len(below) == 2
     if number == signal.SIGTERM:
         process.terminate()
@@ -122,9 +122,9 @@ def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, 
     else:
         end_by_signal(process, number)
     deadline = time.monotonic() + 20  # a process ends with its input, when it is done with what it is at
-    while any(os.path.exists(f"/proc/{pid}") for pid in below) and time.monotonic() < deadline:
+    while any(map(is_running, below)) and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert not [pid for pid in below if os.path.exists(f"/proc/{pid}")]
+    assert not list(filter(is_running, below))
     names = os.listdir("out")
     assert names and not [name for name in names if name.startswith(".")]
     assert [name for name in names if picture(f"out/{name}").shape != (96, 128, 4)] == []
