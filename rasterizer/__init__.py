@@ -25,8 +25,6 @@ module is imported when one of its names is first used, so that the command line
 
 from importlib import import_module
 
-from . import locks as _locks  # noqa: F401  first of all: what a fork waits for
-
 __version__ = "0.1.0"
 __docformat__ = "numpy"  # for pdoc
 
@@ -41,6 +39,7 @@ def __getattr__(name: str) -> object:
     """Import a public name from its module on first use (PEP 562)."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import_module(".locks", __name__)  # first of all: what a fork waits for
     value = getattr(import_module(_MODULES[name], __name__), name)
     globals()[name] = value
     return value

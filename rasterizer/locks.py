@@ -7,7 +7,7 @@ locks, in the order in which a thread that compiles takes them:
 
     LOCK ── numba's compiler lock ── locks of modules that are imported ── llvmlite's lock
 
-This module is the first one that the package imports, so that a fork finds it in place.
+This module is imported before any other where a public name is first used, so that a fork finds it in place.
 """
 
 import functools
