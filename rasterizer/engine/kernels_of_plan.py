@@ -90,7 +90,9 @@ def list_mesh_kernels() -> list[Job]:
     found = KernelList()
     found.add(*NUMBER_ROWS)
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
-    found.add(ears.cut_outlines, polygons, ears.make_ear_scratch(0), np.empty((0, 3), np.int64), np.empty(0, np.bool_))
+    found.add(
+        ears.cut_outlines, polygons, ears.make_ear_scratch(0), 0, np.empty((0, 3), np.int64), np.empty(0, np.bool_)
+    )
     return list(found.jobs)
 
 

@@ -28,6 +28,7 @@ from ..compiler.kernels import helper, kernel
 
 SPIKE, EAR, STRAIGHT, BLOCKED, REFLEX = range(5)  # types of corners, in the order in which they are cut
 
+TEST = 32  # steps
 N_PART = 13  # room for an exact sum: each of the six products adds two parts
 _SPLITTER = 2.0**27 + 1.0
 # The error of a computed turn, relative to the sum of its products (Shewchuk 1997, section 4.3).
@@ -55,6 +56,7 @@ class Outline(NamedTuple):
     before: NDArray[np.int64]  # (n,) the corner before each
     after: NDArray[np.int64]  # (n,) the corner after each
     parts: NDArray[np.float64]  # (N_PART,) scratch of turns
+    steps: NDArray[np.int64]  # (1,) how many were taken: a comparison of boxes is one, a test of an edge TEST
 
 
 class Heap(NamedTuple):
@@ -75,33 +77,33 @@ class EarScratch(NamedTuple):
     backward: NDArray[np.int64]  # (n,) its corners in another order, while the better one is looked for
 
 
-def cut_ears(vertices, corners, starts, counts, first_triangle, max_corner, triangles, out_is_crossing) -> None:
-    """Cut polygons into triangles.
+def cut_ears(vertices, corners, starts, counts, first_triangle, max_steps, triangles, out_is_crossing) -> int:
+    """Cut polygons into triangles, as long as that takes no more than `max_steps`; return how many were cut.
 
     Parameters
     ----------
     vertices : (n_vertex, 3) float64
     corners : (n_corner,) int64, indices of vertices, polygon by polygon
-    starts, counts : (n,) int64, where each polygon's corners begin, and how many there are: at least 3, at most
-        `max_corner`
+    starts, counts : (n,) int64, where each polygon's corners begin, and how many there are: at least 3
     first_triangle : (n,) int64, where each polygon's triangles begin
     triangles : (n_triangle, 3) int64, gets indices into the corners
     out_is_crossing : (n,) bool, whether the polygon crosses itself
     """
     polygons = Polygons(vertices, corners, starts, counts, first_triangle)
-    cut_outlines(polygons, make_ear_scratch(max_corner), triangles, out_is_crossing)
+    return cut_outlines(polygons, make_ear_scratch(int(counts.max())), max_steps, triangles, out_is_crossing)
 
 
 def make_ear_scratch(max_corner: int) -> EarScratch:
     """Return room for polygons with up to `max_corner` corners."""
     real, whole = (lambda *shape: np.empty(shape)), (lambda: np.empty(max_corner, np.int64))
-    outline = Outline(real(max_corner), real(max_corner), real(max_corner, 3), whole(), whole(), real(N_PART))
+    planar = real(max_corner), real(max_corner), real(max_corner, 3)
+    outline = Outline(*planar, whole(), whole(), real(N_PART), np.zeros(1, np.int64))
     return EarScratch(outline, Heap(whole(), whole(), whole(), real(max_corner)), whole(), whole())
 
 
 @kernel
-def cut_outlines(polygons, scratch, triangles, out_is_crossing):
-    """Cut polygons into triangles, see `cut_ears`; polygons: Polygons, scratch: EarScratch."""
+def cut_outlines(polygons, scratch, max_steps, triangles, out_is_crossing):
+    """Cut polygons into triangles, see `cut_ears`; polygons: Polygons, scratch: EarScratch, whose steps are 0."""
     outline, heap, order = scratch.outline, scratch.heap, scratch.order
     before, after = outline.before, outline.after
     for polygon in range(len(polygons.starts)):
@@ -119,6 +121,8 @@ def cut_outlines(polygons, scratch, triangles, out_is_crossing):
                 i = heap.corners[k] if not is_cut else (a if k == 0 else c)
                 heap.types[i], heap.shape[i] = _classify(outline, i, left)
                 _settle(heap, left if is_cut else k + 1, heap.rank[i] if is_cut else k)
+                if outline.steps[0] > max_steps:
+                    return polygon
             if left == 3:
                 break
             if heap.types[heap.corners[0]] > STRAIGHT and not is_crossing:
@@ -138,6 +142,7 @@ def cut_outlines(polygons, scratch, triangles, out_is_crossing):
             tip, is_cut = c, True
         _emit(triangles, row, start, order, before[tip], tip, after[tip], is_reversed)
         out_is_crossing[polygon] = is_crossing or heap.types[tip] == REFLEX
+    return len(polygons.starts)
 
 
 @helper
@@ -297,16 +302,21 @@ def _classify(outline, i, n):
     shape = _shape(outline.points, i_before, i, i_after)
     x_low, x_high = min(a[0], b[0], c[0]), max(a[0], b[0], c[0])
     y_low, y_high = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
-    here, p = i_after, c
+    here, p, n_step, is_blocked = i_after, c, 0, False
     for _ in range(n - 2):
         here = after[here]
         q = (x[here], y[here])
         is_apart = (p[0] <= x_low and q[0] <= x_low) or (p[0] >= x_high and q[0] >= x_high)
         is_apart = is_apart or (p[1] <= y_low and q[1] <= y_low) or (p[1] >= y_high and q[1] >= y_high)
-        if not is_apart and _passes_through(a, b, c, p, q, outline.parts):
-            return BLOCKED, shape
+        n_step += 1
+        if not is_apart:
+            n_step += TEST
+            if _passes_through(a, b, c, p, q, outline.parts):
+                is_blocked = True
+                break
         p = q
-    return EAR, shape
+    outline.steps[0] += n_step
+    return (BLOCKED if is_blocked else EAR), shape
 
 
 @helper

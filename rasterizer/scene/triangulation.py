@@ -15,8 +15,8 @@ is that of the triangles in turn. Holes are drawn where the polygon reaches them
 both ways. Corners that repeat or lie on a straight line give triangles without area. A polygon that crosses itself
 can't be cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape
 that turns the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be
-covered. It is warned of. Ears take time that grows with the square of a polygon's corners, so the sum of these squares
-is limited, _MAX_STEPS for one call; convex ones have no limit.
+covered. It is warned of. Ears take time that grows with the square of a polygon's corners, so the steps of one call are
+limited, MAX_STEPS; convex polygons have no limit.
 
 Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That
 turns a corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53,
@@ -34,8 +34,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arrays import distinct
 
-# The squares of the corners of polygons that are cut by ears may sum up to this: one polygon of 23170, or 53687 of 100.
-_MAX_STEPS = 1 << 29
+# Comparisons of boxes, and tests of edges, which count more, that cutting ears may take in one call. A spiral of some
+# 30 000 corners takes as many; some seconds.
+MAX_STEPS = 1 << 30
 CHUNK = 1 << 14  # corners looked at in one go: their arrays stay in the cache
 CROSSING = "crosses itself: no triangles between its corners fill it, so more or less than its area may be drawn"
 _UNIT = 2.0**-53
@@ -54,7 +55,7 @@ class TooManyCorners(Exception):
 
     Attributes
     ----------
-    polygon : the largest of them
+    polygon : the one that is not cut any more
     fault : text that follows the polygon's place in a message
     """
 
@@ -96,7 +97,7 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
 
     Raises
     ------
-    TooManyCorners : cutting the concave ones would take more than _MAX_STEPS steps
+    TooManyCorners : cutting the concave ones takes more than MAX_STEPS steps
     """
     counts = np.asarray(counts, np.int64)
     triangles, polygons = fan_corners(counts)
@@ -119,27 +120,19 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
-        _check_steps(concave, counts)
         points, loops = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(corners, np.int64)
-        spans = starts[concave], counts[concave], first_triangle[concave], int(counts[concave].max())
-        import_module("rasterizer.geometry.ears").cut_ears(points, loops, *spans, triangles, is_crossing)
+        spans = starts[concave], counts[concave], first_triangle[concave]
+        ears = import_module("rasterizer.geometry.ears")
+        n_cut = ears.cut_ears(points, loops, *spans, MAX_STEPS, triangles, is_crossing)
+        if n_cut < len(concave):
+            what = f"is concave and has {counts[concave[n_cut]]} corners: to cut it"
+            before = f" and the {n_cut} concave ones before it" if n_cut else ""
+            raise TooManyCorners(
+                int(concave[n_cut]),
+                f"{what}{before} into triangles takes more than {MAX_STEPS} steps; divide such polygons, or "
+                "triangulate them in a modelling program",
+            )
     return Cut(triangles, polygons.astype(np.int32), concave[is_crossing])
-
-
-def _check_steps(concave: NDArray, counts: NDArray) -> None:
-    """Raise TooManyCorners where the concave polygons, given by their numbers, would take more than _MAX_STEPS."""
-    sizes = counts[concave].astype(np.float64)
-    steps = float((sizes * sizes).sum())
-    if steps <= _MAX_STEPS:
-        return
-    largest = int(concave[np.argmax(sizes)])
-    others = f", and {len(concave) - 1} more are" if len(concave) > 1 else ""
-    raise TooManyCorners(
-        largest,
-        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of "
-        f"corners may sum up to {_MAX_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a "
-        "modelling program",
-    )
 
 
 def listed(numbers: Sequence[int] | NDArray) -> str:
