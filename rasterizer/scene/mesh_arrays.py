@@ -275,8 +275,8 @@ def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | N
     squares = np.einsum("...i,...i", normals, normals)
     if not (1e-200 <= squares.min() and squares.max() <= 1e200):
         # zero, or so short or long that the square lost digits: the largest component becomes 1 first
-        largest = np.abs(normals).max(axis=-1, keepdims=True)
-        normals /= np.where(largest > 0.0, largest, 1.0)
+        largest, is_unit = np.abs(normals).max(axis=-1), np.abs(squares - 1.0) <= UNIT_SLACK
+        normals /= np.where((largest > 0.0) & ~is_unit, largest, 1.0)[..., None]
         squares = np.einsum("...i,...i", normals, normals)
         squares[squares == 0.0] = 1.0
     squares[np.abs(squares - 1.0) <= UNIT_SLACK] = 1.0
