@@ -97,8 +97,7 @@ def _describe(model, arguments, messages) -> dict:
     points, faces = _gather(scene)
     topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces)
     materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}.values()
-    textures = [texture for each in materials for texture in (each.texture, each.metallic_roughness)]
-    textures = {id(texture): texture for texture in textures if texture is not None}.values()
+    textures = {id(texture): texture for each in materials for texture in each.textures}.values()
     low, high = scene.bounds
     return {
         "path": model,

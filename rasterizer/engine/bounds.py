@@ -241,8 +241,7 @@ def list_discontinuities(plan: Any, distances: Distances) -> tuple[Discontinuity
     for light in plan.reflected_lights:
         found += light_table.entry_of(light).discontinuities(light, u)
     found += _shadow_edges(plan, distances)
-    textures = [texture for m in plan.materials for texture in (m.texture, m.metallic_roughness)]
-    if any(texture is not None and texture.filter == "nearest" for texture in textures):
+    if any(texture.filter == "nearest" for material in plan.materials for texture in material.textures):
         found.append(Discontinuity("the border between texels that are not blended", 2.0**-20, "texels"))
     least = MIN_SHARE * distances.furthest
     is_near = ((distances.clearances < least[:, None]) & plan.is_lit).any(axis=1)
@@ -416,9 +415,8 @@ def bound_filters(plan: Any) -> tuple[FilterBound, ...]:
     """Return what the filters of a plan's textures may add: all that a texture can change of an intensity."""
     found: dict[str, float] = {}
     for material, bound in zip(plan.materials, plan.brightness.at(plan.clearances).of_materials.tolist(), strict=True):
-        for texture in (material.texture, material.metallic_roughness):
-            if texture is not None:
-                found[texture.filter] = max(found.get(texture.filter, 0.0), bound)
+        for texture in material.textures:
+            found[texture.filter] = max(found.get(texture.filter, 0.0), bound)
     return tuple(FilterBound(name, found[name], 2.0**-20 if name == "nearest" else 0.0) for name in sorted(found))
 
 

@@ -350,8 +350,7 @@ def _counts(contents, parts) -> list[str]:
     """Say how many meshes, materials, textures, lights and cameras there are, unless none, or one mesh."""
     materials = [material for part in parts for material in materials_of(part)]
     n_material = len({material.name for material in materials} - {""})
-    textures = {id(each) for material in materials for each in (material.texture, material.metallic_roughness)}
-    n_texture = len(textures - {id(None)})
+    n_texture = len({id(texture) for material in materials for texture in material.textures})
     counts = (n_material, "material"), (n_texture, "texture"), (len(contents.lights or ()), "light")
     facts = [counted(len(parts), "mesh")] if len(parts) > 1 else []
     facts += [counted(n, what) for n, what in counts if n]

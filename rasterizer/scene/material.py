@@ -236,6 +236,11 @@ class Material:
         return isinstance(self.roughness, tuple) and max(specular) > 0.0
 
     @property
+    def textures(self) -> tuple[Texture, ...]:
+        """The textures that it has: of colours, of metal and roughness."""
+        return tuple(each for each in (self.texture, self.metallic_roughness) if isinstance(each, Texture))
+
+    @property
     def needs_uv(self) -> bool:
         """Whether the mesh must have texture coordinates."""
         return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
