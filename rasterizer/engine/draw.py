@@ -18,10 +18,10 @@ from ..errors import SceneError
 from ..pipeline.clip import NO_PLANES, clip
 from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import ScanCounts, make_deferred, scan
-from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
+from .depth_range import layer_step, raise_parts
 from .passes import BufferPass, FaceTable, Pass
 from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
@@ -54,13 +54,13 @@ def draw(
     if not render_pass.keeps_planes:
         vertices = vertices._replace(true_x=vertices.x.astype(np.float64), true_y=vertices.y.astype(np.float64))
     elif len(geometry.layers):
-        vertices.z[:] -= layer_step(render_pass) * geometry.layers
+        vertices.z[:] -= layer_step(render_pass.n_sample) * geometry.layers
     clock.lap("transform")
     drawn = Drawn.whole(geometry, vertices, render_pass)
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
         if len(geometry.layers) and render_pass.keeps_planes:
-            raise_parts(geometry, drawn, layer_step(render_pass))
+            raise_parts(geometry, drawn.drawables, drawn.source, layer_step(render_pass.n_sample))
         clock.lap("clip")
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
@@ -139,28 +139,6 @@ def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
     loaded_face = geometry.face[faces] if len(geometry.face) else faces
     face_table = drawn.face_table.of_parts(faces)
     return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, clipped.n_clipped, faces))
-
-
-def layer_step(render_pass: Pass) -> float:
-    """Return how much nearer a layer lies than the one below it, units of the z-buffer.
-
-    Planes of depth of faces in one plane differ by DEPTH_PLANE_ROUNDING each, and by half a unit for each column and
-    row from where they have their values (pipeline/setup.py). Beside that, float64 rounds the place of a vertex by less
-    than 2^-32 px up to 2^18 px, and a plane is no steeper than 2^40 units a pixel: 2^8 units for each of two times
-    three corners and for what their slopes move these by.
-    """
-    return sum(render_pass.n_sample) + 2 * DEPTH_PLANE_ROUNDING + 2.0**12
-
-
-def raise_parts(geometry, drawn: Drawn, step: float) -> None:
-    """Bring the parts of clipped faces to the layers of their faces, in place: their z was that of layer 0."""
-    triangles = drawn.drawables.triangles
-    parts = np.flatnonzero(triangles.clipped_idx >= 0)
-    shift = step * geometry.layers[geometry.vertex[0, drawn.source[parts]]]
-    drawn.drawables.vertices.z[triangles.vertex_idx[:, parts]] -= shift  # each part has vertices of its own
-    of_faces = np.zeros(len(triangles.z_ranges))
-    of_faces[triangles.clipped_idx[parts]] = shift
-    triangles.z_ranges[:] -= of_faces[:, None]
 
 
 def checked(drawn: Drawn) -> Drawn:
