@@ -66,4 +66,4 @@ def explain(
     found = explaining.explain(scene, x, y, options)
     prepared = PreparedScene(SceneTables(scene, options), options)
     paths = prepared.paths_at(scene.camera_for(options.size), (found.x, found.y))
-    return replace(found, way=" and ".join(paths) or None)
+    return replace(found, path=" and ".join(paths) or None)

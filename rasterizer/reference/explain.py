@@ -19,7 +19,7 @@ from ..options import Options
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
-from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions
+from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions, materials_at
 from .picture import Look, encode, in_range, lit_fragments, look_at, render, resolve, shared_points, spread_samples
 from .shading import (
     Fragments,
@@ -84,6 +84,7 @@ class Layer:
     opacity : of the material, times that of the texel
     visible : part of this layer's colour that is seen: its opacity, times what the layers before it let through
     texel : linear RGB of the texture, 1 without one
+    metallic, roughness : of the material, times what its textures say there; roughness along the tangent and across it
     ambient, emission : linear RGB
     lights : what each light adds; ambient lights are in `ambient`
     depth_cue : linear RGB that the depth cue puts in the place of light, which it weakens by as much
@@ -104,6 +105,8 @@ class Layer:
     opacity: float
     visible: float
     texel: Vector
+    metallic: float
+    roughness: tuple[float, float]
     ambient: Vector
     emission: Vector
     lights: tuple[LightShare, ...]
@@ -144,7 +147,7 @@ class Explanation:
     linear : linear RGB of the pixel: the mean over its samples, over the background; without one not premultiplied
     alpha : of the pixel
     rgb : its 8-bit sRGB values
-    way : how the renderer draws the nearest surface; None where nobody asked
+    path : how the renderer draws the nearest surface; None where nobody asked
     """
 
     x: int
@@ -156,7 +159,7 @@ class Explanation:
     linear: Vector
     alpha: float
     rgb: tuple[int, int, int]
-    way: str | None = None
+    path: str | None = None
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -167,8 +170,8 @@ class Explanation:
         n = len(self.samples)
         width, height = self.size
         lines = [f"pixel ({self.x}, {self.y}) of {width} x {height}, {self.shading} shading, {counted(n, 'sample')}"]
-        if self.way is not None:
-            lines.append(f"drawn by: {self.way}")
+        if self.path is not None:
+            lines.append(f"drawn by: {self.path}")
         for sample in self.samples:
             lines += _describe_sample(sample)
         lines.append("background: " + ("transparent" if self.background is None else _numbers(self.background)))
@@ -286,12 +289,14 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through:
     color = ambient + emission + depth_cue
     for light in lights:
         color = color + np.array(light.diffuse) + np.array(light.specular)
+    brush = materials_at(points.material, lighting, points.metals)[0]
     normal = points.normals[0] if lighting.shading == "flat" else sample_normals(surface, fragment)[0]
     return Layer(
         face=face, mesh=mesh_idx, mesh_face=mesh_face, mesh_name=mesh.name, material_index=material_idx,
         material=mesh.palette[material_idx], depth=float(fragment.depth[0]), weights=_vector(fragment.weights[0]),
         position=_vector(world_positions(fragment, lighting)[0]), normal=_vector(normal), lit_at=lit_at,
-        opacity=opacity, visible=through * opacity, texel=_vector(texel[:3]), ambient=_vector(ambient),
+        opacity=opacity, visible=through * opacity, texel=_vector(texel[:3]), metallic=float(brush["metallic"]),
+        roughness=(float(brush["roughness"]), float(brush["across"])), ambient=_vector(ambient),
         emission=_vector(emission), lights=lights, depth_cue=_vector(depth_cue), color=_vector(color),
     )  # fmt: skip
 
@@ -408,7 +413,7 @@ def _describe_layer(number: int, layer: Layer) -> list[str]:
     mesh = f"mesh {layer.mesh}{name}"
     lines = [
         f"{number}. face {layer.face}: face {layer.mesh_face} of {mesh}, material {layer.material_index}{material}",
-        f"   {_describe_material(layer.material)}",
+        f"   {_describe_material(layer)}",
         f"   depth {layer.depth:.9g}, weights {_numbers(layer.weights)}",
         f"   position {_numbers(layer.position)}, normal {_numbers(layer.normal)}",
         f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}",
@@ -427,16 +432,18 @@ def _describe_layer(number: int, layer: Layer) -> list[str]:
     return [*lines, f"   {'sum':<22}{_numbers(layer.color)}"]
 
 
-def _describe_material(material: Material) -> str:
-    """Return the numbers of a material that its reflection model uses."""
+def _describe_material(layer: Layer) -> str:
+    """Return the numbers of a layer's material that its reflection model uses, as they are there."""
+    material = layer.material
+    along, across = layer.roughness
     numbers = {key: getattr(material, key) for key in ("ambient", "diffuse", "specular", "emissive")}
     numbers |= {
         "lambert": {},
-        "oren-nayar": {"roughness": material.roughness},
+        "oren-nayar": {"roughness": along},
         "cook-torrance": {
-            "roughness": material.roughness,
+            "roughness": along if along == across else layer.roughness,
             "fresnel": material.fresnel,
-            "metallic": material.metallic,
+            "metallic": layer.metallic,
             "metal": material.metal_color,
         },
         "toon": {"shininess": material.shininess, "levels": material.levels},

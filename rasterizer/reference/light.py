@@ -139,17 +139,23 @@ def ambient_light(material: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     return total
 
 
-def contributions(
-    points: NDArray, normals: NDArray, material: NDArray, lighting: Lighting,
-    origins: RayOrigins | None = None, tangents: NDArray | None = None, metals: NDArray | None = None,
-) -> Iterator[Contribution]:  # fmt: skip
-    """Compute what each lamp adds, one after the other; parameters are those of `light_points`."""
+def materials_at(material: NDArray, lighting: Lighting, metals: NDArray | None) -> NDArray:
+    """Return the row of each point's material, after what textures do to metallic and roughness; as for `light_points`."""
     table = lighting.materials[material]
     if metals is not None:
         table["metallic"] *= metals[:, 0]
         has_texture = np.array([texture is not None for texture in lighting.metals])[material]
         alpha = np.where(has_texture, np.maximum(table["roughness"] * metals[:, 1], 0.001), table["roughness"])
         table["roughness"], table["across"] = alpha, np.where(has_texture, alpha, table["across"])
+    return table
+
+
+def contributions(
+    points: NDArray, normals: NDArray, material: NDArray, lighting: Lighting,
+    origins: RayOrigins | None = None, tangents: NDArray | None = None, metals: NDArray | None = None,
+) -> Iterator[Contribution]:  # fmt: skip
+    """Compute what each lamp adds, one after the other; parameters are those of `light_points`."""
+    table = materials_at(material, lighting, metals)
     view_dirs = to_viewer(points, lighting)
     brush = table["axis"] if tangents is None else np.where(table["is_by_u"][:, None], tangents, table["axis"])
 

@@ -19,8 +19,8 @@ def ball(**material):
     return rz.Scene([rz.Mesh(*octasphere(3), crease_angle=180, material=rz.Material(**material))], [LIGHT], CAMERA)
 
 
-def test_the_way_of_a_pixel_is_told():
-    for options, way in (
+def test_the_path_of_a_pixel_is_told():
+    for options, path in (
         ({"shading": "flat"}, "packed entry"),
         ({"shading": "gouraud", "tolerance": 0.01}, "packed entry"),
         ({"shading": "phong"}, "plane record"),
@@ -28,19 +28,19 @@ def test_the_way_of_a_pixel_is_told():
         ({"shading": "flat", "samples": 4}, "packed entry"),
     ):
         found = rz.explain(ball(), *MIDDLE, SIZE, **{"samples": 1} | options)
-        assert found.way == way and f"drawn by: {way}" in str(found), f"{options}: {found.way}"
-        # The picture's own counts know the way, too.
+        assert found.path == path and f"drawn by: {path}" in str(found), f"{options}: {found.path}"
+        # The picture's own counts know the path, too.
         counts = rz.render(ball(), SIZE, **{"samples": 1} | options).stats.plan.paths
         used = {"packed entry": counts.entries, "plane record": counts.planes, "exact record": counts.exact}
-        assert used[way] > 0, options
+        assert used[path] > 0, options
 
 
 def test_all_else_is_what_the_reference_says():
     scene, options = ball(specular=0.3, opacity=0.5), {"shading": "phong", "samples": 4}
     found = rz.explain(scene, 18, 13, SIZE, **{"samples": 1} | options)
     expected = explaining.explain(scene, 18, 13, rz.Options(size=SIZE, **options))
-    assert replace(found, way=None) == expected and expected.way is None
-    assert found.way == "plane record"
+    assert replace(found, path=None) == expected and expected.path is None
+    assert found.path == "plane record"
 
 
 def test_a_camera_of_its_own_and_the_value_of_the_picture():
@@ -53,7 +53,7 @@ def test_a_camera_of_its_own_and_the_value_of_the_picture():
 
 
 def test_a_pixel_outside_is_refused_and_one_that_shows_nothing_has_no_way():
-    assert rz.explain(ball(), 0, 0, SIZE, samples=1).way is None
+    assert rz.explain(ball(), 0, 0, SIZE, samples=1).path is None
     for x, y in ((-1, 0), (40, 0), (0, 30), (1.5, 0), ("a", 0)):
         with pytest.raises(rz.SceneError, match="within 0..(39|29)"):
             rz.explain(ball(), x, y, SIZE, samples=1)

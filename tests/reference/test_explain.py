@@ -192,10 +192,10 @@ def test_another_camera_and_anything_that_is_a_scene():
     mesh = rz.Mesh(QUAD, [(0, 1, 2, 3)])
     camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4)
     found = rz.explain(mesh, 8, 8, 16, camera=camera, tolerance=0, outputs=("rgb",), threads=2, samples=1)
-    assert found.size == (16, 16) and found.layers[0].depth == 5 and found.way == "exact record"
+    assert found.size == (16, 16) and found.layers[0].depth == 5 and found.path == "exact record"
     assert rz.explain(mesh, 0, 0, 16, camera=camera, samples=1).layers == ()
     with pytest.raises(FrozenInstanceError):
-        found.way = "exact record"
+        found.path = "exact record"
 
 
 def test_a_pixel_outside_is_refused():
