@@ -7,6 +7,8 @@ locks, in the order in which a thread that compiles takes them:
 
     LOCK ── numba's compiler lock ── locks of modules that are imported ── llvmlite's lock
 
+Locks that a picture is drawn under aren't waited for: whoever has one of those makes it anew (`renew_in_child`).
+
 This module is imported before any other where a public name is first used, so that a fork finds it in place.
 """
 
@@ -15,9 +17,10 @@ import logging  # noqa: F401  first: a fork then takes its lock after those here
 import os
 import sys
 import threading
+import weakref
 from contextlib import ExitStack, suppress
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 LOCK = threading.RLock()  # who loads or compiles a kernel
 
@@ -46,8 +49,25 @@ def _take(lock: Any) -> None:
         _taken.enter_context(lock)
 
 
+class Renewed(Protocol):
+    """What has a lock or threads of its own."""
+
+    def renew(self) -> None:
+        """Make them anew, in a process that was just forked."""
+
+
+_renewed: "weakref.WeakSet[Renewed]" = weakref.WeakSet()
+renew_in_child = _renewed.add
+
+
+def _start_child() -> None:
+    _taken.close()
+    for each in _renewed:
+        each.renew()
+
+
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_take_locks, after_in_parent=_taken.close, after_in_child=_taken.close)
+    os.register_at_fork(before=_take_locks, after_in_parent=_taken.close, after_in_child=_start_child)
 
 
 if sys.version_info >= (3, 12):

@@ -1,5 +1,5 @@
-"""Depths: between which the scene lies, which are clipped, how the z-buffer is fitted to those that are seen, and how far
-the layers of meshes lie apart in it."""
+"""Depths: between which the scene lies, which are clipped, how the z-buffer is fitted to those that are seen, and how
+far the layers of meshes lie apart in it."""
 
 import numpy as np
 

@@ -4,10 +4,11 @@ A thread waits for calls in a queue. An executor of `concurrent.futures` would d
 longer, and it would have to be imported.
 """
 
-import os
 import threading
 import weakref
 from queue import SimpleQueue
+
+from ..locks import renew_in_child
 
 # A part of a stage is worth a thread of its own from here on. To wake a thread, and to be woken when it is done, takes
 # about as long as a light takes for this many vertices.
@@ -25,7 +26,12 @@ class Workers:
     def __init__(self, n_thread: int):
         self.n_thread = n_thread
         self._start()
-        _living.add(self)
+        renew_in_child(self)
+
+    def renew(self) -> None:
+        """Start anew, in a forked process."""
+        self._end.detach()
+        self._start()
 
     def _start(self) -> None:
         self.lock = threading.RLock()
@@ -122,16 +128,3 @@ def _serve(calls: SimpleQueue) -> None:
         call.make()
         del call  # it holds what is drawn
     calls.put(None)  # for the next one
-
-
-_living = weakref.WeakSet()  # whom a forked process must start anew: a fork concerns the process as a whole
-
-
-def _start_anew() -> None:
-    for workers in _living:
-        workers._end.detach()
-        workers._start()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_start_anew)

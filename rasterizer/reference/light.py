@@ -140,7 +140,7 @@ def ambient_light(material: NDArray, lighting: Lighting) -> NDArray[np.float64]:
 
 
 def materials_at(material: NDArray, lighting: Lighting, metals: NDArray | None) -> NDArray:
-    """Return the row of each point's material, after what textures do to metallic and roughness; as for `light_points`."""
+    """Return the row of each point's material, with what textures make metallic and rough; see `light_points`."""
     table = lighting.materials[material]
     if metals is not None:
         table["metallic"] *= metals[:, 0]

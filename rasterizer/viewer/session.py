@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError, shown
 from ..frame import Frame
+from ..locks import renew_in_child
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
@@ -92,6 +93,11 @@ class Session:
         self._renderers: OrderedDict[tuple, Renderer] = OrderedDict()
         self._n_made = 0  # renderers
         self._at_rest: tuple[tuple, Frame, bytes] | None = None  # what it shows, the picture, its file
+        self.renew()
+        renew_in_child(self)
+
+    def renew(self) -> None:
+        """Let the next one have its turn, in a forked process: whoever had it isn't there."""
         self._turn = threading.Lock()
 
     @property

@@ -68,6 +68,18 @@ def work():
     square = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [[0, 1, 2], [0, 2, 3]])
     return hashlib.sha256(rz.render(rz.Scene([square]), (24, 18), threads=2).encode(".png")).hexdigest()
 """
+# Of a viewer: the size of each picture is another, so that each is drawn.
+VIEW = """
+import rasterizer as rz
+from rasterizer.viewer.session import Session
+session = Session(rz.Scene([rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [[0, 1, 2], [0, 2, 3]])]))
+
+def work():
+    for width in (32, 48):
+        message = {"size": [width, 32], "background": "#ffffff", "is_rest": True, "events": []}
+        found = session.answer(message).content
+    return hashlib.sha256(found).hexdigest()
+"""
 # Each time as in a process that has met no kernel yet.
 LOAD = """
 import ctypes
@@ -87,6 +99,7 @@ def work():
 PHASES = {
     "importing": (DRAW + "run(work, lambda: hasattr(sys.modules.get('rasterizer.locks'), 'cached_property'))", True),
     "drawing": (DRAW + "run(work, expected=work())", True),
+    "viewing": (VIEW + "run(work)", True),
     "loading": (LOAD + "run(work)", True),
     "compiling, no folder": (LOAD + "run(work)", "/dev/null/store"),
     "compiling, by numba": (LOAD + "run(work)", "off"),

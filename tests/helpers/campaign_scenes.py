@@ -397,6 +397,11 @@ def make_material(dice, is_grey, has_texture, is_clear) -> rz.Material:
         brush = {"roughness": (max(roughness, 0.001), dice.power(-2, 0)), "distribution": "ggx"}
         brush["tangent"] = "u" if has_texture else dice.direction()
         dice.words.append("brushed")
+    if model == "cook-torrance" and dice.chance(0.4):
+        brush |= {"metallic": float(dice.rng.choice([1.0, dice.rng.random()])), "metal": color()}
+        if has_texture and np.size(brush["roughness"]) == 1 and brush["distribution"] == "ggx":
+            brush["metallic_roughness"] = make_texture(dice.rng)
+        dice.words.append("metal")
     material = rz.Material(
         ambient=None if dice.chance(0.5) else color(),
         diffuse=color(),

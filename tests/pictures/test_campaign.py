@@ -88,6 +88,7 @@ def features_of(case):
             yield from (f"{material.reflection}, F0" for _ in "1" if material.fresnel is not None)
             yield from (f"{material.reflection}, normalised" for _ in "1" if material.normalized)
             yield "cook-torrance, " + ("brushed" if np.size(material.roughness) > 1 else material.distribution)
+            yield from (name for name in ("metallic", "metallic_roughness") if getattr(material, name))
             yield "opaque" if material.is_opaque else "clear"
             if material.texture is not None:
                 yield from (material.texture.filter, *material.texture.wrap)
@@ -102,6 +103,7 @@ WANTED = {
     "color_range=local", "color_range=global", "antialias=shade-once", "exposure", "spectral", "tolerance 0",
     "inside", "near", "far", "skew", "specks", "slivers", "floor", "calibrated", "perspective", "parallel",
     "depth cue", "background", "colors", "face_colors", "normals", "weighting=area", "weighting=uniform",
+    "metallic", "metallic_roughness",
 }  # fmt: skip
 
 
