@@ -83,6 +83,8 @@ def test_transforms():
     all_three = moved({"scale": 2, "translate": [1, 0, 0], "rotate": turned})
     expected = pytest.approx(np.array([(1, 0, 0), (1, 2, 0), (-1, 0, 0)]), abs=1e-15)
     assert all_three == expected, "scaled, turned, then moved"
+    stretched = moved({"rotate": turned, "scale": [2, 3, 1]})
+    assert stretched == pytest.approx(np.array([(0, 0, 0), (0, 2, 0), (-3, 0, 0)]), abs=1e-15), "scaled, then turned"
     matrix = [[0, -2, 0, 1], [2, 0, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]
     assert moved(matrix) == pytest.approx(all_three, abs=1e-15)
     third = np.array(moved({"rotate": {"axis": [1, 1, 1], "angle": 120}}))

@@ -98,6 +98,18 @@ def test_a_sphere_has_a_closed_silhouette_and_no_creases():
     assert radius.min() > 0.85 * radius.max(), "the far side shows through"
 
 
+def test_the_edge_that_three_leaves_share_is_a_silhouette_from_every_side():
+    angles = np.radians([0, 100, 230])
+    tips = np.stack([np.cos(angles), np.zeros(3), np.sin(angles)], axis=1)
+    vertices = np.concatenate([[(0.0, -1, 0), (0.0, 1, 0)], tips])
+    for winding in range(8):
+        faces = [(0, 1, 2 + k) if winding >> k & 1 else (1, 0, 2 + k) for k in range(3)]
+        for turn in np.radians(range(5, 365, 30)):
+            camera = rz.Camera.orthographic((5 * np.cos(turn), 0, 5 * np.sin(turn)), (0, 0, 0), height=4.0)
+            scene = rz.Scene(rz.Mesh(vertices, faces), camera=camera)
+            assert share_near((0, 0, 0), scene, coverage_of(scene, "silhouette")) > 0, f"{faces}, {turn:.2f} rad"
+
+
 @pytest.mark.parametrize("shading, samples", [("flat", 1), ("gouraud", 4), ("phong", 4)])
 def test_a_picture_changes_where_edges_are_and_nowhere_else(shading, samples):
     scene = scene_of(cube(), floor())
