@@ -192,11 +192,10 @@ def list_bands(lists: BandLists, n_row: int, render_pass: Pass) -> list[Band]:
     """List the bands to draw, those with most triangles first: so no thread is left with a big one at the end. Those
     without triangles are drawn where the pass fills them."""
     (first, end), starts = render_pass.drawn_rows, lists.starts.tolist()
-    n_in_band = np.diff(lists.starts)
-    order = np.argsort(-n_in_band, kind="stable").tolist()
+    n_in_band = [end - start for start, end in zip(starts[:-1], starts[1:], strict=True)]
     return [
         Band(lists.faces[starts[k] : starts[k + 1]], max(k * n_row, first), min((k + 1) * n_row, end))
-        for k in order
+        for k in sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)
         if first // n_row <= k < -(-end // n_row) and (render_pass.is_filled or n_in_band[k] > 0)
     ]
 

@@ -6,6 +6,7 @@ Found here: how bright the scene may be, the type, the channels and the path to 
 what one object needs costs its own samples and no others. The bounds that justify a cheaper path stand in bounds.py.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -45,6 +46,7 @@ TOO_MUCH = "rounding beyond half of the tolerance"
 MAX_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
 ANYWHERE = View(np.zeros(3), *np.eye(3))  # for lights that don't move with the camera
 PER_OCTAVE = 16  # views whose distances differ by less than this part of an octave are planned alike
+N_KEPT = 64  # plans of views: while a camera goes round a scene, it comes through some twenty such parts
 
 
 # ---------------------------------------------------------------- the plan of a scene, whatever the camera
@@ -362,7 +364,7 @@ class ViewPlan(NamedTuple):
 
 
 class ViewPlans:
-    """The plans of a scene, kept from view to view: what was found for one usually holds for the next."""
+    """The plans of a scene, kept from view to view: what was found for one usually holds for others."""
 
     def __init__(self, tables: SceneTables, options: Options, geometry) -> None:
         self._options, self._geometry, self._bounds = options, geometry, tables.bounds
@@ -374,11 +376,15 @@ class ViewPlans:
         self._lights = tables.lights
         self._clearances = np.zeros((n_material, len(self._lights)))
         for i, light in enumerate(self._lights):
-            is_carried = light_table.is_carried(light)
-            self._clearances[:, i] = 0.0 if is_carried else self._clearances_from(light, ANYWHERE)
+            if not light_table.is_carried(light):
+                self._clearances[:, i] = self._clearances_from(light, ANYWHERE)
+            elif math.isinf(light_table.entry_of(light).clearance(light, ANYWHERE, lambda position: 0.0)):
+                self._clearances[:, i] = np.inf  # in any view
+        self._is_parallel = bool(np.isinf(self._clearances).all())
         colored = find_colored(geometry, n_material)
         self.plan = make_plan(tables, options, geometry.albedo, 0.5 * self._clearances, colored)
-        self._shortest, self._last_key, self._last = 1.0, None, None
+        self._kept: dict[tuple, ViewPlan] = {}
+        self._shortest = 1.0
         if self._is_lit_per_sample and self.plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
             self._shortest = self.shortest_normal
 
@@ -401,32 +407,29 @@ class ViewPlans:
         distances = self._measure(view, screen, shift)
         arrays = {name: getattr(distances, name).tobytes() for name in ("furthest", "clearances")}
         key = distances._replace(**arrays), screen.is_perspective
-        if self._last is None or self._last_key != key:
-            plan = plan_of_view(self.plan, self._options.tolerance, distances)
-            stated = error_bounds_of(plan, self._options.tolerance)
-            reasons = list_unstated(plan, self._options, stated)
-            everywhere = tuple(Discontinuity(reason, np.inf, "everywhere") for reason in reasons)
-            steps = b.list_discontinuities(plan, distances) + everywhere
-            error_bound = None if reasons else float(stated.max(initial=0.0))
-            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, b.bound_filters(plan))
-        return self._last
+        return self._kept.get(key) or keep(self._kept, key, self._make_plan(distances))
+
+    def _make_plan(self, distances: b.Distances) -> ViewPlan:
+        plan = plan_of_view(self.plan, self._options.tolerance, distances)
+        stated = error_bounds_of(plan, self._options.tolerance)
+        reasons = list_unstated(plan, self._options, stated)
+        everywhere = tuple(Discontinuity(reason, np.inf, "everywhere") for reason in reasons)
+        steps = b.list_discontinuities(plan, distances) + everywhere
+        error_bound = None if reasons else float(stated.max(initial=0.0))
+        return ViewPlan(plan, error_bound, steps, b.bound_filters(plan))
 
     def _measure(self, view, screen, shadow_shift) -> b.Distances:
         """What this view says about positions; distances are rounded to the unsafe side, to 1/16 of an octave."""
         furthest = b.furthest_of(self._bounds, view.eye)
-        each = np.array([b.furthest_of(box[None], view.eye) for box in self._boxes])
-        if np.isinf(self._clearances).all() and are_single(each):
-            each = np.ones(len(each))  # they play no part
-        beside = b.position_shift(screen, furthest, self._is_lit_per_sample)
-        clearances = self._clearances.copy()
-        for i, light in enumerate(self._lights):
-            if light_table.is_carried(light):
-                clearances[:, i] = self._clearances_from(light, view)
-        with np.errstate(divide="ignore"):
-            octaves = np.floor(PER_OCTAVE * np.log2(np.maximum(clearances - beside, 0.0)))
+        each = [math.hypot(*extent) for extent in np.abs(self._boxes - view.eye).max(axis=1).tolist()]
+        clearances = self._clearances
+        if self._is_parallel and are_single(each):
+            each = [1.0] * len(each)  # positions play no part
+        elif not self._is_parallel:
+            clearances = self._clearances_in(view, b.position_shift(screen, furthest, self._is_lit_per_sample))
         return b.Distances(
             furthest=np.array([_up(away) for away in each]),
-            clearances=np.exp2(octaves / PER_OCTAVE),
+            clearances=clearances,
             shortest=self._shortest,
             is_lit_per_sample=self._is_lit_per_sample,
             ratio=_up(b.furthest_over_nearest(screen, furthest)),
@@ -434,6 +437,16 @@ class ViewPlans:
             lean=abs(screen.skew) / screen.scale_x if self._is_lit_per_sample else 0.0,
             shadow_shift=shadow_shift,
         )
+
+    def _clearances_in(self, view, beside: float) -> NDArray[np.float64]:
+        """The clearances in one view, (n_material, n_light), where a sample's point may lie `beside` its triangle."""
+        clearances = self._clearances.copy()
+        for i, light in enumerate(self._lights):
+            if light_table.is_carried(light):
+                clearances[:, i] = self._clearances_from(light, view)
+        with np.errstate(divide="ignore"):
+            octaves = np.floor(PER_OCTAVE * np.log2(np.maximum(clearances - beside, 0.0)))
+        return np.exp2(octaves / PER_OCTAVE)
 
     def _clearances_from(self, light, view) -> list[float]:
         """The distances that no lit point of each material comes nearer to a light than; see `LightEntry.clearance`."""
@@ -453,6 +466,14 @@ class ViewPlans:
         if screen.is_perspective:
             return DEPTH_ERROR * (0.25 + max(cue.start, 0.0) / cue.scale)
         return (0.5 * factor * (width + height) + DEPTH_PLANE_ROUNDING) / abs(screen.z_scale) / cue.scale
+
+
+def keep(kept: dict, key: Any, value: Any) -> Any:
+    """Keep what was made for a view, with that of the last N_KEPT views; return it."""
+    if len(kept) >= N_KEPT:
+        del kept[next(iter(kept))]
+    kept[key] = value
+    return value
 
 
 def _up(value: float) -> float:

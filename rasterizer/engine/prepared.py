@@ -36,7 +36,7 @@ from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import check_depths, check_extent, depths_of_boxes, layer_step, screen_of
 from .draw import NO_CLOCK, Counts, draw
 from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
-from .plan import Plan, ViewPlan, ViewPlans
+from .plan import Plan, ViewPlan, ViewPlans, keep
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
 from .uniforms import light_view, list_materials, with_functions
@@ -55,9 +55,11 @@ class DrawnPicture(NamedTuple):
 
 
 class PlanParts(NamedTuple):
-    """What follows from a plan alone: kept until a view needs another one."""
+    """What follows from the plan of a view alone."""
 
     plan: Plan
+    dtypes: tuple[np.dtype, ...]  # its own
+    normals: Attributes  # that Phong's method interpolates; NONE for other methods
     coding: Coding  # without depths
     encoding: Encoding
     summary: PlanSummary
@@ -70,7 +72,7 @@ class PreparedScene:
         self.tables, self.options = tables, options
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         self._lightings: dict[tuple, Lighting] = {}  # what is the same in all views, by type and features
-        self._plan_parts: PlanParts | None = None  # those of the last picture
+        self._plan_parts: dict[int, PlanParts] = {}  # by the id of a plan that is kept there
 
     @cached_property
     def geometry(self) -> Geometry:
@@ -160,11 +162,11 @@ class PreparedScene:
     def color_pass(self, view: View, screen, plan: Plan, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
         options, parts = self.options, self._parts_of(plan)
-        maps: dict[np.dtype, Any] = dict.fromkeys(plan.dtypes, ())
+        maps: dict[np.dtype, Any] = dict.fromkeys(parts.dtypes, ())
         if plan.has_shadows:
-            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
+            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in parts.dtypes}
             clock.lap("shadows")
-        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in plan.dtypes}
+        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in parts.dtypes}
         shared = {
             "coding": parts.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
@@ -177,9 +179,8 @@ class PreparedScene:
             "is_shaded_once": options.antialias == "shade-once",
         }
         if plan.is_lit_per_sample:
-            attributes = self._normals.of(plan)
             face_table = FaceTable(self._shadows.shapes) if plan.has_shadows else NO_TABLE
-            return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
+            return LitPass(attributes=parts.normals, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, **shared)
@@ -193,13 +194,15 @@ class PreparedScene:
 
     def _parts_of(self, plan: Plan) -> PlanParts:
         """What follows from a plan."""
-        if self._plan_parts is None or self._plan_parts.plan is not plan:
+        if id(plan) not in self._plan_parts:
             options = self.options
             step = lookup_step(options.factor, options.antialias == "shade-once")
             coding = make_coding(plan, options.tolerance, step)
             encoding = make_encoding(plan, self.tables.background, options.color_range)
-            self._plan_parts = PlanParts(plan, coding, encoding, summarize(plan))
-        return self._plan_parts
+            normals = self._normals.of(plan) if plan.is_lit_per_sample else NONE
+            parts = PlanParts(plan, plan.dtypes, normals, coding, encoding, summarize(plan))
+            keep(self._plan_parts, id(plan), parts)
+        return self._plan_parts[id(plan)]
 
     def _light_points(self, plan: Plan, lightings, screen) -> Attributes:
         """Intensities of the points, on both sides where normals may have to be flipped."""
@@ -296,17 +299,17 @@ class PreparedScene:
         screen : that of the buffers, or of the picture
         """
         found: dict[str, Any] = {}
-        view = camera.view()
         if view_plan is not None:
             error = view_plan.error_bound
             found |= {"color": error} if "color" in outputs else {}
             found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
             if view_plan.plan.has_shadows:
-                found["shadows"] = self._shadows.list_bounds(view_plan.plan, view)
-        has_means = not (self.options.is_flat or {"normal", "normal_camera"}.isdisjoint(outputs))
-        shortest = self.view_plans.shortest_normal if has_means else 1.0
-        nearest = depths_of_boxes(view, self.tables.bounds)[0]
-        layers = layer_step(self.options.size) * int(np.abs(self.geometry.layers).max(initial=0))
-        furthest = furthest_of(self.tables.bounds, view.eye)
-        found |= bound_buffers(outputs, screen, furthest, nearest, shortest, layers)
+                found["shadows"] = self._shadows.list_bounds(view_plan.plan, camera.view())
+        if self.buffer_names:
+            view, bounds = camera.view(), self.tables.bounds
+            has_means = not (self.options.is_flat or {"normal", "normal_camera"}.isdisjoint(outputs))
+            shortest = self.view_plans.shortest_normal if has_means else 1.0
+            nearest, furthest = depths_of_boxes(view, bounds)[0], furthest_of(bounds, view.eye)
+            layers = layer_step(self.options.size) * int(np.abs(self.geometry.layers).max(initial=0))
+            found |= bound_buffers(outputs, screen, furthest, nearest, shortest, layers)
         return ErrorBounds(**found)

@@ -49,7 +49,7 @@ class View(NamedTuple):
         A direction of the camera's frame (x right, y up, looking down -z) is `world_from_camera @ direction` in the
         world; a point is that plus `eye`.
         """
-        return np.stack([self.right, self.up, -self.forward]).T
+        return np.array([self.right, self.up, -self.forward]).T
 
 
 class Projection(NamedTuple):
