@@ -94,9 +94,14 @@ class Pass:
             self.n_texel, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
+    @cached_property
+    def units_per_record(self) -> int:
+        """At most."""
+        return max_units(self.coding)
+
     def max_records(self, n_triangle: int) -> int:
         """How many units the records of so many triangles have at most."""
-        return n_triangle * max_units(self.coding)
+        return n_triangle * self.units_per_record
 
     def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
