@@ -97,12 +97,10 @@ def encode_npy(array: NDArray) -> bytes:
 def encode_npz(arrays: dict[str, NDArray]) -> bytes:
     """Return arrays by name as the bytes of an .npz file; of equal arrays the same bytes."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:  # 6 takes longer
+    with zipfile.ZipFile(stream, "w") as archive:
         for name, array in arrays.items():
             entry = zipfile.ZipInfo(f"{name}.npy")  # of a fixed date
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            with archive.open(entry, "w", force_zip64=True) as file:
-                np.lib.format.write_array(file, np.ascontiguousarray(array), allow_pickle=False)
+            archive.writestr(entry, encode_npy(array), zipfile.ZIP_DEFLATED, compresslevel=1)  # 6 takes three times as long
     return stream.getvalue()
 
 
