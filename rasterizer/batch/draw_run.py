@@ -57,7 +57,7 @@ def draw_run(run: Run, shared: Any, kept: dict[str, Any]) -> list[Drawn] | None:
     Parameters
     ----------
     shared : what is loaded where the run has no path
-    kept : the model and the Renderer of the run before; changed
+    kept : the model, the Renderer and the frame of the run before; changed
     """
     if not is_seen(run):
         return None
@@ -129,12 +129,27 @@ def drop(kept: dict[str, Any]) -> None:
 
 
 def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
-    """Draw a picture of a model, by the Renderer of the one before if the options are the same."""
+    """Draw a picture of a model, by the Renderer of the one before if the options are the same; where the view is, too,
+    the frame is that of the one before."""
     if "renderer" not in kept or kept["renderer"].options != options:
         if "renderer" in kept:
             kept.pop("renderer").close()
-        kept["renderer"] = Renderer(model.scene, **vars(options))
-    return kept["renderer"].render(camera_of(model.scene, task, options.size))
+        kept["renderer"], kept["frame"] = Renderer(model.scene, **vars(options)), (None, None)
+    view = view_of(task)
+    if kept["frame"][0] != view:
+        kept["frame"] = view, kept["renderer"].render(camera_of(model.scene, task, options.size))
+    return kept["frame"][1]
+
+
+def view_of(task: RenderTask) -> tuple[Any, Camera | None]:
+    """Return what tells the view of a task from others of its model; what isn't written as text or numbers equals
+    nothing."""
+    view = task.view
+    if isinstance(view, (tuple, list)) and all(isinstance(angle, (int, float)) for angle in view):
+        view = tuple(view)
+    elif view is not None and not isinstance(view, str):
+        view = object()
+    return view, task.camera
 
 
 def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera | None:

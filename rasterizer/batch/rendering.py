@@ -21,7 +21,7 @@ from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
-from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error
+from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
 from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
@@ -88,6 +88,10 @@ class Item(NamedTuple):
         """Tell whether one run can hold both."""
         is_loaded_alike = self.task.load is other.task.load or not (self.task.load or other.task.load)
         return is_loaded_alike and self.path == other.path and self.shared is other.shared
+
+    def shows_what(self, other: "Item") -> bool:
+        """Tell whether both files come from one frame, where they have one model."""
+        return self.options == other.options and view_of(self.task) == view_of(other.task)
 
 
 class Note(NamedTuple):
@@ -167,7 +171,7 @@ class Batch:
 
     def _fill(self) -> Iterator[RenderRecord]:
         """Take tasks until there are some for each process; yield the records of those that aren't drawn."""
-        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * self._pool.n_slot:
+        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * (self._pool.n_slot + 1):
             try:
                 task = next(self._tasks)
             except StopIteration:
@@ -221,10 +225,12 @@ class Batch:
         return shared
 
     def _next_job(self) -> Job:
-        """Return what is drawn next, of what waits."""
+        """Return what is drawn next, of what waits; it ends with all files that one view is drawn for."""
         n = pictures_per_job(self._pool, len(self._waiting))
         items = [self._waiting.popleft()]
-        while self._waiting and len(items) < n and self._waiting[0].has_model_of(items[0]):
+        while self._waiting and self._waiting[0].has_model_of(items[0]):
+            if len(items) >= n and not self._waiting[0].shows_what(items[-1]):
+                break
             items.append(self._waiting.popleft())
         return self._job_of(items)
 
