@@ -82,15 +82,24 @@ class HeldOutput:
         self.contents.append((content, output))
 
 
-def draw_job(work: ModelWork, loaded, _kept) -> ModelDone | None:
-    """Draw pictures of a model; return them, or None where this process doesn't see the model's file."""
+def draw_job(work: ModelWork, loaded, kept) -> ModelDone | None:
+    """Draw pictures of a model; return them, or None where this process doesn't see the model's file.
+
+    `kept` holds the model of the job before, which is changed; other pictures of it are drawn without reading it again.
+    """
     model = work.targets[0].model
-    if loaded is None and work.identity is not None and identify(model) != work.identity:
+    identity = identify(model)
+    if loaded is None and work.identity is not None and identity != work.identity:
         return None
     messages = HeldMessages(work.arguments.level)
     output = HeldOutput(messages.said)
     failures = Failures(messages, work.arguments.json)
     with messages.shown_warnings(), failures.caught(model, work.arguments.size):
+        if loaded is None and kept.get("key") != (model, identity):
+            kept.clear()
+            kept["loaded"] = load_scene(model, work.arguments, work.settings, messages, output.files_read)
+            kept["key"] = model, identity
+        loaded = loaded or kept["loaded"]
         work.draw(work.targets, work.arguments, work.settings, messages, output, loaded)
     plain = [failure.with_traceback(None) for failure in failures]
     return ModelDone(output.contents, messages.said, plain, output.files_read)

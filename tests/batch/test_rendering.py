@@ -67,6 +67,26 @@ def test_each_file_holds_what_one_render_writes():
         assert record.stats.coverage > 0 and record.seconds > 0 and record.error is None
 
 
+def test_files_of_one_view_and_options_come_from_one_frame():
+    options = rz.Options(size=(24, 16), outputs=("rgb", "depth", "face"), threads=1)
+    files = (".png", None), ("-depth.npy", "depth"), ("-face.npy", "face")
+    tasks = [
+        rz.RenderTask(CUBE, f"{azimuth}{end}", (azimuth, 20), options=options, array=array)
+        for azimuth in range(4)  # more files than a job has pictures
+        for end, array in files
+    ]
+    times = [record.stats.milliseconds for record in draw(tasks)]
+    scene = rz.load(CUBE)
+    with rz.Renderer(scene, (24, 16), outputs=options.outputs) as renderer:
+        for azimuth in range(4):
+            of_view = times[3 * azimuth : 3 * azimuth + 3]
+            assert of_view == of_view[:1] * 3 and times.count(of_view[0]) == 3
+            frame = renderer.render(rz.Camera.framing(scene, azimuth, 20, up=scene.up, aspect=24 / 16))
+            assert np.array_equal(np.load(f"{azimuth}-depth.npy"), frame.depth)
+            assert np.array_equal(np.load(f"{azimuth}-face.npy"), frame.face)
+            assert open(f"{azimuth}.png", "rb").read() == frame.encode("PNG")
+
+
 def test_models_may_be_whatever_load_takes():
     scene, mesh = rz.load(CUBE), rz.load(CONE).meshes[0]
     arrays = (np.eye(3), [[0, 1, 2]])

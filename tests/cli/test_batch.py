@@ -38,6 +38,15 @@ def test_the_files_are_those_of_render(capsys):
     assert errors(capsys) == ""
 
 
+def test_a_process_reads_a_model_once(folder, capsys):
+    text = open(CUBE).read()
+    (folder / "warned.obj").write_text(f"mtllib missing.mtl\nusemtl x\n{text}")
+    views = "front,back,left,right,top,bottom,iso"
+    assert raster("batch", *SIZE, "warned.obj", "-j", "2", "--view", views, "-o", "{view}.png") == 0
+    err = errors(capsys)  # a warning each time that it is read, of three jobs
+    assert summary_of(err) == "7 pictures drawn" and 1 <= err.count("missing.mtl") <= 2
+
+
 def test_one_bad_model_does_not_stop_the_rest(folder, capsys):
     (folder / "bad.obj").write_text("v 1 2\n")
     assert batch(CUBE, "bad.obj", "nope.stl", GEAR, "--json") == 1
