@@ -69,10 +69,11 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
       return; // where there is nothing to be seen yet, the observer of sizes asks again
     }
     isWaiting = true;
-    requestAnimationFrame(() => exchange(isRest)); // at most one picture for each that the screen shows
+    exchange(isRest);
   }
 
   async function exchange(isRest) {
+    const refreshed = new Promise(requestAnimationFrame); // at most one picture for each that the screen shows
     const message = { size: sizeNow(), background: backgroundNow(), is_rest: isRest, events };
     events = [];
     const slow = setTimeout(() => parts.numbers.textContent = "drawing …", SLOW);
@@ -85,6 +86,7 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
       say(`${fault.message || fault}`);
     }
     clearTimeout(slow);
+    await refreshed;
     isWaiting = false;
     if (events.length) {
       ask(false);
