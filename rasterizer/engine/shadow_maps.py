@@ -55,14 +55,16 @@ class Shadows:
     def __init__(self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan):
         self._casters = gather_casters(geometry, bounds, plan.opacity)
         self._geometry, self._bounds, self._plan = geometry, bounds, plan
-        self._maps: dict[tuple, ShadowMap | None] = {}  # by the index of the light and the type of the maps
-        self._texels: dict[int, float] = {}  # by the index of the light, see `widest_texel`; 0 where it reaches nothing
+        # By the index of the light, and by the type of the maps: where the light was (`place_of`), and its maps.
+        self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
+        # By the index of the light: where it was, and `widest_texel`, 0 where it reaches nothing.
+        self._texels: dict[int, tuple[tuple, float]] = {}
 
     def draw(
         self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
     ) -> "list[ShadowMap | None]":
-        """Return the maps of all lights in a type, None for those that cast no shadows here; those of lights that stay
-        where they are, are kept.
+        """Return the maps of all lights in a type, None for those that cast no shadows here; those of lights that are
+        where they were in the picture before are kept.
 
         Raises SceneError where they would have more than MAX_TEXELS numbers.
         """
@@ -72,11 +74,13 @@ class Shadows:
             if self._casters is None or not self._is_asked(plan, k):
                 maps.append(None)
                 continue
-            key = k, dtype
-            if key not in self._maps or is_carried(light):
-                before = self._maps.get(key)
-                self._maps[key] = draw_shadow_map(light, view, self._casters, dtype, workspaces, threads, room, before)
-            shadow_map = self._maps[key]
+            key, place = (k, dtype), place_of(light, view)
+            last_place, shadow_map = self._maps.get(key, (None, None))
+            if place != last_place:
+                self._maps.pop(key, None)  # the next one is drawn into its memory
+                of_light = light, view, self._casters, dtype, workspaces, threads, room, shadow_map
+                shadow_map = draw_shadow_map(*of_light)
+                self._maps[key] = place, shadow_map
             if shadow_map is not None:
                 shadow_map.fit_view(view.eye, plan)
                 room -= len(shadow_map.block)
@@ -93,11 +97,13 @@ class Shadows:
         for k, light in enumerate(plan.lights):
             if self._casters is None or not self._is_asked(plan, k):
                 continue
-            if k not in self._texels or is_carried(light):
+            name, place = type(light).__name__, place_of(light, view)
+            last_place, texel = self._texels.get(k, (None, 0.0))
+            if place != last_place:
                 beam = entry_of(light).beam(light, view)
                 is_reached = beam is not None and reaches(light, beam, self._casters.corners)
-                self._texels[k] = widest_texel(beam, self._casters.corners, shadow_of(light)) if is_reached else 0.0
-            name, texel = type(light).__name__, self._texels[k]
+                texel = widest_texel(beam, self._casters.corners, shadow_of(light)) if is_reached else 0.0
+                self._texels[k] = place, texel
             near = (shadow_of(light).filter + 1) / 2 * texel
             last = found.get(name, ShadowBound(name, 0.0, 0.0))
             if texel > 0.0:
@@ -120,6 +126,12 @@ class Shadows:
     def normal_offsets(self) -> NDArray[np.float64]:
         """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
         return compute_normal_offsets(self._geometry)
+
+
+def place_of(light: Any, view: View) -> tuple:
+    """Return where a light that moves with the camera shines, as what can be compared; () for any other light."""
+    beam = entry_of(light).beam(light, view) if is_carried(light) else None
+    return () if beam is None else tuple(None if part is None else np.asarray(part).tobytes() for part in beam)
 
 
 class Casters(NamedTuple):

@@ -326,6 +326,8 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     assert moving.block[lookup.NORMAL_ERROR] == pytest.approx(5 * own), "over half of five texels, not of one"
     assert draw(turned)[0] is first and first.block[lookup.NORMAL_ERROR] > 2 * own > 0
     assert draw(plan)[0] is first and first.block[lookup.NORMAL_ERROR] == own
+    nearer = draw(plan, VIEW._replace(eye=0.5 * VIEW.eye))[1]
+    assert nearer is moving, "rays that the camera carries are the same wherever it stands"
     elsewhere = View(np.array([3.0, 0, 4]), *np.eye(3)[[1, 2, 0]])
     again, moved = draw(plan, elsewhere)
     assert again is first and again.block[lookup.HEADER :].tobytes() == texels
