@@ -144,7 +144,7 @@ def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, An
 def view_of(task: RenderTask) -> tuple[Any, Camera | None]:
     """Return what tells the view of a task from others of its model; what isn't written as text or numbers equals
     nothing."""
-    view = task.view
+    view: Any = task.view
     if isinstance(view, (tuple, list)) and all(isinstance(angle, (int, float)) for angle in view):
         view = tuple(view)
     elif view is not None and not isinstance(view, str):
