@@ -142,7 +142,8 @@ def move_points(batch, header, n):
         tilt = length(subtract(normal, scale(plane, dot(plane, normal))))
         is_front = facing(plane, plane_offset, normal, origin, forward, is_perspective) < zero
         away = length(subtract(position, origin)) if is_perspective else one
-        near = min(batch[f.FACE_SIDE + k], filter_range * away) if is_front else batch[f.FACE_SIDE + k]
+        side = batch[f.FACE_SIDE + k]  # read here: where a branch reads it, there are no vector instructions
+        near = min(side, filter_range * away) if is_front else side
         batch[MAX_MOVED + k] = near
         offset = scale(normal, tilt * near)
         moved = add(add(position, scale(plane, back)), offset)
