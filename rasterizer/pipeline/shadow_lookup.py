@@ -61,7 +61,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, choice, helper, index, kernel
+from ..compiler.kernels import as_array, choice, helper, index, kernel, spelled_out
 from ..geometry.vectors import add, dot, length, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -82,12 +82,13 @@ RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER
 N_MAP_COLUMN = 16
 HEADER = MAPS + 6 * N_MAP_COLUMN
 ROUNDINGS = 35
+TAPS = 8  # texels of a row of a filter that are compared side by side; so many may be read behind the last map
 # Quantities of the batch. FROM_LIGHT, the point as seen from the light, becomes: the number of the texel that it lies
-# in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube, or how many taps are lit.
+# in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube.
 TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
 SLOPE_X, SLOPE_Y = f.LIMIT_SLOPES, f.LIMIT_SLOPES + f.NEXT
 MAX_MOVED = SLOPE_X  # before: how far a point may have been moved along its normal
-CUBE_FACE = N_LIT = f.SHADOW_COUNT
+CUBE_FACE = f.SHADOW_COUNT
 
 
 class MapView(NamedTuple):
@@ -141,7 +142,8 @@ def move_points(batch, header, n):
         tilt = length(subtract(normal, scale(plane, dot(plane, normal))))
         is_front = facing(plane, plane_offset, normal, origin, forward, is_perspective) < zero
         away = length(subtract(position, origin)) if is_perspective else one
-        near = min(batch[f.FACE_SIDE + k], filter_range * away) if is_front else batch[f.FACE_SIDE + k]
+        side = batch[f.FACE_SIDE + k]  # read here: where a branch reads it, there are no vector instructions
+        near = min(side, filter_range * away) if is_front else side
         batch[MAX_MOVED + k] = near
         offset = scale(normal, tilt * near)
         moved = add(add(position, scale(plane, back)), offset)
@@ -320,21 +322,34 @@ def count_lit(batch, texels, first, sizes, start, end):
     `first` is the map's first texel; `sizes` are texels a side of the map and of the filter.
     """
     real, (size, n_tap) = batch.dtype.type, sizes
-    zero, one, radius = real(0), real(1), n_tap >> 1
-    for k in range(start, end):
-        batch[N_LIT + k] = zero
-    for j in range(-radius, radius + 1):
-        for i in range(-radius, radius + 1):
-            gather_texels(batch, texels, index(np.int64(first) + j * size + i), start, end)
-            right, down = real(i), real(j)
-            for k in range(start, end):
-                limit = batch[LIMIT + k] + right * batch[SLOPE_X + k] + down * batch[SLOPE_Y + k]
-                batch[N_LIT + k] += zero if batch[TEXEL + k] > limit else one
+    zero, to_corner = real(0), (n_tap >> 1) * (size + 1)
     # A quotient: where all taps are lit, it is 1, and no rounding changes the strength.
     total = real(n_tap * n_tap)
     for k in range(start, end):
-        share = batch[N_LIT + k] / total
+        corner = np.int64(first) + np.int64(index_of(batch[TEXEL_IDX + k])) - to_corner
+        plane = batch[LIMIT + k], batch[SLOPE_X + k], batch[SLOPE_Y + k]
+        share = (total - real(count_before(texels, index(corner), index(size), n_tap, plane))) / total
         batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * share if share > zero else zero
+
+
+@spelled_out("build_count_before")
+def count_before(texels, corner, pitch, n_tap, plane):
+    """Count the texels of a square that lie before a plane: the inner loop of a filter, TAPS texels of a row at a time.
+
+    Parameters
+    ----------
+    texels : (n,) float32 or float64; TAPS behind the last one of the square may be read
+    corner, pitch : uint64, the square's first texel, and texels from row to row
+    n_tap : int64, texels a side
+    plane : (limit, slope_x, slope_y), the plane's value in the middle of the square, and what it changes by a texel to
+        the right and down; a texel that is larger lies before it
+    """
+    (limit, slope_x, slope_y), radius, n_before = plane, n_tap >> 1, 0
+    for j in range(n_tap):
+        for i in range(n_tap):
+            right, down = texels.dtype.type(i - radius), texels.dtype.type(j - radius)
+            n_before += texels[int(corner) + j * int(pitch) + i] > limit + right * slope_x + down * slope_y
+    return n_before
 
 
 @kernel
