@@ -44,8 +44,8 @@ def _run_as_program() -> int:
     imports.
 
     What imports make lives as long as the process. The collector of cyclic garbage has no business with it: looking
-    through it would take time, while modules are imported and at the end. Nor has NumPy with threads for linear algebra:
-    no command does enough of it, and starting them takes as long as a fifth of the import of NumPy.
+    through it would take time, while modules are imported and at the end. Nor are there threads for linear algebra, of
+    which commands do little: to start them takes a fifth of the import of NumPy.
     """
     import _thread
     import gc
