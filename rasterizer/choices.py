@@ -48,7 +48,7 @@ EDGE_TYPES: tuple[str, ...] = get_args(EdgeType)
 
 # --- what a store of compiled kernels is made for -----------------------------------------------------------
 
-ProcessorLevel = Literal["x86-64-v2", "x86-64-v3", "x86-64-v4"]
+ProcessorLevel = Literal["generic", "x86-64-v2", "x86-64-v3", "x86-64-v4"]
 
 PROCESSOR_LEVELS: tuple[str, ...] = get_args(ProcessorLevel)
 

@@ -16,6 +16,7 @@ Only the standard library is imported before a command runs, so that `raster --h
 before `main` does, so that an interrupt at any time ends in one line, too.
 """
 
+import os
 import sys
 
 DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -43,7 +44,8 @@ def _run_as_program() -> int:
     imports.
 
     What imports make lives as long as the process. The collector of cyclic garbage has no business with it: looking
-    through it would take time, while modules are imported and at the end.
+    through it would take time, while modules are imported and at the end. Nor are there threads for linear algebra, of
+    which commands do little: to start them takes a fifth of the import of NumPy.
     """
     import _thread
     import gc
@@ -52,6 +54,7 @@ def _run_as_program() -> int:
 
     interrupts = []
     gc.disable()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
     def collect_from_now_on():
         gc.freeze()

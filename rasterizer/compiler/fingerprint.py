@@ -1,12 +1,14 @@
 """What decides which machine code the compiler makes, told without loading the compiler.
 
-Sources, versions, settings and processor: code from the store is used only where all of them are the same. The
-processor may also be one of PROCESSOR_LEVELS, which many share: so a store can be shipped.
+Sources, versions, settings and processor: code from the store is used only where all of them are the same. A store that
+is shipped is right for other versions, too: its code calls nothing of theirs. Its processor is one of PROCESSOR_LEVELS,
+which many share.
 """
 
 import hashlib
 import importlib.util
 import os
+import platform
 import re
 import sys
 from pathlib import Path
@@ -27,17 +29,17 @@ CODE_SETTINGS = (
 )  # fmt: skip
 
 # Processors that code can be made for so that it runs on many: name and what they must be able to do.
-# Source: x86-64 psABI, "Micro-Architecture Levels".
+# Source: x86-64 psABI, "Micro-Architecture Levels". LLVM calls "generic" what is the least of any architecture.
 _V2 = ("cx16", "popcnt", "sahf", "sse3", "ssse3", "sse4.1", "sse4.2")
 _V3 = (*_V2, "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _V4 = (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
-PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2), strict=True))
+PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2, ()), strict=True))
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
 _OTHER_KERNELS = ("io/obj_numbers.py",)
 # Their changes change no machine code.
-_WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "store.py"
+_WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "machine_code.py", "store.py"
 
 
 def numba_version() -> str:
@@ -71,19 +73,27 @@ def setting(name: str) -> str:
     return "" if value == "0" else value
 
 
-def describe_compiler() -> str:
-    """Say what decides, beside sources and processor, what code is made."""
-    of_processor = "CPU_FEATURES", "CPU_NAME"  # the key of each kernel tells of them
-    versions = numba_version(), llvmlite.__version__, np.__version__, sys.implementation.cache_tag
-    settings = [(name, os.environ[f"NUMBA_{name}"]) for name in CODE_SETTINGS if os.environ.get(f"NUMBA_{name}")]
-    settings = [setting for setting in settings if setting[0] not in of_processor]
+def describe_settings() -> str:
+    """Say what the user asks of the compiler, but for the processor: the key of each kernel tells of that."""
+    names = [name for name in CODE_SETTINGS if name not in ("CPU_FEATURES", "CPU_NAME")]
+    settings = [(name, os.environ[f"NUMBA_{name}"]) for name in names if os.environ.get(f"NUMBA_{name}")]
     own = Path(".numba_config.yaml")  # numba reads it where the program is started
-    return repr((versions, settings, own.read_bytes() if own.is_file() else b""))
+    return repr((settings, own.read_bytes() if own.is_file() else b""))
 
 
-def hash_sources() -> str:
-    """Return 16 digits that change with every source that kernels are made of, and with the compiler."""
-    digest = hashlib.sha256(describe_compiler().encode())
+def describe_compiler() -> str:
+    """Say which versions decide what code is made here."""
+    return repr((numba_version(), llvmlite.__version__, np.__version__, sys.implementation.cache_tag))
+
+
+def describe_layouts() -> str:
+    """Say what code takes for granted of the machine and of Python's objects, whichever versions have made it."""
+    return repr((platform.machine(), object.__basicsize__, tuple.__basicsize__))
+
+
+def hash_sources(beside: str) -> str:
+    """Return 16 digits that change with every source that kernels are made of, with settings, and with a text."""
+    digest = hashlib.sha256(f"{describe_settings()}{beside}".encode())
     paths = [str(_PACKAGE / name) for name in _OTHER_KERNELS]
     for folder in _KERNEL_FOLDERS:
         entries = sorted(os.scandir(_PACKAGE / folder), key=lambda entry: entry.name)

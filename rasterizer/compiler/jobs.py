@@ -8,7 +8,6 @@ started, is compiled later by who needs it.
 import importlib
 import inspect
 import logging
-import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -33,8 +32,7 @@ def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int],
     Whatever ends it, such as Ctrl-C, ends the processes, too.
     """
     waiting = sorted(jobs, key=lambda job: measure_code(job[0]))  # the last one is next
-    environment = os.environ | {"RASTER_STORE": str(folder.parent)}
-    pool = ProcessPool(min(n_core(), len(jobs)), environment=environment, stderr=subprocess.DEVNULL)
+    pool = ProcessPool(min(n_core(), len(jobs)), stderr=subprocess.DEVNULL)
     n_done = 0
     try:
         while waiting or pool.n_running:
@@ -81,14 +79,14 @@ def measure_code(function: Callable) -> int:
 def compile_job(job: tuple[str, str, tuple, str], _shared: None, kept: dict) -> None:
     """Compile a kernel, (module, name of the function, signature, the store's own folder), into the store.
 
-    Raises RuntimeError where this process would use another store: its sources, versions or settings differ.
+    Raises RuntimeError where the store is another one: its sources, versions or settings differ from this process's.
     """
     from . import internals
 
     module, name, signature, folder = job
-    store = kept["store"] = kept.get("store") or Store.of_process(is_compiling=True)
-    if str(store.own) != folder or not internals.IS_SEEN:
-        raise RuntimeError(f"it would be kept in {store.own}")
+    store = kept["store"] = kept.get("store") or Store.at(Path(folder))
+    if not internals.IS_SEEN:
+        raise RuntimeError(f"numba {internals.numba.__version__} was not tried")
     function = getattr(importlib.import_module(module), name)
     function = getattr(function, "py_func", function)
     store.keep(title_of(function), signature, internals.compile_signature(function, signature).as_bytes())

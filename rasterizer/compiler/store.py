@@ -277,10 +277,13 @@ class Store(NamedTuple):
         reason = _find_hindrance(is_off) if is_compiling else "the JIT is switched off"
         if reason:
             return cls(reasons=(reason,))
-        name = f"{PREFIX}{fingerprint.hash_sources()}"
+        name = own_name()
         candidates = [Path(asked)] if asked else [folder / "rasterizer" for folder in home_folders()]
-        shipped = SHIPPED / name
-        if word and not (is_on or word.startswith("~") or os.path.dirname(word)):
+        shipped = SHIPPED / shipped_name() if SHIPPED.is_dir() else None
+        version = fingerprint.numba_version()
+        if version and not fingerprint.is_seen(version):
+            candidates, wrong = [], [f"numba {version} is newer or older than the versions that were tried"]
+        elif word and not (is_on or word.startswith("~") or os.path.dirname(word)):
             candidates, wrong = [], [f"RASTER_STORE must be on, off, or a path such as ./{word}; given {word[:60]!r}"]
         else:
             wrong = []
@@ -288,7 +291,7 @@ class Store(NamedTuple):
         reasons = wrong + reasons
         if own is not None:
             remove_old(own)
-        folders = [shipped] if not asked and shipped.is_dir() and not _distrust_of(shipped, reasons) else []
+        folders = [shipped] if not asked and shipped and shipped.is_dir() and not _distrust_of(shipped, reasons) else []
         found = (*folders, *([own] if own else []))
         return cls(found, own, True, tuple(reasons), fingerprint.usable_processors())
 
@@ -299,11 +302,11 @@ class Store(NamedTuple):
 
     @classmethod
     def into(cls, folder: Path) -> "Store":
-        """Return a store of its own in a folder, for others to read.
+        """Return a store of its own in a folder, for others to read: with any versions that the package runs on.
 
         Raises OSError where the folder can't be made or written, or others can write to it.
         """
-        own = Path(os.path.realpath(folder)) / f"{PREFIX}{fingerprint.hash_sources()}"
+        own = Path(os.path.realpath(folder)) / shipped_name()
         own.mkdir(mode=0o755, parents=True, exist_ok=True)
         reason = find_distrust(own)
         if not reason and not os.access(own, os.W_OK | os.X_OK):
@@ -311,6 +314,16 @@ class Store(NamedTuple):
         if reason:
             raise PermissionError(errno.EACCES, reason, str(own))
         _mark(own)
+        return cls.at(own)
+
+    @classmethod
+    def at(cls, own: Path) -> "Store":
+        """Return the store with a folder that another process has made, to keep what is compiled here.
+
+        Raises RuntimeError where it is for other sources, versions or settings than this process's.
+        """
+        if own.name not in (own_name(), shipped_name()):
+            raise RuntimeError(f"it would be kept in {own.parent / own_name()}")
         return cls((own,), own, True, (), fingerprint.usable_processors())
 
     def find(self, title: str, signature: tuple):
@@ -327,6 +340,16 @@ class Store(NamedTuple):
             write_code(self.own, title, _key(title, signature, self.processors[0]), code)
 
 
+def own_name() -> str:
+    """Return the name of the folder with what is compiled by this process's versions."""
+    return f"{PREFIX}{fingerprint.hash_sources(fingerprint.describe_compiler())}"
+
+
+def shipped_name() -> str:
+    """Return the name of a folder with what other versions may have compiled, and this process can call."""
+    return f"{PREFIX}{fingerprint.hash_sources(fingerprint.describe_layouts())}"
+
+
 def _key(title: str, signature: tuple, processor: str) -> bytes:
     return repr((title, signature, processor)).encode()
 
@@ -337,9 +360,6 @@ def _find_hindrance(is_off: bool) -> str:
         return "RASTER_STORE is off"
     if fingerprint.setting("BOUNDSCHECK"):
         return "NUMBA_BOUNDSCHECK is set: kernels raise errors, for which they need numba"
-    version = fingerprint.numba_version()
-    if version and not fingerprint.is_seen(version):
-        return f"numba {version} is newer or older than the versions that were tried"
     return "" if are_layouts_known() else "arrays look different in memory here"
 
 

@@ -4,6 +4,7 @@ import configparser
 import importlib.util
 import inspect
 import os
+import platform
 import re
 import shutil
 import sys
@@ -12,10 +13,11 @@ import llvmlite
 import llvmlite.binding as llvm
 import numba
 import numba.core.config
+import numpy as np
 from helpers.raster import ROOT
 from helpers.stores import run
 
-from rasterizer.compiler import fingerprint
+from rasterizer.compiler import fingerprint, store
 from rasterizer.compiler.fingerprint import PROCESSOR_LEVELS
 
 # ---------------------------------------------------------------- versions
@@ -61,19 +63,33 @@ def test_every_setting_that_changes_code_has_kernels_of_its_own(monkeypatch, tmp
     assert {"OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO", "ENABLE_AVX", "BOUNDSCHECK"} <= set(names)
     for name in fingerprint.CODE_SETTINGS:
         monkeypatch.delenv(f"NUMBA_{name}", raising=False)
-    found = {"none": fingerprint.hash_sources()}
+    found = {"none": fingerprint.hash_sources("")}
     for name in names:
         with monkeypatch.context() as patch:
             patch.setenv(f"NUMBA_{name}", "something else")
-            found[name] = fingerprint.hash_sources()
+            found[name] = fingerprint.hash_sources("")
     for name in ("NUMBA_NUM_THREADS", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):  # the last two are in a kernel's key
         with monkeypatch.context() as patch:
             patch.setenv(name, "1")
-            assert fingerprint.hash_sources() == found["none"], name
+            assert fingerprint.hash_sources("") == found["none"], name
     (tmp_path / ".numba_config.yaml").write_text("opt: 0\n")
-    found["a file"] = fingerprint.hash_sources()
+    found["a file"] = fingerprint.hash_sources("")
     alike = [name for name, digits in found.items() if list(found.values()).count(digits) > 1]
     assert not alike, f"{alike} have the same kernels"
+
+
+def test_a_store_that_is_shipped_is_for_all_versions_and_for_one_layout_of_objects(monkeypatch):
+    own, shipped = store.own_name(), store.shipped_name()
+    with monkeypatch.context() as patch:
+        patch.setattr(numba, "__version__", "0.61.0")
+        patch.setattr(np, "__version__", "2.0.0")
+        assert store.own_name() != own and store.shipped_name() == shipped
+    for name, value in (("machine", lambda: "another"), ("system", platform.system)):
+        with monkeypatch.context() as patch:
+            patch.setattr(platform, name, value)
+            assert (store.shipped_name() == shipped) == (name == "system")
+    monkeypatch.setenv("NUMBA_OPT", "0")
+    assert store.shipped_name() != shipped, "who asks for other code gets no code of others"
 
 
 def test_most_settings_are_known_to_this_version():
@@ -97,8 +113,8 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
     spec = importlib.util.spec_from_file_location("rasterizer.compiler.other", package / "compiler" / "fingerprint.py")
     copy = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(copy)
-    known = copy.hash_sources()
-    assert known == fingerprint.hash_sources()
+    known = copy.hash_sources("")
+    assert known == fingerprint.hash_sources("")
     decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|choice|spelled_out)\b", re.MULTILINE)
     names = "kernels.py", "internals.py", "signatures.py", "entry_points.py", "short_passes.py"
     own = {package / "pipeline" / "intrinsics.py", *(package / "compiler" / name for name in names)}
@@ -108,7 +124,7 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
         has_kernels = path in own or decorates.search(text) is not None
         if has_kernels or path.name in ("options.py", "renderer.py", "store.py"):
             path.write_text(f"{text}\n# changed\n", encoding="utf-8")
-            found, known = known, copy.hash_sources()
+            found, known = known, copy.hash_sources("")
             assert (found != known) == has_kernels, path.relative_to(package)
             n_source += has_kernels
     assert n_source > 30, f"only {n_source} files with kernels were found <= 30"
@@ -128,7 +144,7 @@ def test_levels_hold_what_the_compiler_takes_them_for():
         ",+avx512f,+avx512bw,+avx512cd,+avx512dq,+avx512vl",
     )  # fmt: skip
     for k, name in enumerate(names):
-        assert fingerprint.features_of(name) == "".join(parts[: k + 1]), name
+        assert fingerprint.features_of(name) == "".join(parts[:k]), name
 
 
 def processor_with(monkeypatch, features, **settings):
@@ -150,8 +166,7 @@ def test_code_for_a_level_is_used_where_the_processor_can_do_all_of_it(monkeypat
         for feature in features:
             others = [each for each in features if each != feature]
             assert level not in processor_with(monkeypatch, others), f"{level} without {feature}"
-    (only,) = processor_with(monkeypatch, ())
-    assert only == "toy "
+    assert processor_with(monkeypatch, ()) == ["toy ", "generic"], "all processors run what is for any"
 
 
 def test_a_processor_or_features_that_are_asked_for_are_the_only_ones(monkeypatch):
@@ -159,7 +174,7 @@ def test_a_processor_or_features_that_are_asked_for_are_the_only_ones(monkeypatc
     every, level = PROCESSOR_LEVELS["x86-64-v4"], "x86-64-v3"
     features = fingerprint.features_of(level)
     assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [level]
-    assert processor_with(monkeypatch, every, CPU_NAME="generic", CPU_FEATURES="") == ["generic "]
+    assert processor_with(monkeypatch, every, CPU_NAME="generic", CPU_FEATURES="") == ["generic"]
     for features in ("+avx512f", "", fingerprint.features_of("x86-64-v4")):
         assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [f"{level} {features}"]
     (only,) = processor_with(monkeypatch, every, CPU_NAME=level)

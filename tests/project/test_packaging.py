@@ -2,12 +2,13 @@
 
 import configparser
 import os
+import platform
 import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -61,7 +62,7 @@ def run(command, cwd, **variables):
 @pytest.fixture(scope="module")
 def source(tmp_path_factory):
     """A copy of the tree, in which building leaves what it likes."""
-    pytest.importorskip("setuptools")
+    pytest.importorskip("setuptools.command.bdist_wheel")
     copy = tmp_path_factory.mktemp("source") / "tree"
     shutil.copytree(ROOT, copy, ignore=NOT_SOURCE)
     for name in (".ci", ".pre-commit-config.yaml"):
@@ -117,26 +118,32 @@ def environment(tmp_path_factory):
     return folder
 
 
+PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
+
+
+def see_packages(folder):
+    """Write what lets a program in an environment find the packages of this one."""
+    (folder / "others.py").write_text(
+        "import sys\n"
+        f"sys.path += {[each for each in sys.path if each.endswith('-packages')]!r}\n"
+        "import numpy, llvmlite\n"
+    )
+
+
 @pytest.mark.nightly  # a wheel is built and installed, in an environment of its own
 @pytest.mark.skipif(os.name != "posix", reason="folders of POSIX")
 @pytest.mark.skipif(kernels.STORE.own is None, reason="there is no store")
 def test_after_a_wheel_is_removed_nothing_is_left_to_import(source, environment, tmp_path):
     pytest.importorskip("pip")
-    if find_spec("setuptools.command.bdist_wheel") is None:
-        pytest.importorskip("wheel", reason="setuptools before 70.1 makes wheels with the package wheel alone")
     (tmp_path / "dist").mkdir()
     wheel = build(source, "wheel", tmp_path / "dist")
     assert wheel.name == f"scanline_rasterizer-{rz.__version__}-py3-none-any.whl"
     python = environment / "venv" / "bin" / "python"
     (site,) = (environment / "venv" / "lib").glob("python*/site-packages")
     before = set(site.rglob("*"))
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
+    pip = [*PIP, "--python", python]
     run([*pip, "install", "-q", "--no-deps", "--no-index", wheel], tmp_path)
-    (environment / "others.py").write_text(
-        "import sys\n"
-        f"sys.path += {[each for each in sys.path if each.endswith('-packages')]!r}\n"
-        "import numpy, numba, llvmlite\n"
-    )
+    see_packages(environment)
     # Kernels that this process's store has, where the user's cache would keep them: nothing is compiled.
     cache, own = tmp_path / "cache", kernels.STORE.own
     shutil.copytree(own, cache / "rasterizer" / own.name)
@@ -158,3 +165,36 @@ def test_after_a_wheel_is_removed_nothing_is_left_to_import(source, environment,
     assert not left and not (environment / "venv" / "bin" / "raster").exists(), left
     code = "import importlib.util, sys; sys.path[:1] = []; print(importlib.util.find_spec('rasterizer'))"
     assert run([python, "-c", code], tmp_path).strip() == "None"
+
+
+@pytest.mark.nightly  # all kernels are compiled
+@pytest.mark.skipif(os.name != "posix", reason="folders of POSIX")
+def test_a_wheel_with_kernels_is_for_its_platform_and_draws_its_first_picture_without_numba(source, tmp_path):
+    """Its kernels are for a processor that many have; with another version of numba they are used as well."""
+    pytest.importorskip("pip")
+    tmp_path.chmod(0o700)
+    tree = shutil.copytree(source, tmp_path / "tree", ignore=NOT_SOURCE)
+    level = "x86-64-v2" if platform.machine() in ("x86_64", "AMD64") else "generic"
+    run([sys.executable, "-m", "rasterizer", "warmup", "--into", "rasterizer/kernels", "--cpu", level], tree)
+    (tmp_path / "dist").mkdir()
+    wheel = build(tree, "wheel", tmp_path / "dist")
+    where = re.sub(r"\W", "_", sysconfig.get_platform())
+    assert wheel.name == f"scanline_rasterizer-{rz.__version__}-py3-none-{where}.whl"
+    run([*PIP, "install", "-q", "--no-deps", "--no-index", "--target", tmp_path / "site", wheel], tmp_path)
+    see_packages(tmp_path / "site")
+    program = (
+        "exec(open('others.py').read())\n"
+        "from rasterizer.compiler import fingerprint\n"
+        "fingerprint.numba_version = lambda: {!r}\n"
+        "import rasterizer as rz\n"
+        "for shading in ('flat', 'gouraud', 'phong'):\n"
+        "    assert rz.render(rz.demo_model(), 64, shading=shading).stats.coverage > 0.1\n"
+        "print('numba' in sys.modules)"
+    )
+    for version in ("0.99.0", "0.61.0"):
+        told = run(
+            [sys.executable, "-c", program.format(version)], tmp_path / "site",
+            XDG_CACHE_HOME=str(tmp_path / "cache"), RASTER_STORE="", NUMBA_CACHE_DIR="",
+        )  # fmt: skip
+        assert told.strip() == "False"
+    assert not list((tmp_path / "cache").rglob("*.kernel")), "nothing is compiled"
