@@ -166,7 +166,7 @@ class PictureKernels(KernelList):
                 rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
                 split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
                 self.add(normals.list_corners, FACES, FACES, FACES)
-                self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
+                self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, (0, 0), 0, FACES, split)
         if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
             self.add_equal_rows()
         if plan.has_shadows:

@@ -76,7 +76,7 @@ class PreparedScene:
     def geometry(self) -> Geometry:
         """All meshes as one set of arrays."""
         check_extent(self.tables.bounds)
-        return gather_geometry(self.tables.meshes, self.options.is_flat)
+        return gather_geometry(self.tables.meshes, self.options.is_flat, self.threads)
 
     @cached_property
     def view_plans(self) -> ViewPlans:

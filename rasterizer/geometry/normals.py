@@ -9,27 +9,29 @@ unit normals; from `split_creases` new triangles over vertices that carry one no
  before - here         The *fan* is the corners at one vertex.
 
 Each fan is taken apart by itself, with the list of corners at each vertex and nothing else: no table of edges and no
-stored face normals. To compute a normal again at each corner costs less than to store and fetch it.
+stored face normals. To compute a normal again at each corner costs less than to store and fetch it. Nearly all fans are
+rings: from each corner a walk across the edge that it leaves along comes to the next one, and at last back to the
+first. The edges of others are sorted. Parts of the corners are split side by side, on threads.
 
 Rounding: only differences of coordinates are used, so a common offset loses no more than the coordinates already have.
 Lengths may lie anywhere between 1e-60 and 1e60.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
-from ..compiler.kernels import helper, kernel
+from ..compiler.kernels import helper, index, kernel
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 
-# A corner without a split vertex yet; never an index, as there are at most as many split vertices as corners.
-UNSET = np.uint32(0xFFFFFFFF)
+_MIN_PART = 65_536  # corners that are worth a thread of its own
+_MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 
 # All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
 # nothing, so that the time stays below this many comparisons a corner.
@@ -83,9 +85,12 @@ class FanScratch(NamedTuple):
     """What is known of one fan while it is worked on; a row or an entry for each corner with an area."""
 
     corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
-    keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
     members: NDArray[np.uint32]  # (valence,) the corner
-    parents: NDArray[np.int64]  # (valence,) the walk: see _find
+    after: NDArray[np.uint32]  # (valence,) the vertices at the far ends of its edges
+    before: NDArray[np.uint32]  # (valence,)
+    next: NDArray[np.uint32]  # (valence,) in a ring, the index in the fan of the corner across the edge to `after`
+    keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
+    parents: NDArray[np.uint32]  # (valence,) the groups: see _find
     signs: NDArray[np.int64]  # (valence,)
     sums: NDArray[np.float64]  # (valence, 4) at the root of each group: weighted normals and weights
     split_of: NDArray[np.int64]  # (valence, 2) there: the split vertices of both sides, or -1
@@ -127,12 +132,13 @@ def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) 
     return normals
 
 
-def split_mesh(mesh: Mesh) -> Split:
+def split_mesh(mesh: Mesh, workers: Any = None) -> Split:
     """Split the vertices of a mesh at its creases: at its crease angle, else by its smoothing groups, else at the
-    default angle."""
-    if mesh.crease_angle is not None:
-        return split_creases(mesh.vertices, mesh.faces, mesh.crease_angle, mesh.weighting)
-    return split_creases(mesh.vertices, mesh.faces, DEFAULT_CREASE_ANGLE, mesh.weighting, mesh.smoothing)
+    default angle; `workers` as in `split_creases`."""
+    angle, smoothing = mesh.crease_angle, None
+    if angle is None:
+        angle, smoothing = DEFAULT_CREASE_ANGLE, mesh.smoothing
+    return split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers)
 
 
 def split_creases(
@@ -141,6 +147,7 @@ def split_creases(
     crease_angle: float,
     weighting: Weighting = "angle",
     smoothing: ArrayLike | None = None,
+    workers: Any = None,
 ) -> Split:
     """Split each vertex so that faces that meet at more than the crease angle have normals of their own.
 
@@ -162,6 +169,7 @@ def split_creases(
     weighting : "angle" of the face's corner, "area" of the face, or "uniform"
     smoothing : (n_face,) integer or None; then two faces that share an edge are joined if both are in the
         same group, and group 0 joins nothing
+    workers : Workers, threads to split on; None = the caller's alone
 
     Returns
     -------
@@ -171,7 +179,7 @@ def split_creases(
     """
     groups = _freeze(np.empty(0) if smoothing is None else smoothing, np.int32)
     rule = CreaseRule(groups, smooth_cosine(crease_angle), WEIGHTINGS.index(weighting))
-    return _split(*_freeze_mesh(vertices, faces), rule)
+    return _split(*_freeze_mesh(vertices, faces), rule, workers)
 
 
 def fill_normals(
@@ -242,19 +250,34 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ldexp(vertices, -exponent)
 
 
-def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule) -> Split:
-    """Split the fans of a mesh, and make room for more split vertices whenever there is none left."""
-    fans, split_faces = _list_fans(vertices, faces), np.full(faces.size, UNSET)
-    scratch = make_fan_scratch(fans.valence)
-    # Room for a smooth mesh; it grows with the creases.
-    split = _grow(
-        SplitVertices(np.empty(0, np.uint32), np.empty((0, 3))), 0, min(len(vertices), faces.size) + fans.valence
-    )
-    corner, n_split = split_fans(vertices, fans, rule, scratch, 0, 0, split_faces, split)
-    while corner < faces.size:
-        split = _grow(split, n_split, n_split + n_split // 2 + fans.valence)
-        corner, n_split = split_fans(vertices, fans, rule, scratch, corner, n_split, split_faces, split)
-    return Split(split_faces.reshape(-1, 3), split.source[:n_split], split.normals[:n_split])
+def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) -> Split:
+    """Split the fans of a mesh, part by part; each part numbers its split vertices from 0, so these are joined."""
+    fans, split_faces = _list_fans(vertices, faces), np.empty(faces.size, np.uint32)
+    map_parts, parts = map, [(0, faces.size)]
+    if workers is not None:
+        map_parts, parts = workers.map, workers.ranges(faces.size, _MIN_PART)
+
+    def split_part(part: tuple[int, int]) -> SplitVertices:
+        scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
+        split, room = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3))), min(len(vertices), end - corner)
+        while corner < end:  # there is room for a smooth mesh at first; it grows with the creases
+            split = _grow(split, n_split, max(room, n_split + n_split // 2) + fans.valence)
+            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, split_faces, split)
+        return SplitVertices(split.source[:n_split], split.normals[:n_split])
+
+    splits = list(map_parts(split_part, parts))
+    if len(splits) == 1:
+        return Split(split_faces.reshape(-1, 3), *splits[0])
+    n_before, n_split = np.zeros(len(vertices), np.uint32), 0  # split vertices of the parts before that of a vertex
+    for split in splits:
+        n_before[split.source] = n_split
+        n_split += len(split.source)
+
+    def number(part: tuple[int, int]) -> None:
+        split_faces[slice(*part)] += n_before[fans.corner_vertices[slice(*part)]]
+
+    list(map_parts(number, parts))
+    return Split(split_faces.reshape(-1, 3), *(np.concatenate(column) for column in zip(*splits, strict=True)))
 
 
 def _grow(split: SplitVertices, n_split: int, capacity: int) -> SplitVertices:
@@ -287,8 +310,8 @@ def _list_fans(vertices: NDArray, faces: NDArray) -> Fans:
 def make_fan_scratch(valence: int) -> FanScratch:
     """Return room for the fans of a mesh in which no vertex has more corners than `valence`."""
     return FanScratch(
-        np.empty((valence, 4)), np.empty(2 * valence, np.int64), np.empty(valence, np.uint32),
-        np.empty(valence, np.int64), np.empty(valence, np.int64), np.empty((valence, 4)),
+        np.empty((valence, 4)), *(np.empty(valence, np.uint32) for _ in range(4)), np.empty(2 * valence, np.int64),
+        np.empty(valence, np.uint32), np.empty(valence, np.int64), np.empty((valence, 4)),
         np.empty((valence, 2), np.int64),
     )  # fmt: skip
 
@@ -340,67 +363,63 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def split_fans(vertices, fans, rule, scratch, first_corner, n_split, out_faces, out):
+def split_fans(vertices, fans, rule, scratch, part, n_split, out_faces, out):
     """Join the corners of each fan into groups, and write split vertices for each, as long as there is room.
 
-    Return the first corner whose fan is still to be split, for which there is no room, or n_corner; and how many split
-    vertices there are. To go on, call again with both, and with more room in `out`: for `valence` more there is always
-    room for one more fan.
+    The fans are those whose first corner is in a part of the corners, (start, end). Return the corner to go on with,
+    for whose fan there is no room, or the end; and how many split vertices there are. To go on, call again with both,
+    and with more room in `out`: for `valence` more there is always room for one more fan.
 
-    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; first_corner, n_split: 0 at first;
-    out_faces (n_corner,) u32 comes in as UNSET; out: SplitVertices, with what was written before.
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; n_split: 0 at first; out_faces
+    (n_corner,) u32; out: SplitVertices, with what was written before.
     """
     corner_vertices = fans.corner_vertices
     first, corners = fans.first, fans.corners
-    source, normals, n_corner = out.source, out.normals, len(corner_vertices)
-    fan, sums, split_of = scratch.corners, scratch.sums, scratch.split_of
-    for corner in range(first_corner, n_corner):
-        if out_faces[corner] != UNSET:
-            continue
+    source, normals = out.source, out.normals
+    for corner in range(index(part[0]), index(part[1])):
         vertex = corner_vertices[corner]
         around = corners[first[vertex] : first[vertex + 1]]
+        if around[0] != corner:
+            continue
         # No corner has more than one split vertex.
         if n_split + len(around) > len(source):
-            return corner, n_split
-        n_fan = _gather_fan(vertices, corner_vertices, around, rule.weighting, scratch)
-        _sort(scratch.keys[: 2 * n_fan])
-        _link_fan(n_fan, rule, scratch)
-        _sum_groups(n_fan, scratch)
-        # Write a split vertex for each side of a group, or for each corner where the group's normals cancel.
-        n_before = n_split
-        for i in range(n_fan):
-            root, sign = _find(scratch.parents, scratch.signs, i)
-            size = length(vector_of_row(sums, root))
-            has_average = size > _CANCELLED * sums[root, 3]
-            side = (sign + 1) >> 1
-            if not has_average or split_of[root, side] < 0:
-                split_of[root, side] = n_split
-                source[n_split] = vertex
-                for axis in range(3):
-                    normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan[i, axis]
-                n_split += 1
-            out_faces[scratch.members[i]] = split_of[root, side]
+            return np.int64(corner), n_split
+        n_fan, n_before = _gather_fan(vertices, corner_vertices, around, rule.weighting, scratch), n_split
+        is_ring, n_joined = _walk_ring(n_fan, rule, scratch)
+        total, size = _sum_fan(n_fan, scratch)
+        if is_ring and n_joined == n_fan and size > 0.0:
+            normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = divide(total, size)
+            for i in range(n_fan):
+                out_faces[scratch.members[i]] = n_split
+            n_split += 1
+        else:
+            _link_fan(n_fan, is_ring, rule, scratch)
+            _sum_groups(n_fan, scratch)
+            n_split = _write_groups(n_fan, n_split, scratch, normals, out_faces)
         # The corners without area take the first of these, or a zero normal where there is none.
         if n_fan == 0:
-            source[n_split] = vertex
-            for axis in range(3):
-                normals[n_split, axis] = 0.0
+            normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = 0.0, 0.0, 0.0
             n_split += 1
-        for other in around[: len(around) if n_fan < len(around) else 0]:
-            if out_faces[other] == UNSET:
-                out_faces[other] = n_before
-    return n_corner, n_split
+        i = index(0)
+        for slot in range(len(around) if n_fan < len(around) else 0):
+            if i < n_fan and scratch.members[i] == around[slot]:
+                i += index(1)
+            else:
+                out_faces[around[slot]] = n_before
+        for k in range(n_before, n_split):
+            source[k] = vertex
+    return part[1], n_split
 
 
 @helper
 def _gather_fan(vertices, corner_vertices, around, weighting, out):
-    """Measure the corners with an area, and list their edges; return how many corners there are; out: FanScratch."""
-    n_fan = 0
+    """Measure the corners with an area; return how many there are; out: FanScratch."""
+    n_fan = index(0)
     for slot in range(len(around)):
-        corner = around[slot]
-        k = corner % 3
-        after = corner_vertices[corner - 2 if k == 2 else corner + 1]
-        before = corner_vertices[corner + 2 if k == 0 else corner - 1]
+        corner = index(around[slot])
+        k = corner % index(3)
+        after = corner_vertices[corner - index(2) if k == 2 else corner + index(1)]
+        before = corner_vertices[corner + index(2) if k == 0 else corner - index(1)]
         here = vector_of_row(vertices, corner_vertices[corner])
         normal, weight = _measure_corner(
             here, vector_of_row(vertices, after), vector_of_row(vertices, before), weighting
@@ -408,11 +427,91 @@ def _gather_fan(vertices, corner_vertices, around, weighting, out):
         if weight > 0.0:
             out.corners[n_fan, 0], out.corners[n_fan, 1], out.corners[n_fan, 2] = normal
             out.corners[n_fan, 3] = weight
-            out.members[n_fan] = corner
-            out.keys[2 * n_fan] = np.int64(after) << 32 | n_fan << 1 | 1
-            out.keys[2 * n_fan + 1] = np.int64(before) << 32 | n_fan << 1
-            n_fan += 1
+            out.members[n_fan], out.after[n_fan], out.before[n_fan] = corner, after, before
+            n_fan += index(1)
     return n_fan
+
+
+@helper
+def _walk_ring(n_fan, rule, fan):
+    """Walk round the vertex, from each corner across the edge that it leaves along.
+
+    Return whether that leads through all corners and back to the first, which says that they are wound alike, and that
+    no edge has more than two; and how many of the edges that were crossed are no creases. Large fans aren't tried.
+
+    fan: FanScratch.
+    """
+    here, n_joined = index(0), index(0)
+    if n_fan > _MAX_RING:
+        return False, n_joined
+    for step in range(n_fan):
+        far, found = fan.after[here], index(0)
+        while found < n_fan and fan.before[found] != far:
+            found += index(1)
+        if found == n_fan or (found == 0) != (step + index(1) == n_fan):
+            return False, n_joined
+        n_joined += index(_are_joined(here, found, 1, rule, fan))
+        fan.next[here] = found
+        here = found
+    return n_fan > 0, n_joined
+
+
+@helper
+def _sum_fan(n_fan, fan):
+    """Sum the weighted normals of a fan whose corners are wound alike; also return their sum's length, 0 where they
+    cancel; fan: FanScratch."""
+    x, y, z, weights = 0.0, 0.0, 0.0, 0.0
+    for i in range(n_fan):
+        weight = fan.corners[i, 3]
+        x += weight * fan.corners[i, 0]
+        y += weight * fan.corners[i, 1]
+        z += weight * fan.corners[i, 2]
+        weights += weight
+    size = length((x, y, z))
+    return (x, y, z), size if size > _CANCELLED * weights else 0.0
+
+
+@helper
+def _link_fan(n_fan, is_ring, rule, fan):
+    """Unite the corners of a fan across every edge that isn't a crease; fan: FanScratch."""
+    for i in range(n_fan):
+        fan.parents[i], fan.signs[i] = i, 1
+    if is_ring:  # the order of the links is of no consequence
+        for i in range(n_fan):
+            after = index(fan.next[i])
+            if _are_joined(i, after, 1, rule, fan):
+                _unite(fan.parents, fan.signs, i, after, 1)
+        return
+    keys = fan.keys[: 2 * n_fan]
+    for i in range(n_fan):
+        keys[2 * i] = np.int64(fan.after[i]) << 32 | np.int64(i) << 1 | 1
+        keys[2 * i + 1] = np.int64(fan.before[i]) << 32 | np.int64(i) << 1
+    _sort(keys)
+    end = 0
+    is_surface = True
+    for a in range(len(keys)):
+        if a == end:  # the corners at one edge stand side by side
+            end = a + 1
+            while end < len(keys) and keys[a] >> 32 == keys[end] >> 32:
+                end += 1
+            is_surface = end - a <= _MAX_AT_EDGE
+        i = index((keys[a] & 0xFFFFFFFF) >> 1)
+        for b in range(a + 1, end if is_surface else a + 1):
+            j = index((keys[b] & 0xFFFFFFFF) >> 1)
+            sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
+            if _are_joined(i, j, sign, rule, fan):
+                _unite(fan.parents, fan.signs, i, j, sign)
+
+
+@helper
+def _are_joined(i, j, sign, rule, fan):
+    """Tell whether the edge between two corners of a fan is no crease; `sign` is 1 where they are wound alike, else -1;
+    fan: FanScratch."""
+    if len(rule.smoothing) > 0:
+        group = rule.smoothing[fan.members[i] // 3]
+        return group != 0 and group == rule.smoothing[fan.members[j] // 3]
+    cosine = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j))
+    return is_smooth(cosine, rule.smooth_cosine)
 
 
 @helper
@@ -435,34 +534,6 @@ def _sort(keys):
 
 
 @helper
-def _link_fan(n_fan, rule, fan):
-    """Unite the corners of a fan across every edge that isn't a crease; fan: FanScratch, its keys sorted."""
-    keys, smoothing = fan.keys, rule.smoothing
-    for i in range(n_fan):
-        fan.parents[i], fan.signs[i] = i, 1
-    end = 0
-    is_surface = True
-    for a in range(2 * n_fan):
-        if a == end:  # the corners at one edge stand side by side
-            end = a + 1
-            while end < 2 * n_fan and keys[a] >> 32 == keys[end] >> 32:
-                end += 1
-            is_surface = end - a <= _MAX_AT_EDGE
-        i = (keys[a] & 0xFFFFFFFF) >> 1
-        for b in range(a + 1, end if is_surface else a + 1):
-            j = (keys[b] & 0xFFFFFFFF) >> 1
-            sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
-            if len(smoothing) > 0:
-                group = smoothing[fan.members[i] // 3]
-                is_joined = group != 0 and group == smoothing[fan.members[j] // 3]
-            else:
-                cosine = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j))
-                is_joined = is_smooth(cosine, rule.smooth_cosine)
-            if is_joined:
-                _unite(fan.parents, fan.signs, i, j, sign)
-
-
-@helper
 def _find(parents, signs, i):
     """Return the root of a corner's group and whether both are wound alike (1) or not (-1), halving the path.
 
@@ -474,7 +545,7 @@ def _find(parents, signs, i):
         signs[i] *= signs[parents[i]]
         parents[i] = parents[parents[i]]
         sign *= signs[i]
-        i = parents[i]
+        i = index(parents[i])
     return i, sign
 
 
@@ -490,7 +561,7 @@ def _unite(parents, signs, i, j, sign):
 
 @helper
 def _sum_groups(n_fan, fan):
-    """Sum each group's weights and weighted normals, turned to its root's side; clear its split vertices.
+    """Sum each group's weighted normals, turned to its root's side, and its weights; clear its split vertices.
 
     fan: FanScratch.
     """
@@ -504,6 +575,25 @@ def _sum_groups(n_fan, fan):
         for axis in range(3):
             sums[root, axis] += sign * corners[i, 3] * corners[i, axis]
         sums[root, 3] += corners[i, 3]
+
+
+@helper
+def _write_groups(n_fan, n_split, fan, out_normals, out_faces):
+    """Write a split vertex for each side of a group, or for each corner where the group's normals cancel; return how
+    many there are then; fan: FanScratch."""
+    sums, split_of = fan.sums, fan.split_of
+    for i in range(n_fan):
+        root, sign = _find(fan.parents, fan.signs, i)
+        size = length(vector_of_row(sums, root))
+        has_average = size > _CANCELLED * sums[root, 3]
+        side = (sign + 1) >> 1
+        if not has_average or split_of[root, side] < 0:
+            split_of[root, side] = n_split
+            for axis in range(3):
+                out_normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan.corners[i, axis]
+            n_split += 1
+        out_faces[fan.members[i]] = split_of[root, side]
+    return n_split
 
 
 @helper

@@ -7,7 +7,7 @@ Triangles index vertices and points through separate columns, which are the same
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,12 +61,13 @@ class Part(NamedTuple):
     tangents: NDArray[np.float64] | None = None  # (n_point, 3)
 
 
-def gather_geometry(meshes: Sequence[Mesh], is_flat: bool) -> Geometry:
-    """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
+def gather_geometry(meshes: Sequence[Mesh], is_flat: bool, workers: Any = None) -> Geometry:
+    """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices; `workers` are
+    threads to do it on, None for the caller's alone."""
     materials, numbers = number_materials(meshes)
     is_textured, n_texcoord = any(material.texture is not None for material in materials), count_texcoords(meshes)
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
-    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in meshes]
+    parts = [flat_part(mesh) if is_flat else smooth_part(mesh, workers) for mesh in meshes]
     if is_brushed:
         parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
     parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
@@ -182,7 +183,7 @@ def _columns(arrays: Sequence[NDArray], dtype: type[np.generic], offsets: NDArra
 # --- the points of one mesh: vertices that are split where something differs, or the centroids of polygons ---
 
 
-def smooth_part(mesh: Mesh) -> Part:
+def smooth_part(mesh: Mesh, workers: Any = None) -> Part:
     """Split a mesh's vertices where normals or colours differ: the file's normals, else smoothing groups, else creases.
 
     Where a mesh has colours of its vertices or corners and of its faces, those of the vertices or corners count.
@@ -196,7 +197,7 @@ def smooth_part(mesh: Mesh) -> Part:
             source, normals = mesh.faces.ravel()[first], mesh.normals.reshape(-1, 3)[first]
             corner = corner.reshape(-1, 3)
     else:
-        corner, source, normals = split_mesh(mesh)
+        corner, source, normals = split_mesh(mesh, workers)
     albedo = None
     if mesh.colors is not None and mesh.colors.ndim == 2:
         albedo = mesh.colors[source, :3]

@@ -220,8 +220,8 @@ FAULTS = (
     Fault(
         "creases: faces of smoothing group 0 are smoothed over",
         "geometry/normals.py",
-        "group != 0 and group == smoothing",
-        "group == smoothing",
+        "group != 0 and group == rule.smoothing",
+        "group == rule.smoothing",
         "geometry reference io",
     ),
     Fault(

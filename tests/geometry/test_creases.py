@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.geometry.normals import polygon_normals, split_creases
+from rasterizer.pipeline.threads import Workers
 
 
 def face_normals(vertices, faces):
@@ -109,6 +110,21 @@ def test_a_smooth_mesh_keeps_its_vertices():
     check_split(vertices, faces, split)
     assert len(split.source) == len(vertices)
     assert np.einsum("ij,ij->i", split.normals, vertices[split.source]).min() > 0.99
+
+
+def test_the_number_of_threads_changes_nothing():
+    """On meshes that take several parts: broken pieces, side by side and faces in any order."""
+    rng = np.random.default_rng(2)
+    pieces, n_vertex = 3000, 12
+    vertices = np.where(rng.random((pieces, 1, 1)) < 0.5, rng.normal(size=(pieces, n_vertex, 3)), 0.0)
+    vertices += rng.integers(-2, 3, vertices.shape)
+    faces = rng.integers(0, n_vertex, (pieces, 24, 3)) + n_vertex * np.arange(pieces)[:, None, None]
+    vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)
+    for order in (slice(None), rng.permutation(len(faces))):
+        alone = split_creases(vertices, faces[order], 60)
+        for n_thread in (1, 2, 3):
+            split = split_creases(vertices, faces[order], 60, workers=Workers(n_thread))
+            assert not any(differences(a, b) for a, b in zip(split, alone, strict=True)), n_thread
 
 
 def test_nothing_given_is_changed_and_any_layout_is_taken():

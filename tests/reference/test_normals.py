@@ -89,6 +89,30 @@ def test_both_ways_agree_on_huge_fans():
         check(*fan(n, height), angle)
 
 
+def spindle(rng, n):
+    """Rings of n faces about two tips, and perhaps a second spindle that meets the first at one; faces in any order,
+    some of them perhaps reversed."""
+    (top, sides), bottom = fan(n, rng.uniform(0.1, 2)), rng.uniform(0.1, 2)
+    top[1:, 2] += rng.uniform(-0.3, 0.3, n)
+    vertices = np.vstack([top, [[0, 0, -bottom]]])
+    faces = np.concatenate([sides, np.where(sides == 0, n + 1, sides)[:, ::-1]])
+    if rng.random() < 0.5:
+        other = np.where(faces == 0, 0, faces + n + 1)
+        vertices, faces = np.vstack([vertices, 2 * vertices[0] - vertices[1:]]), np.concatenate([faces, other[:, ::-1]])
+    is_reversed = rng.random(len(faces)) < rng.choice([0.0, 0.1])
+    faces[is_reversed] = faces[is_reversed, ::-1]
+    return vertices, rng.permutation(faces)
+
+
+def test_both_ways_agree_about_rings():
+    """With and without creases, of few faces and of many, two at one vertex, and some with a face that is reversed."""
+    rng = np.random.default_rng(4)
+    for k, n in enumerate([2, 3, 4, 5, 6, 7, 8, 16, 31, 32, 33, 70] * 4):
+        vertices, faces = spindle(rng, n)
+        smoothing = rng.integers(0, 3, len(faces)) if k % 4 == 3 else None
+        check(vertices, faces, rng.choice([*ANGLES, rng.uniform(0, 180)]), WEIGHTINGS[k % 3], smoothing)
+
+
 def edge_of(n_face, is_reversed):
     """Faces at equal angles round one edge, the z axis."""
     around = 2 * np.pi * np.arange(n_face) / n_face
