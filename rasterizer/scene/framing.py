@@ -225,12 +225,13 @@ class Cloud:
         directions_world = directions @ self._axes
         best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
         for chunk in (s[i : i + _CHUNK] for s in self._sets for i in range(0, len(s), _CHUNK)):
-            local = chunk - self._origin
-            scores = directions_world @ local.T
+            local = np.array(chunk.T, np.float64, order="C")  # columns: numpy's loops over them are long
+            local -= self._origin[:, None]
+            scores = directions_world @ local
             where = scores.argmax(axis=1)
             reached = np.take_along_axis(scores, where[:, None], axis=1)[:, 0]
             is_better = (reached > best) | np.isnan(reached)
-            best[is_better], points[is_better] = reached[is_better], local[where[is_better]]
+            best[is_better], points[is_better] = reached[is_better], local.T[where[is_better]]
         return points @ self._axes.T
 
     def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
