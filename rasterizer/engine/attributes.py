@@ -207,9 +207,10 @@ class NormalAttributes:
         key = dtype, n_attribute
         if key not in self._kept:
             geometry, n_point = self._geometry, self._geometry.points.shape[1]
-            columns = geometry.normals.T, geometry.albedo, geometry.uv, geometry.tangents.T
-            columns = np.concatenate([column for column in columns if len(column) == n_point], axis=1)
-            self._kept[key] = np.ascontiguousarray(columns[None, :, :n_attribute], dtype)
+            given = geometry.normals.T, geometry.albedo, geometry.uv, geometry.tangents.T
+            columns = [column for column in given if len(column) == n_point]
+            joined = np.concatenate(columns, axis=1) if len(columns) > 1 else columns[0]
+            self._kept[key] = np.ascontiguousarray(joined[None, :, :n_attribute], dtype)
         return self._kept[key]
 
     def of_faces(self, view, screen) -> Attributes:

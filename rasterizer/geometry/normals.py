@@ -277,6 +277,7 @@ def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) ->
         split_faces[slice(*part)] += n_before[fans.corner_vertices[slice(*part)]]
 
     list(map_parts(number, parts))
+    del fans, n_before  # before there is a second copy of the split vertices
     return Split(split_faces.reshape(-1, 3), *(np.concatenate(column) for column in zip(*splits, strict=True)))
 
 

@@ -198,6 +198,8 @@ def smooth_part(mesh: Mesh, workers: Any = None) -> Part:
             corner = corner.reshape(-1, 3)
     else:
         corner, source, normals = split_mesh(mesh, workers)
+        if np.array_equal(source, np.arange(mesh.n_vertex, dtype=source.dtype)):  # nothing is split
+            corner, source = mesh.faces, slice(None)  # without copies
     albedo = None
     if mesh.colors is not None and mesh.colors.ndim == 2:
         albedo = mesh.colors[source, :3]
