@@ -251,34 +251,40 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) -> Split:
-    """Split the fans of a mesh, part by part; each part numbers its split vertices from 0, so these are joined."""
-    fans, split_faces = _list_fans(vertices, faces), np.empty(faces.size, np.uint32)
+    """Split the fans of a mesh: parts of the corners side by side, whose split vertices are numbered one after the
+    other then."""
     map_parts, parts = map, [(0, faces.size)]
     if workers is not None:
         map_parts, parts = workers.map, workers.ranges(faces.size, _MIN_PART)
-
-    def split_part(part: tuple[int, int]) -> SplitVertices:
-        scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
-        split, room = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3))), min(len(vertices), end - corner)
-        while corner < end:  # there is room for a smooth mesh at first; it grows with the creases
-            split = _grow(split, n_split, max(room, n_split + n_split // 2) + fans.valence)
-            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, split_faces, split)
-        return SplitVertices(split.source[:n_split], split.normals[:n_split])
-
-    splits = list(map_parts(split_part, parts))
+    corner_vertices, corners = faces.reshape(-1), np.empty(faces.size, np.uint32)
+    splits = _split_parts(vertices, corner_vertices, rule, map_parts, parts, corners)
     if len(splits) == 1:
-        return Split(split_faces.reshape(-1, 3), *splits[0])
+        return Split(corners.reshape(-1, 3), *splits[0])
     n_before, n_split = np.zeros(len(vertices), np.uint32), 0  # split vertices of the parts before that of a vertex
     for split in splits:
         n_before[split.source] = n_split
         n_split += len(split.source)
 
     def number(part: tuple[int, int]) -> None:
-        split_faces[slice(*part)] += n_before[fans.corner_vertices[slice(*part)]]
+        corners[slice(*part)] += n_before[corner_vertices[slice(*part)]]
 
     list(map_parts(number, parts))
-    del fans, n_before  # before there is a second copy of the split vertices
-    return Split(split_faces.reshape(-1, 3), *(np.concatenate(column) for column in zip(*splits, strict=True)))
+    return Split(corners.reshape(-1, 3), *(np.concatenate(column) for column in zip(*splits, strict=True)))
+
+
+def _split_parts(vertices, corner_vertices, rule, map_parts, parts, out_corners) -> list[SplitVertices]:
+    """Split the fans of each part; fill the split vertex of each corner, numbered from 0 in each part."""
+    fans = _list_fans(vertices, corner_vertices)
+
+    def split_part(part: tuple[int, int]) -> SplitVertices:
+        scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
+        split, room = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3))), min(len(vertices), end - corner)
+        while corner < end:  # there is room for a smooth mesh at first; it grows with the creases
+            split = _grow(split, n_split, max(room, n_split + n_split // 2) + fans.valence)
+            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, out_corners, split)
+        return SplitVertices(split.source[:n_split], split.normals[:n_split])
+
+    return list(map_parts(split_part, parts))
 
 
 def _grow(split: SplitVertices, n_split: int, capacity: int) -> SplitVertices:
@@ -300,11 +306,10 @@ def _freeze_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.floa
     return within_range(_freeze(vertices, np.float64)), _freeze(faces, np.uint32)
 
 
-def _list_fans(vertices: NDArray, faces: NDArray) -> Fans:
+def _list_fans(vertices: NDArray, corner_vertices: NDArray) -> Fans:
     """List the corners of a mesh by vertex."""
-    corner_vertices = faces.reshape(-1)
     first = np.zeros(len(vertices) + 2, dtype=np.uint32)
-    corners = np.empty(faces.size, dtype=np.uint32)
+    corners = np.empty(len(corner_vertices), dtype=np.uint32)
     return Fans(corner_vertices, first, corners, list_corners(corner_vertices, first, corners))
 
 
