@@ -52,7 +52,7 @@ def draw(
     """
     vertices, n_outside = transform(geometry.positions, screen, threads)
     if not render_pass.keeps_planes:
-        vertices = vertices._replace(true_x=vertices.x.astype(np.float64), true_y=vertices.y.astype(np.float64))
+        vertices.true_x[:], vertices.true_y[:] = vertices.x, vertices.y
     elif len(geometry.layers):
         vertices.z[:] -= layer_step(render_pass.n_sample) * geometry.layers
     clock.lap("transform")
