@@ -161,7 +161,7 @@ class PictureKernels(KernelList):
         if self.options.is_flat:
             self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
         else:
-            self.add(surfaces.flag_inverted, COLUMNS, COLUMNS, CORNERS, FLAGS)
+            self.add(surfaces.flag_inverted, COLUMNS, COLUMNS, CORNERS, (0, 0), FLAGS)
             if any(mesh.normals is None or mesh.crease_angle is not None for mesh in self.tables.meshes):
                 rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
                 split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)

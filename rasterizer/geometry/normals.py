@@ -18,7 +18,8 @@ Lengths may lie anywhere between 1e-60 and 1e60.
 """
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -28,9 +29,10 @@ from ..compiler.kernels import helper, index, kernel
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
+_T = TypeVar("_T")
+
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 
-_MIN_PART = 65_536  # corners that are worth a thread of its own
 _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 
 # All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
@@ -253,11 +255,8 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) -> Split:
     """Split the fans of a mesh: parts of the corners side by side, whose split vertices are numbered one after the
     other then."""
-    map_parts, parts = map, [(0, faces.size)]
-    if workers is not None:
-        map_parts, parts = workers.map, workers.ranges(faces.size, _MIN_PART)
     corner_vertices, corners = faces.reshape(-1), np.empty(faces.size, np.uint32)
-    splits = _split_parts(vertices, corner_vertices, rule, map_parts, parts, corners)
+    splits = _split_parts(vertices, corner_vertices, rule, workers, corners)
     if len(splits) == 1:
         return Split(corners.reshape(-1, 3), *splits[0])
     n_before, n_split = np.zeros(len(vertices), np.uint32), 0  # split vertices of the parts before that of a vertex
@@ -268,11 +267,11 @@ def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) ->
     def number(part: tuple[int, int]) -> None:
         corners[slice(*part)] += n_before[corner_vertices[slice(*part)]]
 
-    list(map_parts(number, parts))
+    map_parts(number, faces.size, workers)
     return Split(corners.reshape(-1, 3), *(np.concatenate(column) for column in zip(*splits, strict=True)))
 
 
-def _split_parts(vertices, corner_vertices, rule, map_parts, parts, out_corners) -> list[SplitVertices]:
+def _split_parts(vertices, corner_vertices, rule, workers, out_corners) -> list[SplitVertices]:
     """Split the fans of each part; fill the split vertex of each corner, numbered from 0 in each part."""
     fans = _list_fans(vertices, corner_vertices)
 
@@ -284,7 +283,13 @@ def _split_parts(vertices, corner_vertices, rule, map_parts, parts, out_corners)
             corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, out_corners, split)
         return SplitVertices(split.source[:n_split], split.normals[:n_split])
 
-    return list(map_parts(split_part, parts))
+    return map_parts(split_part, len(corner_vertices), workers)
+
+
+def map_parts(function: Callable[[tuple[int, int]], _T], n: int, workers: Any) -> list[_T]:
+    """Call a function with parts of range(n), (start, end), side by side on the threads of Workers, or with all of it
+    where these are None; return what it returns, in order."""
+    return [function((0, n))] if workers is None else workers.map(function, workers.ranges(n))
 
 
 def _grow(split: SplitVertices, n_split: int, capacity: int) -> SplitVertices:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..scene.material import Material
 from ..scene.mesh import Mesh
-from .normals import polygon_normals, split_mesh, within_range
+from .normals import map_parts, polygon_normals, split_mesh, within_range
 from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
 from .weld import unique_rows
@@ -71,7 +71,7 @@ def gather_geometry(meshes: Sequence[Mesh], is_flat: bool, workers: Any = None) 
     if is_brushed:
         parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
     parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
-    geometry = _join_parts(parts, is_flat, is_textured)
+    geometry = _join_parts(parts, is_flat, is_textured, workers)
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     geometry = geometry._replace(
         point_offsets=offsets,
@@ -81,7 +81,8 @@ def gather_geometry(meshes: Sequence[Mesh], is_flat: bool, workers: Any = None) 
     )
     if not is_flat:
         geometry = about_centers(geometry, meshes, parts)
-        flag_inverted(geometry.positions, geometry.normals, geometry.vertex, geometry.is_inverted)
+        given = geometry.positions, geometry.normals, geometry.vertex
+        map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), len(geometry.is_inverted), workers)
     return with_layers(geometry, meshes) if any(mesh.layer for mesh in meshes) else geometry
 
 
@@ -93,17 +94,17 @@ def with_layers(geometry: Geometry, meshes: Sequence[Mesh]) -> Geometry:
     return geometry._replace(layers=layers)
 
 
-def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool) -> Geometry:
+def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, workers: Any) -> Geometry:
     """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left
     empty."""
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
-    positions = _columns([part.positions for part in parts], np.float64)
-    vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex)
+    positions = _columns([part.positions for part in parts], np.float64, workers=workers)
+    vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex, workers)
     points, corner = positions, vertex
     if is_flat:
         points = _columns([part.points for part in parts], np.float64)
         corner = vertex if is_textured else _columns([part.corner for part in parts], np.uint32, _first_points(parts))
-    normals = _columns([part.normals for part in parts], np.float64)
+    normals = _columns([part.normals for part in parts], np.float64, workers=workers)
     albedo = np.empty((0, 3))
     if is_textured or any(part.albedo is not None for part in parts):
         white = [np.ones((len(part.points), 3)) if part.albedo is None else part.albedo for part in parts]
@@ -166,17 +167,24 @@ def group_points(n_points: ArrayLike, material: ArrayLike) -> tuple[NDArray[np.i
     return np.append(0, ends[is_last]), material[is_last]
 
 
-def _columns(arrays: Sequence[NDArray], dtype: type[np.generic], offsets: NDArray | None = None) -> NDArray:
+def _columns(
+    arrays: Sequence[NDArray], dtype: type[np.generic], offsets: NDArray | None = None, workers: Any = None
+) -> NDArray:
     """Stack (n, 3) arrays as (3, n), one contiguous column an axis; indices move behind the parts before them."""
     out = np.empty((3, sum(len(array) for array in arrays)), dtype)
     start = 0
     for k, array in enumerate(arrays):
-        stop = start + len(array)
-        for axis in range(3):
-            out[axis, start:stop] = array[:, axis]
-            if offsets is not None:
-                out[axis, start:stop] += dtype(offsets[k])
-        start = stop
+        columns, offset = out[:, start : start + len(array)], 0 if offsets is None else dtype(offsets[k])
+
+        def fill(part, array=array, columns=columns, offset=offset):
+            for axis in range(3):
+                column = columns[axis, slice(*part)]
+                column[:] = array[slice(*part), axis]
+                if offset:
+                    column += offset
+
+        map_parts(fill, len(array), workers)
+        start += len(array)
     return out
 
 

@@ -19,8 +19,8 @@ _MIN_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, time
 
 
 @kernel
-def flag_inverted(positions, normals, vertex, out_is_inverted):
-    """Flag the triangles whose corner normals look, on the whole, against their winding.
+def flag_inverted(positions, normals, vertex, part, out_is_inverted):
+    """Flag the triangles of a part whose corner normals look, on the whole, against their winding.
 
     Normals at right angles to the triangle, to within 2^-40, agree with it: which way they look is no rounding's to
     decide.
@@ -29,9 +29,10 @@ def flag_inverted(positions, normals, vertex, out_is_inverted):
     ----------
     positions, normals : (3, n) float64
     vertex : (3, n_face) uint32
+    part : (start, end) of the triangles
     out_is_inverted : (n_face,) uint8, 1 where they look against it
     """
-    for face in range(np.uint64(vertex.shape[1])):
+    for face in range(np.uint64(part[0]), np.uint64(part[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
         a = vector_of_column(positions, i)
         e1, e2 = subtract(vector_of_column(positions, j), a), subtract(vector_of_column(positions, k), a)

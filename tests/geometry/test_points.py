@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.pinhole import octasphere, torus, unit
+from helpers.solids import sphere
 
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.geometry.points import flat_part, gather_geometry, polygon_centroids, smooth_part
 from rasterizer.geometry.surfaces import compute_clearance, compute_point_clearance, flag_inverted
+from rasterizer.pipeline.threads import Workers
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -221,8 +223,22 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
         gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]).meshes, True).is_inverted, 0
     )
     nothing = np.ones(len(faces), np.uint8)
-    flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
+    flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, (0, len(nothing)), nothing)
     assert not nothing.any(), "no normal is no contradiction"
+
+
+def test_the_number_of_threads_changes_no_geometry():
+    """Of meshes that are worth several threads, with creases and turned faces."""
+    rng, (vertices, faces) = np.random.default_rng(0), sphere(130)
+    vertices = vertices + rng.normal(scale=0.004, size=vertices.shape)
+    turned = np.where(rng.random((len(faces), 1)) < 0.01, faces[:, ::-1], faces)
+    meshes = rz.Scene([rz.Mesh(vertices, faces), rz.Mesh(vertices, turned, normals=vertices)]).meshes
+    alone = gather_geometry(meshes, False)
+    assert alone.is_inverted.any() and alone.points.shape[1] > 2 * len(vertices), "some are split"
+    for n_thread in (1, 2, 3):
+        geometry = gather_geometry(meshes, False, Workers(n_thread))
+        for name in ("positions", "vertex", "points", "normals", "is_inverted"):
+            assert not differences(getattr(geometry, name), getattr(alone, name)), (name, n_thread)
 
 
 # ---------------------------------------------------------------- the distance to a light
