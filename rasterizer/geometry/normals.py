@@ -90,7 +90,7 @@ class FanScratch(NamedTuple):
     members: NDArray[np.uint32]  # (valence,) the corner
     after: NDArray[np.uint32]  # (valence,) the vertices at the far ends of its edges
     before: NDArray[np.uint32]  # (valence,)
-    next: NDArray[np.uint32]  # (valence,) in a ring, the index in the fan of the corner across the edge to `after`
+    next: NDArray[np.uint32]  # (valence,) in a ring, the corner across the edge to `after`; its own at a crease
     keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
     parents: NDArray[np.uint32]  # (valence,) the groups: see _find
     signs: NDArray[np.int64]  # (valence,)
@@ -461,8 +461,9 @@ def _walk_ring(n_fan, rule, fan):
             found += index(1)
         if found == n_fan or (found == 0) != (step + index(1) == n_fan):
             return False, n_joined
-        n_joined += index(_are_joined(here, found, 1, rule, fan))
-        fan.next[here] = found
+        is_joined = _are_joined(here, found, 1, rule, fan)
+        fan.next[here] = found if is_joined else here
+        n_joined += index(is_joined)
         here = found
     return n_fan > 0, n_joined
 
@@ -489,9 +490,7 @@ def _link_fan(n_fan, is_ring, rule, fan):
         fan.parents[i], fan.signs[i] = i, 1
     if is_ring:  # the order of the links is of no consequence
         for i in range(n_fan):
-            after = index(fan.next[i])
-            if _are_joined(i, after, 1, rule, fan):
-                _unite(fan.parents, fan.signs, i, after, 1)
+            _unite(fan.parents, fan.signs, i, index(fan.next[i]), 1)
         return
     keys = fan.keys[: 2 * n_fan]
     for i in range(n_fan):
@@ -572,10 +571,8 @@ def _unite(parents, signs, i, j, sign):
 
 @helper
 def _sum_groups(n_fan, fan):
-    """Sum each group's weighted normals, turned to its root's side, and its weights; clear its split vertices.
-
-    fan: FanScratch.
-    """
+    """Sum each group's weighted normals, turned to its root's side, and its weights; clear its split vertices. Every
+    corner's parent is its root then; fan: FanScratch."""
     corners, sums = fan.corners, fan.sums
     for i in range(n_fan):
         fan.split_of[i, 0], fan.split_of[i, 1] = -1, -1
@@ -583,6 +580,7 @@ def _sum_groups(n_fan, fan):
             sums[i, column] = 0.0
     for i in range(n_fan):
         root, sign = _find(fan.parents, fan.signs, i)
+        fan.parents[i], fan.signs[i] = root, sign
         for axis in range(3):
             sums[root, axis] += sign * corners[i, 3] * corners[i, axis]
         sums[root, 3] += corners[i, 3]
@@ -594,7 +592,7 @@ def _write_groups(n_fan, n_split, fan, out_normals, out_faces):
     many there are then; fan: FanScratch."""
     sums, split_of = fan.sums, fan.split_of
     for i in range(n_fan):
-        root, sign = _find(fan.parents, fan.signs, i)
+        root, sign = index(fan.parents[i]), fan.signs[i]
         size = length(vector_of_row(sums, root))
         has_average = size > _CANCELLED * sums[root, 3]
         side = (sign + 1) >> 1
