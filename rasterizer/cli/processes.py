@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from ..batch.draw_run import identify
 from ..batch.pools import DaskPool, Pool, died_once, local_pool, make_error, pictures_per_job, replace_job, work_through
 from ..batch.tasks import RenderSummary
+from ..compiler.kernels import noticing_compilation
 from ..errors import RasterizerError
 from ..processes import Died, Done, Job, SharedObject
 from .cameras import check_camera
@@ -90,7 +91,8 @@ def draw_job(work: ModelWork, loaded, _kept) -> ModelDone | None:
     messages = HeldMessages(work.arguments.level)
     output = HeldOutput(messages.said)
     failures = Failures(messages, work.arguments.json)
-    with messages.shown_warnings(), failures.caught(model, work.arguments.size):
+    nothing_said = noticing_compilation(lambda *_: None)  # who has sent the work has told that kernels are compiled
+    with nothing_said, messages.shown_warnings(), failures.caught(model, work.arguments.size):
         work.draw(work.targets, work.arguments, work.settings, messages, output, loaded)
     plain = [failure.with_traceback(None) for failure in failures]
     return ModelDone(output.contents, messages.said, plain, output.files_read)
