@@ -5,12 +5,11 @@ import os
 import sys
 from contextlib import contextmanager
 
-from ..errors import OutputError, error_of
+from ..errors import OutputError, counted, error_of
 
 QUIET, NORMAL, VERBOSE = -1, 0, 1
 STDIO = "-"  # what stands for stdin or stdout
 BAR_WIDTH = 24
-_MAX_LINES = 20  # about one compilation, where there is no bar
 _MANY = 5  # pictures from which on there is a bar
 _EVERY_RUN = (
     "compiling kernels takes a while in every run, as there is no folder that could keep them (-v says why); "
@@ -305,23 +304,21 @@ class Bar:
 
 
 class Progress:
-    """Lines about kernels that are being compiled: a bar on a terminal, else some lines."""
+    """What is said of kernels that are being compiled: a bar on a terminal, else a line."""
 
     def __init__(self, messages, bar: Bar, is_every_run: bool):
         self._messages, self._bar, self._is_every_run = messages, bar, is_every_run
-        self.n_shown, self._last = 0, -1
+        self.n_shown = 0
 
     def show(self, name: str, n_done: int, n_kernel: int) -> None:
         """Show that a kernel is begun."""
         self.n_shown += 1
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
-        part = n_done * _MAX_LINES // n_kernel
         if self._bar.is_shown:
             self._bar.show(n_done, n_kernel, f"compiling {name}")
-        elif n_kernel <= _MAX_LINES or part > self._last:
-            self._last = part
-            self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
+        elif self.n_shown == 1:
+            self._messages.notice(f"compiling {counted(n_kernel, 'kernel')} for the first time")
 
 
 @contextmanager

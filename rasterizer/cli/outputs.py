@@ -11,7 +11,6 @@ import os
 import re
 import signal
 import sys
-import tempfile
 import threading
 from contextlib import contextmanager
 from pathlib import Path
@@ -391,7 +390,10 @@ class Outputs:
             return
         self._check(output)
         if self._must_wait(output, number):
-            self._store = self._store or tempfile.SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  lives with the run
+            if self._store is None:
+                from tempfile import SpooledTemporaryFile  # most runs have no need of it
+
+                self._store = SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  lives with the run
             self._waiting.append((output, self._store.seek(0, os.SEEK_END), len(content)))
             self._store.write(content)
         else:

@@ -179,7 +179,8 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, prog, has_help=True, **settings):
         super().__init__(prog, allow_abbrev=False, add_help=False, formatter_class=_Formatter, **settings)
         if has_help:
-            self.add_argument("-h", "--help", action=_Help, nargs=0, help="show this help")
+            # As a parser's own flag it would be tried on a formatter, which measures the terminal: 6 modules.
+            self._optionals.add_argument("-h", "--help", action=_Help, nargs=0, help="show this help")
 
     def add_topic(self, title, description=None, is_own=False):
         """Add a group of flags; the first help shows it as a whole where it is the command's own."""

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from ..batch.draw_run import identify
 from ..batch.pools import DaskPool, Pool, died_once, local_pool, make_error, pictures_per_job, replace_job, work_through
 from ..batch.tasks import RenderSummary
+from ..compiler.kernels import noticing_compilation
 from ..errors import RasterizerError
 from ..processes import Died, Done, Job, SharedObject
 from .cameras import check_camera
@@ -94,7 +95,8 @@ def draw_job(work: ModelWork, loaded, kept) -> ModelDone | None:
     messages = HeldMessages(work.arguments.level)
     output = HeldOutput(messages.said)
     failures = Failures(messages, work.arguments.json)
-    with messages.shown_warnings(), failures.caught(model, work.arguments.size):
+    nothing_said = noticing_compilation(lambda *_: None)  # who has sent the work has told that kernels are compiled
+    with nothing_said, messages.shown_warnings(), failures.caught(model, work.arguments.size):
         if loaded is None and kept.get("key") != (model, identity):
             kept.clear()
             kept["loaded"] = load_scene(model, work.arguments, work.settings, messages, output.files_read)

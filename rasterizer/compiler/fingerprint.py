@@ -11,10 +11,10 @@ import os
 import platform
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import llvmlite
-import llvmlite.binding as llvm
 import numpy as np
 
 from .. import choices
@@ -34,6 +34,9 @@ _V2 = ("cx16", "popcnt", "sahf", "sse3", "ssse3", "sse4.1", "sse4.2")
 _V3 = (*_V2, "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _V4 = (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2, ()), strict=True))
+
+# What Linux calls otherwise than LLVM.
+_OF_LINUX = {"abm": "lzcnt", "bmi1": "bmi", "lahf_lm": "sahf", "pni": "sse3", "sse4_1": "sse4.1", "sse4_2": "sse4.2"}
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
@@ -104,13 +107,23 @@ def hash_sources(beside: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def host_processor() -> str:
-    """Return what code that is made here is made for: the processor's name and what it can do."""
-    name = setting("CPU_NAME") or llvm.get_host_cpu_name()
-    features = os.environ.get("NUMBA_CPU_FEATURES")
-    if name in PROCESSOR_LEVELS and features == features_of(name):
-        return name  # with any other features the code would not run on all of them
-    return f"{name} {llvm.get_host_cpu_features().flatten() if features is None else features}"
+def read_processor() -> tuple[str, list[str]]:
+    """Return a name of this processor, which no other has that LLVM would make other code for, and what it can do.
+
+    Linux tells both for x86-64; elsewhere LLVM is loaded, and asked.
+    """
+    with suppress(OSError, LookupError):
+        if sys.platform == "linux" and platform.machine() == "x86_64":
+            with open("/proc/cpuinfo", "rb", buffering=0) as file:
+                lines = file.read(2**14).decode(errors="replace").partition("\n\n")[0].splitlines()
+            told = {key.strip(): value.split() for key, _, value in (line.partition(":") for line in lines)}
+            names = [
+                word for key in ("vendor_id", "cpu family", "model", "stepping", "model name") for word in told[key]
+            ]
+            return "-".join(names), sorted(_OF_LINUX.get(flag, flag) for flag in told["flags"])
+    import llvmlite.binding as llvm
+
+    return llvm.get_host_cpu_name(), sorted(name for name, is_there in llvm.get_host_cpu_features().items() if is_there)
 
 
 def features_of(level: str) -> str:
@@ -119,13 +132,15 @@ def features_of(level: str) -> str:
 
 
 def usable_processors() -> tuple[str, ...]:
-    """Return the processors whose code runs here: this one first, then the levels that it has reached.
+    """Return the processors whose code runs here: what code that is made here is made for, the processor's name and
+    what it can do, and then the levels that it has reached.
 
     A processor that NUMBA_CPU_NAME names is the only one.
     """
-    host = host_processor()
-    if setting("CPU_NAME"):
-        return (host,)
-    features = llvm.get_host_cpu_features()
-    levels = [name for name, needed in PROCESSOR_LEVELS.items() if all(features.get(need) for need in needed)]
-    return (host, *(level for level in levels if level != host))
+    name, can_do = read_processor()
+    asked, features = setting("CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    host = f"{asked or name} {','.join(can_do) if features is None else features}"
+    if asked:
+        # With any other features than a level's the code would not run on all of its processors.
+        return (asked if asked in PROCESSOR_LEVELS and features == features_of(asked) else host,)
+    return (host, *(level for level, needed in PROCESSOR_LEVELS.items() if set(needed) <= set(can_do)))

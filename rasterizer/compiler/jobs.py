@@ -9,28 +9,35 @@ import importlib
 import inspect
 import logging
 import subprocess
+import sys
 from collections.abc import Callable
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from time import perf_counter
 
 from ..cores import n_core
-from ..errors import RasterizerError
+from ..errors import RasterizerError, counted
 from ..processes import Died, Failed, Job, ProcessPool
 from .store import Store, title_of
 
 _log = logging.getLogger("rasterizer")
 
 
-def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int], None]) -> None:
+def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int], None] | None) -> None:
     """Compile kernels and put them into the store.
 
     Parameters
     ----------
     jobs : (function, signature) each
     folder : the store's own, to which the processes write
-    notice : is called with a kernel's name, how many are done and how many there are, whenever one is begun
+    notice : is called with a kernel's name, how many are done and how many there are, whenever one is begun; None = a
+        line on stderr shows it
 
     Whatever ends it, such as Ctrl-C, ends the processes, too.
     """
+    if notice is None and jobs:
+        with _line_on_stderr(len(jobs)) as notice:
+            return compile_together(jobs, folder, notice)
     waiting = sorted(jobs, key=lambda job: measure_code(job[0]))  # the last one is next
     pool = ProcessPool(min(n_core(), len(jobs)), stderr=subprocess.DEVNULL)
     n_done = 0
@@ -49,6 +56,29 @@ def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int],
         _log.info("kernels are not compiled ahead: %s", fault)
     finally:
         pool.close()
+
+
+@contextmanager
+def _line_on_stderr(n_kernel):
+    """Yield a `notice` that counts on one line of stderr, which ends with the block.
+
+    Only a terminal and a notebook can have a line written anew; elsewhere it is begun and ended.
+    """
+    stream, start = sys.stderr, perf_counter()
+    text = f"rasterizer: compiling {counted(n_kernel, 'kernel')} for the first time: "
+    is_alive = stream is not None and (stream.isatty() or type(stream).__module__.startswith("ipykernel"))
+
+    def write(words):
+        with suppress(AttributeError, OSError, ValueError):  # there is none, nobody reads it, or it is closed
+            stream.write(words)
+            stream.flush()
+
+    write(text)
+    try:
+        yield lambda _name, n_done, _n: write(f"\r{text}{n_done} done") if is_alive else None
+    finally:
+        end = f"{perf_counter() - start:.1f} s"
+        write(f"\r{text}{end:<9}\n" if is_alive else f"{end}\n")
 
 
 def _text_of(fault: Exception) -> str:

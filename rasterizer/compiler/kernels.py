@@ -157,7 +157,8 @@ def _load_compiled(function, signature):
     internals = _internals()
     if not internals.IS_SEEN:
         return None
-    _notice.get()(function.__name__, 0, 1)
+    if notice := _notice.get():
+        notice(function.__name__, 0, 1)
     try:
         code = internals.compile_signature(function, signature)
         if is_own(function):
@@ -177,7 +178,7 @@ def is_own(function: Callable) -> bool:
 
 # What the current context does about kernels that are not in the store.
 _ahead = contextvars.ContextVar("ahead", default=None)  # what lists them, until the first one is missing
-_notice = contextvars.ContextVar("notice", default=lambda name, n_done, n_job: None)
+_notice = contextvars.ContextVar("notice", default=None)  # None = many at once show a line on stderr
 
 
 @contextlib.contextmanager
@@ -196,7 +197,8 @@ def compiling_ahead(list_kernels: Callable[[], Iterable[Job]]):
 
 @contextlib.contextmanager
 def noticing_compilation(notice: Callable[[str, int, int], None]):
-    """Call `notice(name, n_done, n_job)` whenever inside the block a kernel begins to be compiled."""
+    """Call `notice(name, n_done, n_job)` whenever inside the block a kernel begins to be compiled; nothing is shown
+    then."""
     token = _notice.set(notice)
     try:
         yield

@@ -138,7 +138,7 @@ def remove_old(folder: Path) -> None:
     with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:
         for entry in entries:
             with contextlib.suppress(OSError):  # somebody else's, or just removed by another process
-                if entry.name != folder.name and _is_ours(entry) and time.time() - entry.stat().st_mtime > MONTH:
+                if entry.name != folder.name and time.time() - entry.stat().st_mtime > MONTH and _is_ours(entry):
                     _empty(Path(entry.path))
 
 

@@ -14,6 +14,7 @@ import llvmlite.binding as llvm
 import numba
 import numba.core.config
 import numpy as np
+import pytest
 from helpers.raster import ROOT
 from helpers.stores import run
 
@@ -154,7 +155,8 @@ def processor_with(monkeypatch, features, **settings):
     for name, value in settings.items():
         monkeypatch.setenv(f"NUMBA_{name}", value)
     map_of_features = llvm.FeatureMap(dict.fromkeys(features, True))
-    monkeypatch.setattr(llvm, "get_host_cpu_features", lambda: map_of_features)  # the processor, as LLVM tells of it
+    monkeypatch.setattr(platform, "machine", lambda: "toy")  # LLVM is asked
+    monkeypatch.setattr(llvm, "get_host_cpu_features", lambda: map_of_features)
     monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "toy")
     return list(fingerprint.usable_processors())
 
@@ -178,6 +180,17 @@ def test_a_processor_or_features_that_are_asked_for_are_the_only_ones(monkeypatc
     for features in ("+avx512f", "", fingerprint.features_of("x86-64-v4")):
         assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [f"{level} {features}"]
     (only,) = processor_with(monkeypatch, every, CPU_NAME=level)
-    assert only.startswith(f"{level} +") and "avx512f" in only  # this machine's are taken where none are asked for
+    assert only.startswith(f"{level} ") and "avx512f" in only  # this machine's are taken where none are asked for
     assert processor_with(monkeypatch, every, CPU_FEATURES="+sse3")[0] == "toy +sse3"
-    assert processor_with(monkeypatch, every)[0] == "toy " + ",".join(f"+{name}" for name in sorted(every))
+    assert processor_with(monkeypatch, every)[0] == "toy " + ",".join(sorted(every))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux tells of processors")
+def test_linux_tells_of_a_processor_what_llvm_does(monkeypatch):
+    """So it is known without loading LLVM, where it is of x86-64."""
+    name, can_do = fingerprint.read_processor()
+    reached = fingerprint.usable_processors()[1:]
+    monkeypatch.setattr(platform, "machine", lambda: "toy")
+    _, of_llvm = fingerprint.read_processor()
+    assert name and set(of_llvm) & set(sum(PROCESSOR_LEVELS.values(), ())) <= set(can_do)
+    assert fingerprint.usable_processors()[1:] == reached

