@@ -17,7 +17,7 @@ Buffer = Literal[
 ]  # fmt: skip
 Output = Literal["color", "rgb", Buffer]
 SavedArray = Literal["color", "rgb", "rgba", "alpha", Buffer]
-Cull = Literal["none", "back"]
+Cull = Literal["auto", "none", "back"]
 ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]
 Antialias = Literal["supersample", "shade-once"]

@@ -34,7 +34,7 @@ class Stats:
     faces : triangles of the scene
     clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to
         be placed
-    culled : triangles left out because they showed their back
+    culled : triangles left out because they showed their back, or the inner side of a closed body: see `Options.cull`
     drawn : triangles that may cover a sample: those with small boxes that cover none are left out
     covered : samples that something covers
     samples : samples of the picture

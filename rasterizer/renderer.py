@@ -85,7 +85,8 @@ def render(
         polygon in a pixel)
     outputs : one name or several out of "color", "rgb", and the buffers "depth", "face", "normal", "mask", "object",
         "material", "uv", "barycentric", "position", "position_camera", "normal_camera"
-    cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
+    cull : "auto" (inner sides of closed bodies are left out, which nobody sees), "none", or "back" to leave out faces
+        that are clockwise as the viewer sees them
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" or "local"
     exposure : stops by which the light of the scene is multiplied
     spectral : number of samples of the spectrum, 3 to 401; None = 81 where something has a Spectrum, else three colours

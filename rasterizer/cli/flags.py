@@ -184,7 +184,7 @@ def add_look(parser, is_compared=False):
         help="what faces count by where normals are averaged (default: as a scene file says, else angle)")
     add("--subdivide", type=int, default=0, metavar="N",
         help="cut every triangle in four, N times, up to 15: for highlights with gouraud (default 0)")
-    _add_option(group, "cull", "leave out faces seen from behind")
+    _add_option(group, "cull", "leave out what closed bodies hide, nothing, or all faces seen from behind")
 
     add = parser.add_topic("material", _MATERIAL).add_argument
     add("--material", dest="materials", action="append", type=values.material, default=[],

@@ -55,9 +55,18 @@ def fit_depth_range(camera, depths) -> tuple[tuple[float, float], float]:
 
 def depths_of_boxes(view, bounds) -> tuple[float, float]:
     """The depths between which boxes lie, scene units."""
-    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
-    low, high = depth[:, 0], depth[:, 1]
-    return float(np.minimum(low, high).sum(axis=1).min()), float(np.maximum(low, high).sum(axis=1).max())
+    shares = depth_shares(view, bounds)
+    return float(shares.min(axis=1).sum(axis=1).min()), float(shares.max(axis=1).sum(axis=1).max())
+
+
+def nearest_of_boxes(view, bounds) -> np.ndarray:
+    """The least depth of each box, (n_mesh,) scene units."""
+    return depth_shares(view, bounds).min(axis=1).sum(axis=1)
+
+
+def depth_shares(view, bounds) -> np.ndarray:
+    """An axis' share of the depth at both ends of each box, (n_mesh, 2, 3) scene units."""
+    return (bounds - view.eye) * view.forward
 
 
 def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=None):

@@ -161,12 +161,16 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     """
     factor, (width, height) = render_pass.factor, render_pass.n_sample
     triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
-    n_face = triangles.vertex_idx.shape[1]
+    n_face, hidden_sides = triangles.vertex_idx.shape[1], render_pass.hidden_sides
+    if hidden_sides is None:
+        hidden_sides = np.zeros(n_face, np.int8)
+    elif len(drawn.source):
+        hidden_sides = hidden_sides[drawn.source]
     is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > MIN_THREADED_TIME
     n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
     while True:
         grid = Grid(width, height, n_row)
-        parts = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, sort_into_bands)
+        parts = find_visible(triangles.vertex_idx, vertices, grid, hidden_sides, threads, sort_into_bands)
         lists = join_lists(parts)
         n_max = int(np.diff(lists.starts).max(initial=0))
         if render_pass.max_records(n_max) <= MAX_RECORDS:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
-from ..geometry import ears, equal_rows, normals, surfaces
+from ..geometry import closed, ears, equal_rows, normals, surfaces
 from ..geometry.polygons import fill_means
 from ..geometry.weld import FEW
 from ..options import Options
@@ -47,6 +47,7 @@ SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
 # Arrays without room, by what they would hold:
 ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
+SIDES = np.empty(0, np.int8)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
 NUMBER_ROWS = equal_rows.number_rows, np.empty((0, 3), np.uint32), np.uint64(0), FACES, NUMBERS, FACES  # equal rows
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
@@ -169,6 +170,9 @@ class PictureKernels(KernelList):
                 self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, 0, 0, FACES, split)
         if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
             self.add_equal_rows()
+        if self.options.cull == "auto" and any(map(closed.is_opaque, self.tables.meshes)):
+            edges, bodies = closed.EdgeTable(*[FACES] * 5, FLAGS), closed.Bodies(FACES, LENGTHS, LENGTHS)
+            self.add(closed.find_bodies, ROWS, np.empty((0, 3), np.uint32), edges, bodies, SIDES, np.empty(0, np.bool_))
         if plan.has_shadows:
             self.add(surfaces.compute_shapes, COLUMNS, CORNERS, np.empty((0, 5)))
         asked: list = []  # of lights whose clearance is measured
@@ -194,7 +198,7 @@ class PictureKernels(KernelList):
         bands, grid = np.empty(0, np.uint16), cull.Grid(*SIZE, 1)
         visible = cull.Visible(FACES, bands, bands, NUMBERS, 0)
         self.add(transform_range, COLUMNS, 0, 0, screen, vertices)
-        self.add(cull.find_visible_in, 0, 0, triangles.vertex_idx, vertices, grid, False, cull.make_cull_scratch(),
+        self.add(cull.find_visible_in, 0, 0, triangles.vertex_idx, vertices, grid, SIDES, cull.make_cull_scratch(),
                  visible)  # fmt: skip
         self.add(scatter, FACES, bands, bands, NUMBERS, FACES)
         deferred = make_deferred(0, workspace.extents) if with_deferred else None

@@ -59,7 +59,7 @@ class Pass:
     size: tuple[int, int]  # (width, height) in pixels
     face_table: FaceTable = NO_TABLE
     factor: int = 1  # samples a pixel along each axis
-    is_culled: bool = False
+    hidden_sides: np.ndarray | None = None  # see pipeline/cull.py: find_visible; None where all are drawn
     is_filled: bool = False  # bands without triangles are finished, too
     rows: tuple[int, int] | None = None  # (first, end) of the samples that are drawn; None = all
 

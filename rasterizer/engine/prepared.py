@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import Job
+from ..geometry.closed import gather_inner_sides
 from ..geometry.points import Geometry, gather_geometry
 from ..locks import cached_property
 from ..options import Options
@@ -33,7 +34,7 @@ from .attributes import (
 )
 from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
-from .depth_range import check_depths, check_extent, depths_of_boxes, layer_step, screen_of
+from .depth_range import check_depths, check_extent, depths_of_boxes, layer_step, nearest_of_boxes, screen_of
 from .draw import NO_CLOCK, Counts, draw
 from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
 from .plan import Plan, ViewPlan, ViewPlans
@@ -79,6 +80,12 @@ class PreparedScene:
         return gather_geometry(self.tables.meshes, self.options.is_flat)
 
     @cached_property
+    def _inner_sides(self) -> NDArray[np.int8]:
+        """Which side of each triangle looks into a closed body, see geometry/closed.py."""
+        sides, face = gather_inner_sides(self.tables.meshes), self.geometry.face
+        return sides[face] if len(face) else sides
+
+    @cached_property
     def view_plans(self) -> ViewPlans:
         """What each view needs."""
         return ViewPlans(self.tables, self.options, self.geometry)
@@ -104,6 +111,22 @@ class PreparedScene:
         from .edges import EdgeOverlay
 
         return EdgeOverlay(self)
+
+    def _hidden_sides(self, view: View, screen: Screen) -> NDArray[np.int8] | None:
+        """Return which side of each triangle a view leaves out, see pipeline/cull.py; None where all are drawn.
+
+        Closed bodies hide their inner sides where nothing of them is nearer than the near plane: so the viewer is
+        outside, and no hole is cut into them.
+        """
+        if self.options.cull == "none":
+            return None
+        if self.options.cull == "back":
+            return np.ones(self.geometry.vertex.shape[1], np.int8)
+        is_beyond = nearest_of_boxes(view, self.tables.bounds) >= screen.near
+        if is_beyond.all():
+            return self._inner_sides
+        of_loaded = np.repeat(is_beyond, [mesh.n_face for mesh in self.tables.meshes])
+        return self._inner_sides * (of_loaded[self.geometry.face] if len(self.geometry.face) else of_loaded)
 
     def list_kernels(self, camera: Camera, plan: Plan | None = None) -> list[Job]:
         """List the kernels of a picture through a camera; see kernels_of_plan.py, which is imported where one is
@@ -169,7 +192,7 @@ class PreparedScene:
             "coding": parts.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
             "factor": options.factor,
-            "is_culled": options.cull == "back",
+            "hidden_sides": (hidden_sides := self._hidden_sides(view, screen)),
             "plan": plan,
             "screen": screen,
             "encoding": parts.encoding,
@@ -180,7 +203,7 @@ class PreparedScene:
             attributes = self._normals.of(plan)
             face_table = FaceTable(self._shadows.shapes) if plan.has_shadows else NO_TABLE
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
-        attributes = self._light_points(plan, lightings, screen)
+        attributes = self._light_points(plan, lightings, screen, hidden_sides)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, **shared)
 
@@ -201,10 +224,10 @@ class PreparedScene:
             self._plan_parts = PlanParts(plan, coding, encoding, summarize(plan))
         return self._plan_parts
 
-    def _light_points(self, plan: Plan, lightings, screen) -> Attributes:
+    def _light_points(self, plan: Plan, lightings, screen, hidden_sides) -> Attributes:
         """Intensities of the points, on both sides where normals may have to be flipped."""
-        can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
-        n_side = 1 if self.options.is_flat or not can_flip else 2
+        is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1 and not self.geometry.is_inverted.any()
+        n_side = 1 if self.options.is_flat or is_never_flipped else 2
         normal_offsets = self._shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
 
@@ -227,7 +250,7 @@ class PreparedScene:
             coding=of_picture.coding,
             size=options.size,
             factor=options.factor,
-            is_culled=of_picture.is_culled,
+            hidden_sides=of_picture.hidden_sides,
             pixel=pixel,
             paths=set(),
         )
@@ -256,7 +279,7 @@ class PreparedScene:
             attributes=normals,
             coding=make_buffer_coding(screen, normals.double.shape[2]),
             size=size,
-            is_culled=options.cull == "back",
+            hidden_sides=self._hidden_sides(view, screen),
             screen=screen,
             buffers={name: BUFFER_TABLE[name].make(size) for name in names},
             tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},

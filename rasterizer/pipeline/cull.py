@@ -6,7 +6,7 @@ Out: `Visible`: the triangles that are left, in face order, each with the first 
      sorts that has found them: no thread waits for another one. `join_lists` puts those of a band together.
 
 A triangle is dropped when it has no area, when a vertex is OUTSIDE (the clip stage has put its parts in its place),
-when its back is seen and backs are culled, when its box holds no sample of the picture, or when its box is small and
+when the side of it is seen that is left out, when its box holds no sample of the picture, or when its box is small and
 none of its samples is covered. PASS triangles at a time go through four loops: their vertices are gathered into rows,
 side by side the compiler's vector instructions find the signs of their areas, then what their boxes hold, and what is
 left is written out without a branch.
@@ -78,14 +78,15 @@ def make_cull_scratch() -> CullScratch:
     return CullScratch(np.empty(PASS, np.uint32), np.empty(N_ROW * PASS, np.int32))
 
 
-def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, then=None) -> list:
+def find_visible(vertex_idx, vertices, grid: Grid, hidden_sides, workers, then=None) -> list:
     """Drop the triangles that can't be seen; one Visible for each part of the range of faces, in order.
 
     Parameters
     ----------
     vertex_idx : (3, n) uint32, as in Triangles
     vertices : Vertices
-    cull_back : bool, drop triangles that are seen clockwise
+    hidden_sides : (n,) int8, which side of each triangle is left out: 1 clockwise on the screen, -1 counter-clockwise,
+        0 neither
     then : what the thread that found a part does with its Visible; what that returns takes its place. None for nothing
     """
     n_band = -(-grid.height // grid.band_rows)
@@ -94,7 +95,7 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, then=None
     def find(part):
         n = part[1] - part[0]
         out = Visible(np.empty(n, np.uint32), np.empty(n, dtype), np.empty(n, dtype), np.zeros(n_band + 1, np.int64), 0)
-        n_kept, n_culled = find_visible_in(*part, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
+        n_kept, n_culled = find_visible_in(*part, vertex_idx, vertices, grid, hidden_sides, make_cull_scratch(), out)
         visible = Visible(
             out.faces[:n_kept], out.first_bands[:n_kept], out.last_bands[:n_kept], out.histogram[:n_band], n_culled
         )
@@ -104,7 +105,7 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, then=None
 
 
 @kernel
-def find_visible_in(start, end, vertex_idx, vertices, grid, cull_back, scratch, out):
+def find_visible_in(start, end, vertex_idx, vertices, grid, hidden_sides, scratch, out):
     """Write the visible triangles of start..end to `out`; return how many they are, and how many were culled.
 
     Parameters
@@ -113,7 +114,7 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, cull_back, scratch, 
     vertex_idx : (3, n_face) uint32
     vertices : Vertices, on the screen
     grid : Grid
-    cull_back : bool, drop triangles that are seen clockwise
+    hidden_sides : (n_face,) int8, see `find_visible`
     scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
@@ -121,7 +122,7 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, cull_back, scratch, 
     for first in range(index(start), index(end), index(PASS)):
         n = min(index(PASS), index(end) - first)
         gather_triangles(first, n, vertex_idx, vertices, scratch)
-        n_culled += note_sides(n, cull_back, scratch)
+        n_culled += note_sides(n, hidden_sides[first : first + n], scratch)
         flag_covering(n, grid, scratch)
         n_kept = append_kept(n, n_kept, grid, scratch, out)
     histogram = out.histogram
@@ -145,7 +146,7 @@ def gather_triangles(first, n, vertex_idx, vertices, scratch):
 
 
 @helper
-def note_sides(n, cull_back, scratch):
+def note_sides(n, hidden_sides, scratch):
     """Note which sides of the first n triangles are seen, 0 where they are dropped; return how many were culled."""
     rows, n_culled = scratch.rows, 0
     for k in range(n):
@@ -155,9 +156,9 @@ def note_sides(n, cull_back, scratch):
         # Twice the signed area; the y axis points down, so counter-clockwise triangles are negative.
         area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
         is_placed = min(x0, x1, x2) != OUTSIDE
-        is_culled = is_placed & cull_back & (area > 0)
-        side = np.int32(area > 0) - np.int32(area < 0)
-        rows[SIDE + k] = np.int32(side if is_placed & (not is_culled) else 0)
+        side = (np.int32(area > 0) - np.int32(area < 0)) * is_placed
+        is_culled = (side == hidden_sides[k]) & (side != 0)
+        rows[SIDE + k] = np.int32(0 if is_culled else side)
         n_culled += is_culled
     return n_culled
 

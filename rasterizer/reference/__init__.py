@@ -4,6 +4,7 @@ It shares with the fast path the scene as it is loaded and checked, and with it 
 cut into; nothing that is compiled. The modules in the order in which a polygon passes through them:
 
     surface      the faces of a scene, corner by corner            normals    of the corners, up to the creases
+    closed       the sides of faces that nobody outside sees
     clip         near plane, limits of the screen, its grid
     visibility   which surface each sample sees, layer behind layer
     shading      where the illumination equation is evaluated; textures

@@ -20,6 +20,7 @@ from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .buffers import SurfaceBuffers, describe_surface
 from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
+from .closed import find_inner_sides
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
 from .reflection import palette_of
@@ -78,6 +79,7 @@ class Look(NamedTuple):
     options: Options  # without its size
     limits: tuple[float | None, float | None, float]  # near, far, and the deepest corner, as `choose_range` takes them
     is_rounded: bool
+    inner_sides: NDArray[np.int64]  # (n_loaded,) see `find_inner_sides`; 0 where nobody asks
 
     @property
     def shading(self) -> str:
@@ -104,7 +106,7 @@ def render(
     shading: Shading = "gouraud",
     samples: Samples = 1,
     antialias: Antialias = "supersample",
-    cull: Cull = "none",
+    cull: Cull = Options.cull,
     color_range: ColorRange = "clamp",
     near: float | None = None,
     far: float | None = None,
@@ -124,7 +126,8 @@ def render(
     shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
     samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
     antialias : "supersample", or "shade-once": once a pixel and polygon, see `SharedPoints`
-    cull : "none", or "back" to leave out faces whose winding is clockwise as the viewer sees it
+    cull : "auto" leaves out the inner sides of closed bodies, where nothing of the mesh is nearer than the near plane;
+        "none" nothing, "back" faces whose winding is clockwise as the viewer sees it
     color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
     exposure : stops by which all light is multiplied, 2^exposure; not the background
@@ -178,7 +181,9 @@ def look_at(
     )
     deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
     surface = gather(scene, _shading_of(options))
-    return Look(scene, camera, surface, size, options, (near, far, deepest), is_rounded)
+    is_asked = options.cull == "auto"
+    inner = [find_inner_sides(mesh) if is_asked else np.zeros(mesh.n_face, np.int64) for mesh in scene.meshes]
+    return Look(scene, camera, surface, size, options, (near, far, deepest), is_rounded, np.concatenate(inner))
 
 
 def _shading_of(options: Options) -> str:
@@ -196,10 +201,13 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     pieces = clip_to_view(position, projection, depths, look.is_rounded)
     screen = snap(pieces.position, projection)
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
+    loaded, n_face = surface.loaded_faces(pieces.face), [mesh.n_face for mesh in look.scene.meshes]
     is_drawn = facing > 0 if options.cull == "back" else facing != 0
+    nearest = [float(to_eye(mesh.used_vertices, view)[:, 2].min()) for mesh in look.scene.meshes]
+    is_outside = np.repeat(np.array(nearest) >= depths.near, n_face)
+    is_drawn &= (facing != look.inner_sides[loaded]) | ~is_outside[loaded]
     side = compute_sides(surface, pieces.face, facing)
-    of_loaded = np.repeat([mesh.layer for mesh in look.scene.meshes], [mesh.n_face for mesh in look.scene.meshes])
-    layer = of_loaded[surface.loaded_faces(pieces.face)]
+    layer = np.repeat([mesh.layer for mesh in look.scene.meshes], n_face)[loaded]
     return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection, layer), lighting
 
 

@@ -56,7 +56,7 @@ def test_too_many_triangles_for_a_band_make_it_lower():
 
     def bands_of(limit):
         as_pass = SimpleNamespace(
-            n_sample=(width, height), factor=factor, sample_time=4, is_culled=False,
+            n_sample=(width, height), factor=factor, sample_time=4, hidden_sides=None,
             max_records=lambda n_triangle: n_triangle * (MAX_RECORDS // limit),
         )  # fmt: skip
         lists, n_row = cull(drawn, as_pass, SERIAL)

@@ -47,8 +47,8 @@ FAULTS = (
     Fault(
         "culling: front faces are dropped, back faces stay",
         "pipeline/cull.py",
-        "cull_back & (area > 0)",
-        "cull_back & (area < 0)",
+        "(side == hidden_sides[k])",
+        "(side == -hidden_sides[k])",
         "pipeline pictures",
     ),
     Fault(

@@ -353,7 +353,7 @@ def make_options(dice) -> dict:
         "shading": dice.choose(flat=2, gouraud=4, phong=5),
         "tolerance": 0.0 if dice.wild(0.05) else tolerance,
         "samples": int(dice.rng.choice([1, 4, 9, 16], p=[0.88, 0.09, 0.015, 0.015])),
-        "cull": "back" if dice.chance(0.12) else "none",
+        "cull": dice.choose(auto=6, none=3, back=1),
         "color_range": str(dice.rng.choice(["clamp", "global", "local"], p=[0.8, 0.1, 0.1])),
         "exposure": dice.between(-4, 4) if dice.wild(0.2) else 0.0,
         "spectral": int(dice.rng.integers(3, 12)) if dice.wild(0.05) else None,

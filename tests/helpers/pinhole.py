@@ -53,7 +53,7 @@ def draw(
     shading="gouraud",
     background=None,
     samples=1,
-    cull="none",
+    cull="auto",
     color_range="clamp",
     near=None,
     far=None,

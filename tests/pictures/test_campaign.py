@@ -10,7 +10,7 @@ from helpers.arrays import differences
 from helpers.campaign import climb, find_faults, report
 from helpers.campaign_scenes import DEFAULT_RUN, make_case
 
-from rasterizer.choices import DISTRIBUTIONS, REFLECTIONS
+from rasterizer.choices import CULLS, DISTRIBUTIONS, REFLECTIONS
 from rasterizer.scene.texture import FILTERS, WRAPS
 
 SEED = 8
@@ -99,7 +99,8 @@ WANTED = {
     *(f"{kind}, {look}" for kind in LIGHTS[2:] for look in ("amplify", "range", "weakened")), "falloff", "exponent",
     *REFLECTIONS, *(f"{model}, F0" for model in REFLECTIONS), "phong, normalised", "blinn, normalised",
     *(f"cook-torrance, {name}" for name in (*DISTRIBUTIONS, "brushed")), *FILTERS, *WRAPS, "clear", "a spectrum",
-    "shading=flat", "shading=gouraud", "shading=phong", *(f"samples={n}" for n in (1, 4, 9, 16)), "cull=back",
+    "shading=flat", "shading=gouraud", "shading=phong", *(f"samples={n}" for n in (1, 4, 9, 16)),
+    *(f"cull={name}" for name in CULLS),
     "color_range=local", "color_range=global", "antialias=shade-once", "exposure", "spectral", "tolerance 0",
     "inside", "near", "far", "skew", "specks", "slivers", "floor", "calibrated", "perspective", "parallel",
     "depth cue", "background", "colors", "face_colors", "normals", "weighting=area", "weighting=uniform",

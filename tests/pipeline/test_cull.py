@@ -53,15 +53,15 @@ def first_at(coordinate):
     return math.ceil((coordinate - 128) / 256)
 
 
-def expected(triangles, size, band_rows, cull_back):
+def expected(triangles, size, band_rows, hidden_sides):
     """(visible faces, first bands, last bands, number culled) in plain Python."""
     found, n_culled = [], 0
-    for face, triangle in enumerate(triangles.tolist()):
+    for face, (triangle, hidden) in enumerate(zip(triangles.tolist(), hidden_sides.tolist(), strict=True)):
         (xa, ya), (xb, yb), (xc, yc) = triangle
         area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)  # above 0: clockwise as seen, because y points down
         if int(OUTSIDE) in (xa, xb, xc) or area == 0:
             continue
-        if cull_back and area > 0:
+        if area * hidden > 0:
             n_culled += 1
             continue
         spans = []
@@ -83,14 +83,16 @@ def is_small_and_empty(triangle, columns, rows):
 
 
 def test_finds_what_plain_python_finds():
-    for band_rows, cull_back in ((1, True), (8, False), (10, True), (29, False), (100, True)):
-        triangles = soup(np.random.default_rng(band_rows), 1200)
-        [visible] = find_visible(*columns(triangles), Grid(*SIZE, band_rows), cull_back, SERIAL)
-        face, first, last, n_culled = expected(triangles, SIZE, band_rows, cull_back)
-        case = f"{band_rows} rows a band, {cull_back=}"
+    for band_rows, is_culled in ((1, True), (8, False), (10, True), (29, False), (100, True)):
+        rng = np.random.default_rng(band_rows)
+        triangles = soup(rng, 1200)
+        hidden = rng.integers(-1, 2, 1200).astype(np.int8) * is_culled
+        [visible] = find_visible(*columns(triangles), Grid(*SIZE, band_rows), hidden, SERIAL)
+        face, first, last, n_culled = expected(triangles, SIZE, band_rows, hidden)
+        case = f"{band_rows} rows a band, {is_culled=}"
         assert visible.faces.tolist() == face and len(face) > 150, case
         assert visible.first_bands.tolist() == first and visible.last_bands.tolist() == last, case
-        assert visible.n_culled == n_culled and (n_culled > 150) == cull_back, case
+        assert visible.n_culled == n_culled and (n_culled > 150) == is_culled, case
         histogram = np.zeros(-(-SIZE[1] // band_rows), int)
         for a, b in zip(first, last, strict=True):
             histogram[a : b + 1] += 1
@@ -113,12 +115,12 @@ def test_nothing_that_covers_a_sample_is_dropped():
     parts += [random_triangles(rng, 150, SIZE, 1.2) // 128 * 128, near_borders(rng, 150)]
     triangles = np.concatenate(parts).clip(-LIMIT, LIMIT)
     rows = [np.flatnonzero(coverage(triangle, *SIZE).any(axis=1)) for triangle in triangles]
-    for cull_back in (False, True):
-        if cull_back:
+    for hidden in (0, 1):
+        if hidden:
             (ax, ay), (bx, by), (cx, cy) = triangles.transpose(1, 2, 0)
             is_away = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) > 0
             triangles[is_away] = triangles[is_away][:, ::-1]
-        [visible] = find_visible(*columns(triangles), Grid(*SIZE, 4), cull_back, SERIAL)
+        [visible] = find_visible(*columns(triangles), Grid(*SIZE, 4), np.full(len(triangles), hidden, np.int8), SERIAL)
         assert visible.n_culled == 0
         is_kept = np.isin(np.arange(len(triangles)), visible.faces)
         for k in (k for k, here in enumerate(rows) if len(here)):
@@ -131,17 +133,19 @@ def test_nothing_that_covers_a_sample_is_dropped():
 
 def test_passes_do_not_matter():
     triangles = soup(np.random.default_rng(2), 2 * PASS + 8)
-    face = expected(triangles, SIZE, 8, True)[0]
+    backs = np.ones(len(triangles), np.int8)
+    face = expected(triangles, SIZE, 8, backs)[0]
     for n in (0, 1, PASS - 1, PASS, PASS + 1, 2 * PASS + 5):
-        [visible] = find_visible(*columns(triangles[:n]), Grid(*SIZE, 8), True, SERIAL)
+        [visible] = find_visible(*columns(triangles[:n]), Grid(*SIZE, 8), backs[:n], SERIAL)
         assert visible.faces.tolist() == [k for k in face if k < n], f"{n} triangles"
 
 
 def test_parts_of_threads_give_the_same_in_order():
     triangles = soup(np.random.default_rng(3), 4 * MIN_PART)
-    [serial] = find_visible(*columns(triangles), Grid(*SIZE, 8), True, SERIAL)
+    backs = np.ones(len(triangles), np.int8)
+    [serial] = find_visible(*columns(triangles), Grid(*SIZE, 8), backs, SERIAL)
     workers = Workers(3)
-    parts = find_visible(*columns(triangles), Grid(*SIZE, 8), True, workers)
+    parts = find_visible(*columns(triangles), Grid(*SIZE, 8), backs, workers)
     workers.close()
     assert len(parts) > 2
     for name in ("faces", "first_bands", "last_bands"):
@@ -153,7 +157,7 @@ def test_parts_of_threads_give_the_same_in_order():
 def test_as_many_bands_as_sixteen_bits_count_and_more():
     for height in (65535, 70_001):
         triangle = np.array([[[0, 0], [0, 256 * height], [256, 256 * height]]])
-        [visible] = find_visible(*columns(triangle), Grid(1, height, 1), False, SERIAL)
+        [visible] = find_visible(*columns(triangle), Grid(1, height, 1), np.zeros(1, np.int8), SERIAL)
         assert visible.first_bands.tolist() == [0] and visible.last_bands.tolist() == [height - 1], height
         assert len(visible.histogram) == height and (visible.histogram == 1).all(), height
 

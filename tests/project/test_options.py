@@ -21,7 +21,7 @@ DEFAULTS = {
     "samples": 4,
     "antialias": "supersample",
     "outputs": ("color",),
-    "cull": "none",
+    "cull": "auto",
     "color_range": "clamp",
     "exposure": 0.0,
     "spectral": None,
