@@ -47,22 +47,20 @@ def to_eye(points: NDArray, view: View) -> NDArray[np.float64]:
     return np.stack([dot(r, axis) for axis in (view.right, view.up, view.forward)], axis=-1)
 
 
-def furthest_depth(boxes: NDArray, view: View) -> float:
-    """Return the largest depth of any corner of boxes (n, 2, 3), their lowest and highest corners in the world."""
+def depths_of_boxes(boxes: NDArray, view: View) -> NDArray[np.float64]:
+    """Return the depths (n, 8) of the corners of boxes (n, 2, 3), their lowest and highest corners in the world."""
     corners = np.stack([boxes[:, (i, j, k), (0, 1, 2)] for i, j, k in np.ndindex(2, 2, 2)], axis=1)
-    return float(to_eye(corners, view)[..., 2].max())
+    return to_eye(corners, view)[..., 2]
 
 
-def choose_range(
-    depth: NDArray, is_perspective: bool, near: float | None, far: float | None, deepest: float | None = None
-) -> Range:
-    """Fit near and far to the depths of the corners where they are not given.
+def choose_range(depth: NDArray, is_perspective: bool, near: float | None, far: float | None) -> Range:
+    """Fit near and far to depths where they are not given.
 
-    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest
-    corner), or of the far plane if that is given and nearer.
+    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of the largest depth, or of the far
+    plane if that is given and nearer.
     """
     depth = depth[np.isfinite(depth)]
-    deepest = depth.max(initial=-np.inf) if deepest is None else deepest
+    deepest = depth.max(initial=-np.inf)
     seen = deepest if far is None else min(deepest, far)
     if near is None:
         least = max(seen * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0

@@ -1,0 +1,109 @@
+"""Which bodies are closed, and which side of their triangles looks inwards."""
+
+import numpy as np
+import pytest
+from helpers import bodies
+from helpers.pinhole import octasphere
+from helpers.solids import cone, cube, cylinder
+
+import rasterizer as rz
+from rasterizer.geometry.closed import find_inner_sides, gather_inner_sides
+from rasterizer.reference.closed import find_inner_sides as expected_inner_sides
+
+
+def sides_of(vertices, faces):
+    """The inner sides, as a list."""
+    return find_inner_sides(np.asarray(vertices, float), np.ascontiguousarray(faces, np.uint32)).tolist()
+
+
+def changed(change, seed=0):
+    """A cube that is changed in one way."""
+    return change(np.random.default_rng(seed), *cube())
+
+
+def test_the_back_of_a_closed_body_looks_inwards():
+    for vertices, faces in (cube(), cylinder(5), octasphere(2)):
+        assert set(sides_of(vertices, faces)) == {1}
+        assert set(sides_of(vertices, faces[:, ::-1])) == {-1}
+    assert set(sides_of(*changed(bodies.mirrored))) == {-1}
+    assert set(sides_of(*changed(bodies.soup))) == set(sides_of(*changed(bodies.seams))) == {1}
+
+
+def test_what_is_not_closed_has_no_inside():
+    for change in (bodies.hole, bodies.duplicate, bodies.turned_face):
+        assert set(sides_of(*changed(change))) == {0}, change.__name__
+    assert set(sides_of(*cone(7, 1.0))) == {0}
+
+
+def test_each_body_counts_for_itself():
+    """A cavity, a body that touches another one, and an open one beside a closed one."""
+    vertices, faces = cube()
+    n = len(faces)
+    assert sides_of(*changed(bodies.with_shell)) == [1] * n + [-1] * n
+    open_one = changed(bodies.hole)
+    both = np.concatenate([vertices, open_one[0] + 5.0]), np.concatenate([faces, open_one[1] + len(vertices)])
+    assert sides_of(*both) == [1] * n + [0] * (n - 1)
+    for seed in range(4):
+        touching, two = changed(bodies.touching, seed)
+        assert set(sides_of(touching, two)[:n]) == {1} and 0 not in sides_of(touching, two)
+        # With one pair of vertices for both, nobody knows which faces go on into which.
+        joined, name = np.unique(touching, axis=0, return_inverse=True)
+        assert set(sides_of(joined, name.ravel()[two])) == {0}
+
+
+def test_what_has_no_volume_has_no_inside():
+    """Also where rounding gives it one: two sides of a sheet that is turned and far away."""
+    rng = np.random.default_rng(5)
+    points = np.column_stack([*rng.uniform(-1, 1, (2, 12)), np.zeros(12)])
+    fan = np.array([(0, k, k + 1) for k in range(1, 11)])
+    for shift in (0.0, 1e6):
+        flat = points @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + shift
+        assert set(sides_of(flat, np.concatenate([fan, fan[:, ::-1]]))) == {0}
+        folded = np.concatenate([flat, flat[[0]]])  # a second vertex at one place
+        assert set(sides_of(folded, np.concatenate([fan, np.where(fan == 0, 12, fan)[:, ::-1]]))) == {0}
+
+
+def test_faces_without_area_close_what_they_fill():
+    """A vertex on an edge, with a sliver in the gap; and one of whose corners two are one."""
+    vertices, faces = cube()
+    first, others = faces[0], faces[1:]
+    middle = 0.5 * (vertices[first[0]] + vertices[first[1]])
+    halves = [(first[0], 8, first[2]), (8, first[1], first[2]), (first[0], first[1], 8)]
+    split = np.concatenate([vertices, [middle]]), np.concatenate([halves, others])
+    assert set(sides_of(*split)) == {1}
+    assert 1 in sides_of(vertices, np.concatenate([faces, [(0, 0, 0)]]))
+
+
+def test_the_tip_of_a_cone_takes_no_longer_than_its_faces():
+    """Lists of edges would else take the square of their number: 10^10 steps."""
+    n = 100_000
+    vertices, faces = cone(n, 1.0)
+    base = np.column_stack([np.full(n, n + 1), faces[:, 2], faces[:, 1]])
+    closed = np.concatenate([vertices, [(0, 0, 0)]]), np.concatenate([faces, base])
+    assert set(sides_of(*closed)) == {1}
+
+
+def test_transparent_meshes_have_no_inner_sides():
+    glass, vertices, faces = rz.Material(opacity=0.5), *cube()
+    meshes = [rz.Mesh(vertices, faces), rz.Mesh(vertices, faces, material=glass)]
+    assert gather_inner_sides(meshes).tolist() == [1] * 12 + [0] * 12
+
+
+def check_bodies(seeds):
+    """Random bodies, against the reference."""
+    n_closed = 0
+    for seed in seeds:
+        mesh = bodies.random_bodies(np.random.default_rng(seed), rz.Material())
+        found, expected = find_inner_sides(mesh.vertices, mesh.faces), -expected_inner_sides(mesh)
+        assert (found == expected).all(), f"seed {seed}: {(found != expected).sum()} of {len(found)} faces"
+        n_closed += (found != 0).any()
+    assert 0.3 * len(seeds) < n_closed < len(seeds)
+
+
+def test_random_bodies_are_those_of_the_reference():
+    check_bodies(range(60))
+
+
+@pytest.mark.nightly
+def test_many_random_bodies_are_those_of_the_reference():
+    check_bodies(range(60, 3000))

@@ -1,0 +1,130 @@
+"""The rule of `cull="auto"`: what is left out of closed bodies is what nobody sees."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.bodies import inside_out, random_scene
+from helpers.pinhole import octasphere, torus
+
+import rasterizer as rz
+from rasterizer import reference
+
+SIZE = (96, 72)
+BALL = rz.Mesh(*octasphere(3))
+LIGHTS = (rz.AmbientLight(0.3), rz.DirectionalLight((-1, -2, -0.5), 0.7))
+OUTSIDE = rz.Camera.perspective((3, 2, 4), fov=35)
+
+
+def pictures(scene, size=SIZE, **options):
+    """The picture by the rule, and the one without culling."""
+    outputs = "color", "depth", "face", "mask"
+    return [rz.render(scene, size, cull=cull, outputs=outputs, **options) for cull in ("auto", "none")]
+
+
+def check_same(scene, **options):
+    """Both pictures cover the same samples, and the rule shows nothing nearer. Where both show one face, they are the
+    same; else they show two sides of an outline. Return how many faces were left out, and how many pixels differ."""
+    found, whole = pictures(scene, samples=1, **options)
+    assert (found.mask == whole.mask).all() and (found.alpha == whole.alpha).all()
+    assert (found.depth >= whole.depth).all()
+    is_other = found.face != whole.face
+    assert (found.rgba == whole.rgba)[~is_other].all()
+    assert is_other.sum() <= 2, f"{is_other.sum()} pixels differ"
+    assert (found.depth[is_other] - whole.depth[is_other] <= 0.01 * whole.depth[is_other]).all()
+    assert whole.stats.culled == 0
+    return found.stats.culled, is_other.sum()
+
+
+def check_scenes(seeds):
+    """Random bodies by each way of shading; return how many of the scenes had anything left out."""
+    n_culled = 0
+    for seed in seeds:
+        try:
+            n_culled += check_same(random_scene(seed), shading=("flat", "gouraud", "phong")[seed % 3])[0] > 0
+        except AssertionError as fault:
+            raise AssertionError(f"seed {seed}: {fault}") from None
+    return n_culled
+
+
+def test_nothing_that_is_seen_is_left_out():
+    assert check_scenes(range(60)) > 20
+
+
+@pytest.mark.nightly
+def test_nothing_that_is_seen_is_left_out_of_many_scenes():
+    check_scenes(range(60, 2000))
+
+
+def test_the_reference_leaves_out_the_same():
+    for seed in range(100, 112):
+        scene = random_scene(seed)
+        expected = reference.render(scene, (40, 30), shading="flat")
+        found = rz.render(scene, (40, 30), shading="flat", samples=1, outputs="face").face
+        is_clear = expected.margin > 1e-4
+        assert (found == expected.face)[is_clear].all(), f"seed {seed}"
+
+
+def test_bodies_are_left_out_from_outside_only():
+    """Neither from within, nor where a near plane opens them; a far plane opens nothing that is seen."""
+    inside = rz.Camera.perspective((0.3, 0.2, 0.1), (1, 1, 1), fov=60)
+    cut, before_it = replace(OUTSIDE, near=5.0), replace(OUTSIDE, near=3.5)
+    for camera, is_culled in ((OUTSIDE, True), (inside, False), (cut, False), (before_it, True),
+                              (replace(OUTSIDE, far=5.5), True), (rz.Camera.orthographic((0, 0, 3), height=2.5), True),
+                              (rz.Camera.orthographic((0, 0, 0), (0, 0, -1), height=2.5), False)):  # fmt: skip
+        for shading in ("flat", "gouraud", "phong"):
+            culled, _ = check_same(rz.Scene(BALL, LIGHTS, camera), shading=shading)
+            assert (culled > 0) == is_culled, camera
+
+
+def test_each_mesh_is_asked_for_itself():
+    """One that the eye is in, and one that it sees."""
+    room = rz.Mesh(10.0 * BALL.vertices, BALL.faces)
+    alone, _ = check_same(rz.Scene(BALL, LIGHTS, OUTSIDE))
+    both, _ = check_same(rz.Scene([room, BALL], LIGHTS, OUTSIDE))
+    assert alone == both > 200
+
+
+def test_bodies_that_are_inside_out_show_their_outside():
+    turned = rz.Mesh(*inside_out(None, BALL.vertices, BALL.faces))
+    for shading in ("flat", "gouraud", "phong"):
+        assert check_same(rz.Scene(turned, LIGHTS, OUTSIDE), shading=shading)[0] > 200
+
+
+def test_lights_reach_what_is_seen_of_mirrored_and_upright_bodies():
+    """By Gouraud's method points are lit on one side where no other is seen: also beside a mirrored twin, and where
+    normals look inwards."""
+    twin = rz.Mesh(BALL.vertices * [-1, 1, 1] + [2.2, 0, 0], BALL.faces)
+    inwards = replace(BALL, normals=-BALL.vertices)
+    for meshes in ([BALL, twin], [inwards], [inwards, twin]):
+        assert check_same(rz.Scene(meshes, LIGHTS, OUTSIDE), shading="gouraud")[0] > 200
+
+
+def test_edges_shadows_and_glass_are_those_of_the_whole_scene():
+    """What is seen through glass, too: a closed body behind it, and the glass's own back."""
+    ring, glass = rz.Mesh(*torus(30, 16)), replace(BALL, material=rz.Material(opacity=0.4))
+    lamp = rz.DirectionalLight((-1, -2, -0.5), 0.7, shadow=rz.Shadow(256))
+    for scene, options in (
+        (rz.Scene(ring, LIGHTS, OUTSIDE), {"edges": "all"}),
+        (rz.Scene([ring, glass], LIGHTS, OUTSIDE), {}),
+        (rz.Scene([ring, rz.Mesh(0.3 * BALL.vertices, BALL.faces)], (LIGHTS[0], lamp), OUTSIDE), {"shading": "phong"}),
+    ):
+        assert check_same(scene, **options)[0] > 100
+
+
+def test_the_sides_that_are_left_out_say_so():
+    """`none` leaves out nothing, and `back` all that is seen clockwise, closed or not."""
+    sheet = rz.Mesh([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], [(0, 2, 1)])
+    scene = rz.Scene([BALL, sheet.translated((0, 0, 2))], LIGHTS, rz.Camera.perspective((0, 0, 6), fov=40))
+    culled = {cull: rz.render(scene, SIZE, cull=cull).stats.culled for cull in ("auto", "none", "back")}
+    assert culled["none"] == 0 and culled["back"] == culled["auto"] + 1
+
+
+def test_depths_of_thin_bodies_are_those_of_their_fronts():
+    """Front and back of a plate that is thinner than depth can tell have one depth; the front is shown."""
+    corners = np.array([[x, y, z] for z in (0.0, 1e-13) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    quads = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    far = rz.Mesh(5.0 * corners[:3] - [0, 0, 4], [(0, 1, 2)])
+    scene = rz.Scene([rz.Mesh(corners, quads), far], LIGHTS, rz.Camera.perspective((0, 0, 5), fov=40))
+    found, whole = (frame.face[SIZE[1] // 2, SIZE[0] // 2] for frame in pictures(scene, samples=1))
+    assert found in (2, 3) and whole in (0, 1)
