@@ -8,6 +8,7 @@ It knows meshes and arrays, and no files.
     polygons            convex polygons found again among triangles, and drawn about their centres
     ears                concave polygons cut into triangles
     edges               the edges of polygons: creases, borders, silhouettes
+    closed              closed bodies, and which side of their triangles looks inwards
     surfaces            what is measured of the triangles once: areas, planes, distances to lights
     subdivide           every triangle becomes four
     vectors             vector algebra on tuples, for compiled code

@@ -263,8 +263,8 @@ def test_stats_count_the_ways_of_every_material(shading):
     meshes = ball("plain", (-1, -1, 0), shape=octasphere(5)), *balls(["toon", "coloured"]).meshes
     frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1, samples=1)
     ways, n_face = frame.stats.plan.paths, len(BALL[1])
-    assert ways.exact >= n_face // 2, f"the toon: {ways}"
-    assert ways.planes >= n_face // 2, f"the coloured ball: {ways}"
+    assert ways.exact >= n_face // 3, f"the toon: {ways}"
+    assert ways.planes >= n_face // 3, f"the coloured ball: {ways}"
     if shading == "phong":
         assert ways.entries == 0, ways
     else:
