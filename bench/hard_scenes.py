@@ -521,7 +521,7 @@ def moebius(is_small):
 
 @case(
     "a model that is inside out",
-    "Nothing is culled by default, and lighting is two-sided: it looks like the right one.",
+    "The side that looks inwards is left out, and lighting is two-sided: it looks like the right one.",
     path="entries, planes, exact",
 )
 def inside_out(_):

@@ -69,10 +69,10 @@ class Options:
         "position_camera", "normal_camera", which are those of the pixels' centres, never averaged; stored as a tuple
     cull : "auto", to leave out what nobody can see of closed bodies: faces of which the inner side is seen. A body is
         what triangles make that share edges; it is closed where each edge has two, wound alike, at one position. That
-        is done for meshes whose materials are opaque, and whose box lies beyond the near plane; the picture is that of
-        "none", but for a few samples at outlines, where back and front are next to each other. Of a body that crosses
-        itself so that a part of it is inside out, that part is seen from within. "none" leaves out nothing, "back"
-        whatever is clockwise as the viewer sees it
+        is done for meshes whose materials are opaque, while the eye is outside of the box round the mesh, and no near
+        plane cuts it; the picture is that of "none", but for a few samples at outlines, where back and front are next
+        to each other. Of a body that crosses itself so that a part of it is inside out, that part is seen from within.
+        "none" leaves out nothing, "back" whatever is clockwise as the viewer sees it
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" (divide by the picture's largest) or
         "local" (divide a pixel by its own largest component)
     exposure : stops by which the light of the scene is multiplied, 2^exposure, within -64..64; the background stays

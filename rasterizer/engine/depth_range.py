@@ -59,9 +59,25 @@ def depths_of_boxes(view, bounds) -> tuple[float, float]:
     return float(shares.min(axis=1).sum(axis=1).min()), float(shares.max(axis=1).sum(axis=1).max())
 
 
-def nearest_of_boxes(view, bounds) -> np.ndarray:
-    """The least depth of each box, (n_mesh,) scene units."""
-    return depth_shares(view, bounds).min(axis=1).sum(axis=1)
+def are_seen_from_outside(view, screen, size, bounds) -> np.ndarray:
+    """Tell of which boxes nothing lies between the eye and the part of the near plane that is in the picture: (n_mesh,)
+    bool.
+
+    That is so beyond the near plane; with perspective also where the eye is further from a box than from any corner of
+    that part.
+
+    Parameters
+    ----------
+    size : (width, height) of the picture in samples
+    """
+    is_beyond = depth_shares(view, bounds).min(axis=1).sum(axis=1) >= screen.near
+    if not screen.is_perspective:
+        return is_beyond
+    x, y = np.array([0.0, size[0]]), np.array([[0.0], [size[1]]])
+    upward = (screen.center_y - y) / screen.scale_y
+    across = (x - screen.center_x + screen.skew * upward) / screen.scale_x
+    reach = screen.near * np.sqrt(across * across + upward * upward + 1.0).max()
+    return is_beyond | (np.maximum(bounds[:, 0] - view.eye, view.eye - bounds[:, 1]).max(axis=1) > reach)
 
 
 def depth_shares(view, bounds) -> np.ndarray:

@@ -34,7 +34,7 @@ from .attributes import (
 )
 from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
-from .depth_range import check_depths, check_extent, depths_of_boxes, layer_step, nearest_of_boxes, screen_of
+from .depth_range import are_seen_from_outside, check_depths, check_extent, depths_of_boxes, layer_step, screen_of
 from .draw import NO_CLOCK, Counts, draw
 from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
 from .plan import Plan, ViewPlan, ViewPlans, keep
@@ -114,20 +114,20 @@ class PreparedScene:
 
         return EdgeOverlay(self)
 
-    def _hidden_sides(self, view: View, screen: Screen) -> NDArray[np.int8] | None:
+    def _hidden_sides(self, view: View, screen: Screen, factor: int) -> NDArray[np.int8] | None:
         """Return which side of each triangle a view leaves out, see pipeline/cull.py; None where all are drawn.
 
-        Closed bodies hide their inner sides where nothing of them is nearer than the near plane: so the viewer is
-        outside, and no hole is cut into them.
+        Closed bodies hide their inner sides where the viewer is outside, and the near plane cuts no hole into them.
         """
         if self.options.cull == "none":
             return None
         if self.options.cull == "back":
             return np.ones(self.geometry.vertex.shape[1], np.int8)
-        is_beyond = nearest_of_boxes(view, self.tables.bounds) >= screen.near
-        if is_beyond.all():
+        n_sample = self.options.size[0] * factor, self.options.size[1] * factor
+        is_outside = are_seen_from_outside(view, screen, n_sample, self.tables.bounds)
+        if is_outside.all():
             return self._inner_sides
-        of_loaded = np.repeat(is_beyond, [mesh.n_face for mesh in self.tables.meshes])
+        of_loaded = np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
         return self._inner_sides * (of_loaded[self.geometry.face] if len(self.geometry.face) else of_loaded)
 
     def list_kernels(self, camera: Camera, plan: Plan | None = None) -> list[Job]:
@@ -194,7 +194,7 @@ class PreparedScene:
             "coding": parts.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
             "factor": options.factor,
-            "hidden_sides": (hidden_sides := self._hidden_sides(view, screen)),
+            "hidden_sides": (hidden_sides := self._hidden_sides(view, screen, options.factor)),
             "plan": plan,
             "screen": screen,
             "encoding": parts.encoding,
@@ -282,7 +282,7 @@ class PreparedScene:
             attributes=normals,
             coding=make_buffer_coding(screen, normals.double.shape[2]),
             size=size,
-            hidden_sides=self._hidden_sides(view, screen),
+            hidden_sides=self._hidden_sides(view, screen, factor),
             screen=screen,
             buffers={name: BUFFER_TABLE[name].make(size) for name in names},
             tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..scene.camera import Projection, View
-from .vectors import dot
+from .vectors import dot, length
 
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
@@ -51,6 +51,15 @@ def depths_of_boxes(boxes: NDArray, view: View) -> NDArray[np.float64]:
     """Return the depths (n, 8) of the corners of boxes (n, 2, 3), their lowest and highest corners in the world."""
     corners = np.stack([boxes[:, (i, j, k), (0, 1, 2)] for i, j, k in np.ndindex(2, 2, 2)], axis=1)
     return to_eye(corners, view)[..., 2]
+
+
+def are_outside(boxes: NDArray, view: View, projection: Projection, near: float, size: tuple[int, int]) -> NDArray:
+    """Tell which boxes (n, 2, 3) don't reach between the eye and the part of the near plane that a grid of samples
+    shows: they lie beyond it, or with perspective further from the eye along some axis than all of that part."""
+    is_beyond = depths_of_boxes(boxes, view).min(axis=1) >= near
+    corners = near * rays(*np.meshgrid((0.0, size[0]), (0.0, size[1])), projection)
+    gap = np.maximum(boxes[:, 0] - view.eye, view.eye - boxes[:, 1]).max(axis=1)
+    return is_beyond | (projection.is_perspective & (gap > length(corners).max()))
 
 
 def choose_range(depth: NDArray, is_perspective: bool, near: float | None, far: float | None) -> Range:

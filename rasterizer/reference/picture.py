@@ -19,7 +19,7 @@ from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .buffers import SurfaceBuffers, describe_surface
-from .clip import choose_range, clip_to_view, depths_of_boxes, snap, to_eye
+from .clip import are_outside, choose_range, clip_to_view, depths_of_boxes, snap, to_eye
 from .closed import find_inner_sides
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
@@ -78,7 +78,7 @@ class Look(NamedTuple):
     size: tuple[int, int]  # (width, height) in pixels
     options: Options  # without its size
     limits: tuple[float | None, float | None]  # near and far, as `choose_range` takes them
-    box_depths: NDArray[np.float64]  # (n_mesh, 8) of the corners of the meshes' boxes
+    boxes: NDArray[np.float64]  # (n_mesh, 2, 3) round the meshes, world
     is_rounded: bool
     inner_sides: NDArray[np.int64]  # (n_loaded,) see `find_inner_sides`; 0 where nobody asks
 
@@ -127,7 +127,7 @@ def render(
     shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
     samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
     antialias : "supersample", or "shade-once": once a pixel and polygon, see `SharedPoints`
-    cull : "auto" leaves out the inner sides of closed bodies, where the mesh's box lies beyond the near plane;
+    cull : "auto" leaves out the inner sides of closed bodies, where the eye is outside of the mesh's box;
         "none" nothing, "back" faces whose winding is clockwise as the viewer sees it
     color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
@@ -180,11 +180,11 @@ def look_at(
     near, far = (
         given if limit is None else limit for limit, given in zip(limits, (camera.near, camera.far), strict=True)
     )
-    depths = depths_of_boxes(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
+    boxes = np.stack([mesh.bounds for mesh in scene.meshes])
     surface = gather(scene, _shading_of(options))
     is_asked = options.cull == "auto"
     inner = [find_inner_sides(mesh) if is_asked else np.zeros(mesh.n_face, np.int64) for mesh in scene.meshes]
-    return Look(scene, camera, surface, size, options, (near, far), depths, is_rounded, np.concatenate(inner))
+    return Look(scene, camera, surface, size, options, (near, far), boxes, is_rounded, np.concatenate(inner))
 
 
 def _shading_of(options: Options) -> str:
@@ -198,13 +198,13 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     view, projection, surface, options = look.camera.view(), look.camera.projection(grid), look.surface, look.options
     lighting = make_lighting(look.scene, surface, view, projection, look.shading, options.spectral, options.exposure)
     position = to_eye(surface.corners, view)
-    depths = choose_range(look.box_depths, projection.is_perspective, *look.limits)
+    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits)
     pieces = clip_to_view(position, projection, depths, look.is_rounded)
     screen = snap(pieces.position, projection)
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     loaded, n_face = surface.loaded_faces(pieces.face), [mesh.n_face for mesh in look.scene.meshes]
     is_drawn = facing > 0 if options.cull == "back" else facing != 0
-    is_outside = np.repeat(look.box_depths.min(axis=1) >= depths.near, n_face)
+    is_outside = np.repeat(are_outside(look.boxes, view, projection, depths.near, grid), n_face)
     is_drawn &= (facing != look.inner_sides[loaded]) | ~is_outside[loaded]
     side = compute_sides(surface, pieces.face, facing)
     layer = np.repeat([mesh.layer for mesh in look.scene.meshes], n_face)[loaded]
@@ -263,7 +263,7 @@ def cover_edges(look: Look, depth: NDArray, per_axis: int) -> tuple[NDArray, NDA
     (h, w) each; `depth` is that of a grid of per_axis² samples a pixel."""
     (width, height), view, options = look.size, look.camera.view(), look.options
     projection = look.camera.projection((width * per_axis, height * per_axis))
-    depths = choose_range(look.box_depths, projection.is_perspective, *look.limits)
+    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits)
     segments = []
     for edge in (edge for mesh in look.scene.meshes for edge in list_edges(mesh)):
         side = find_side(edge, options.edges, view, projection.is_perspective, options.cull == "back")

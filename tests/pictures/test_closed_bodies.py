@@ -69,7 +69,9 @@ def test_bodies_are_left_out_from_outside_only():
     """Neither from within, nor where a near plane opens them; a far plane opens nothing that is seen."""
     inside = rz.Camera.perspective((0.3, 0.2, 0.1), (1, 1, 1), fov=60)
     cut, before_it = replace(OUTSIDE, near=5.0), replace(OUTSIDE, near=3.5)
+    beside = rz.Camera.perspective((1.2, 0.3, 0.2), (0.6, 0.3, 3.0), fov=60, near=0.1)  # the box reaches behind it
     for camera, is_culled in ((OUTSIDE, True), (inside, False), (cut, False), (before_it, True),
+                              (beside, True), (replace(beside, near=1.0), False),
                               (replace(OUTSIDE, far=5.5), True), (rz.Camera.orthographic((0, 0, 3), height=2.5), True),
                               (rz.Camera.orthographic((0, 0, 0), (0, 0, -1), height=2.5), False)):  # fmt: skip
         for shading in ("flat", "gouraud", "phong"):
