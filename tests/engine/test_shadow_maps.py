@@ -228,10 +228,8 @@ def worst_error(corners, light, size, rng):
     casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box)
     found = draw_shadow_map(light, View(np.zeros(3), *np.eye(3)), casters, DOUBLE, WorkspacePool(), Workers(1))
     row = found.block[lookup.MAPS : lookup.MAPS + lookup.N_MAP_COLUMN]
-    texels, is_perspective = (
-        found.block[lookup.HEADER : -lookup.TAPS].reshape(size, size),
-        isinstance(light, rz.SpotLight),
-    )
+    texels = found.block[lookup.HEADER : -lookup.TAPS].reshape(size, size)
+    is_perspective = isinstance(light, rz.SpotLight)
     right, up, forward = (row[start : start + 3] for start in (lookup.RIGHT, lookup.UP, lookup.FORWARD))
     away = corners - found.origin
     depth = away @ forward
