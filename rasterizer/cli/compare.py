@@ -127,6 +127,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         messages.detail(f"{model}: {target.output}, {counted(scene.n_face, 'face')}, {seconds:.2f} s in all")
         if arguments.json:
             record = {
+                "status": "drawn",
                 "path": model,
                 "view": target.view,
                 "output": target.output,

@@ -88,11 +88,19 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
             seconds, start = perf_counter() - start, perf_counter()
             output.results.tell(target.output, frame.size, len(content), seconds)
             messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+            messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
             messages.detail(f"{model}: {describe_bounds(frame.stats)}")
-            messages.detail(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
+            messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
                 messages.record(record, target.output == STDIO)
+
+
+def _describe_look(scene, camera, options) -> str:
+    """Say in a line how a scene is shown, in the words of the flags that change it."""
+    lights = ", ".join(dict.fromkeys(type(light).__name__.removesuffix("Light").lower() for light in scene.lights))
+    stands = "the file's camera" if camera is scene.camera else f"framed, --up {scene.up}"
+    return f"--shading {options.shading}, --samples {options.samples}, --light {lights or 'none'}; {stands}"
 
 
 def describe_bounds(stats) -> str:
@@ -116,6 +124,7 @@ def describe_bounds(stats) -> str:
 def _record(target, frame, scene, seconds, warnings) -> dict:
     """What --json says of a picture."""
     return {
+        "status": "drawn",
         "path": target.model,
         "view": target.view,
         "output": target.output,

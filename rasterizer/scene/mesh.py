@@ -447,7 +447,7 @@ def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
         return Mesh(source[0], source[1], **settings)
     if hasattr(source, "vertices") or getattr(source, "shape", ())[1:] == (3,):
         raise ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
-    legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); load() takes files and trimesh scenes, too"
+    legal = "a Mesh, a trimesh.Trimesh or (vertices, faces); load() and render() take a file or a trimesh.Scene, too"
     raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
 
 

@@ -143,7 +143,8 @@ def without_bad_vertices(
         f"±{COORDINATE_LIMIT:g}, the first is vertex {first}: {tuple(vertices[first].tolist())}"
     )
     if not drop_bad_faces:
-        raise ModelError(f"{fault}; drop_bad_faces=True leaves out the faces that use them")
+        asked = "drop_bad_faces=True of load() and Mesh, --drop-bad-faces in a shell,"
+        raise ModelError(f"{fault}; {asked} leaves out the faces that use them")
     is_dropped: Any = is_bad[faces].any(axis=1)
     if polygons is not None:
         is_dropped = np.isin(polygons, polygons[is_dropped])

@@ -46,7 +46,7 @@ def test_materials(folder):
         ("Kd 0.001 0.5 1", Material(diffuse=(0.001, 0.5, 1), specular=0)),
         ("Kd 0.5", Material(diffuse=0.5, specular=0)),
         ("Ka 0.1 0.2 0.3\nKd 1 0 0", Material(ambient=(0.1, 0.2, 0.3), diffuse=(1, 0, 0), specular=0)),
-        ("Ka 0 0 0\nKd 0.5 0 0", Material(ambient=0, diffuse=(0.5, 0, 0), specular=0)),
+        ("Ka 0 0 0\nKd 0.5 0 0", Material(diffuse=(0.5, 0, 0), specular=0)),  # what no lamp reaches isn't black
         ("Ka 1 1 1\nKd 1 1 1", Material(ambient=1, diffuse=1, specular=0)),
         ("Ka 1 1 1\nKd 0.5 0 0", Material(diffuse=(0.5, 0, 0), specular=0)),  # beside a colour it is as that
         ("Kd 1 1 1\nKs 0.3 0.3 0.3\nNs 96.5", Material(diffuse=1, specular=0.3, shininess=96.5)),
