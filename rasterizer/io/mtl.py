@@ -5,8 +5,9 @@ warned of, with file and line; a line that can't be read (no number, not finite,
 (w).
 
     Kd       diffuse; missing: the default grey
-    Ka       ambient; missing: as Kd. So are 0 0 0 and 1 1 1 beside another Kd (reported): exporters write them for
-             every material, unasked; what no lamp reaches would be black, and all that is coloured be bleached
+    Ka       ambient; missing: as Kd. So is 1 1 1 beside another Kd: Blender writes it for every material, and would
+             bleach all that is coloured (reported). So is 0 0 0 where no material has more: exporters write it unasked,
+             and what no lamp reaches would be black (reported)
     Ks       specular; missing: none
     Ke       emissive; missing: none
     above 1  Ka Kd Ks in whole numbers up to 255 are bytes: divided by 255 (w); else divided by their largest component
@@ -157,6 +158,11 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
     doubts, found = set(), {}  # pairs of a line and what is doubtful about it
     blocks = _blocks(library)
     is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
+    ambient = [values["ka"] for _, values, _ in blocks if "ka" in values]
+    if ambient and not any(any(color) for color, _ in ambient):
+        library.tell("'Ka 0 0 0' of all materials is taken as their Kd", ambient[0][1])
+        for _, values, _ in blocks:
+            values.pop("ka", None)
     for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
@@ -293,12 +299,12 @@ def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material
             coefficients[field_name] = _share(key, values[key], doubts)
     if "kd" not in values and texture is not None and "map_kd" in values:
         coefficients["diffuse"] = 1.0
-    for level in (0.0, 1.0):
-        unasked = (level,) * 3
-        if coefficients.get("ambient") == unasked and coefficients.get("diffuse", unasked) not in (unasked, level):
-            del coefficients["ambient"]
-            text = f"'Ka {level:g} {level:g} {level:g}' of material '{name}' is taken as its Kd"
-            library.tell(text, values["ka"][1])
+    if coefficients.get("ambient") == (1.0, 1.0, 1.0) and coefficients.get("diffuse", 1.0) not in (
+        (1.0, 1.0, 1.0),
+        1.0,
+    ):
+        del coefficients["ambient"]
+        library.tell(f"'Ka 1 1 1' of material '{name}' is taken as its Kd", values["ka"][1])
     illum, line = values.get("illum", (2.0, 0))
     if illum not in range(11):
         doubts.add((line, f"illum {illum:g} is none of 0..10; the material '{name}' is drawn as with illum 2"))
