@@ -7,6 +7,8 @@ source ─┬─ scene file (scene_file.py), which may name models ─┬─ Sce
         └─ mesh, arrays, trimesh objects ─────────────────────┘
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace

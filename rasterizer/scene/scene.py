@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
 from ..errors import SceneError, counted, shown
-from ..keywords import checked_fields
+from ..keywords import checked_fields, checked_keywords
 from ..locks import cached_property
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
@@ -134,6 +134,7 @@ class Scene:
         return f"Scene({size}, lights: {lights}, camera: {camera})"
 
     @classmethod
+    @checked_keywords
     def load(cls, path: str | os.PathLike[str]) -> "Scene":
         """Read a scene from a .json or .toml file, as `save` writes it or as a person does.
 
