@@ -25,7 +25,7 @@ from ..scene.arrays import fixed
 from ..scene.camera import Camera, aimed
 from ..scene.color import ColorLike
 from ..scene.lights import Light
-from ..scene.mesh import Mesh, meshes_from
+from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
@@ -60,7 +60,7 @@ def load(
     Parameters
     ----------
     source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
-        (vertices, faces), sequence of those three, or Scene
+        (vertices, faces), a mesh of PyVista, Open3D or meshio, sequence of those, or Scene
     format : text, "obj", "stl", "ply", "glb", "gltf", "off", "3mf", "dae", "zae", "3dxml" or "xaml", or "json" or
         "toml" for a scene file, or another of the table of formats; None = by the suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
@@ -106,7 +106,8 @@ def load(
         if changes := mesh_settings.arguments():
             settings["meshes"] = meshes_from(source.meshes, changes)
         return replace(source, **settings) if settings else source
-    if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")):
+    is_file = hasattr(source, "read") and not is_one_mesh(source)  # a meshio.Mesh has a function of that name
+    if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or is_file):
         return Scene(meshes_from(source, mesh_settings.arguments()), **settings)
     name = name_of(source)
     if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
