@@ -142,8 +142,8 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     azimuth, frame : text, what the degrees of --azimuth are, and what --camera frame does
     """
     add = parser.add_topic(
-        "camera", "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where "
-        "none of these but --zoom is given.").add_argument
+        "camera", "Unless --eye is given, the model fills the picture. A camera that a scene file brings along is used "
+        "where none of these but --zoom is given; one that a model brings is, with --camera file.").add_argument
     parser.set_defaults(views=[])
     if views:
         add("--view", dest="views", action="extend", type=values.list_of(str, tuple(choices.VIEWS)), default=[],

@@ -7,6 +7,7 @@ argparse    names, checked    one model after the other
 import math
 from time import perf_counter
 
+from ..errors import counted
 from ..options import Options
 from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
 
@@ -97,10 +98,11 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
 
 
 def _describe_look(scene, camera, options) -> str:
-    """Say in a line how a scene is shown, in the words of the flags that change it."""
+    """Say in a line how a scene is shown."""
     lights = ", ".join(dict.fromkeys(type(light).__name__.removesuffix("Light").lower() for light in scene.lights))
-    stands = "the file's camera" if camera is scene.camera else f"framed, --up {scene.up}"
-    return f"--shading {options.shading}, --samples {options.samples}, --light {lights or 'none'}; {stands}"
+    seen = "through its own camera" if camera is scene.camera else f"framed, {scene.up} upwards"
+    samples = counted(options.samples, "sample")
+    return f"{options.shading} shading, {samples} a pixel, lights: {lights or 'none'}; {seen}"
 
 
 def describe_bounds(stats) -> str:

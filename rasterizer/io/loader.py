@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, TypeAlias
+from typing import IO, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def load(
     crease_angle: float | None = None,
     up: Axis | None = None,
     lights: Light | Iterable[Any] | None = None,
-    camera: Camera | None = None,
+    camera: Camera | Literal["file"] | None = None,
     background: ColorLike | None = None,
     depth_cue: DepthCue | float | None = None,
     weighting: Weighting | None = None,
@@ -68,7 +68,8 @@ def load(
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
         file, y for the others
     lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
-    camera : Camera; None = the first of the file, else framed when the picture is made
+    camera : Camera; "file" = the first that a model file brings; None = that of a scene file, else framed when the
+        picture is made: cameras of model files are those of their authors' pictures, and see any part of the model
     background : colour; None = that of a scene file, else transparent
     depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
     weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None =
@@ -99,6 +100,7 @@ def load(
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     if not isinstance(drop_bad_faces, (bool, np.bool_)):
         raise SceneError(f"drop_bad_faces must be True or False; given {shown(drop_bad_faces)}")
+    is_own_camera, camera = camera == "file", None if camera == "file" else camera
     settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)
@@ -116,6 +118,8 @@ def load(
     if not entry.is_scene:
         has_folder = os.path.exists(name_of(source, ""))
         files = Folder(Path(name).parent if has_folder else None, None, allow_outside, files_read)
+        if not is_own_camera:
+            settings = {"camera": None} | settings
         return load_model(source, mesh_settings, files, format=format, log=log, settings=settings)
     with one_file(name):
         read = entry.read()(

@@ -120,7 +120,7 @@ def test_verbose_and_quiet(capsys):
     assert run(CUBE, "-v") == 0
     err = errors(capsys)
     assert "cube.obj: 12 faces" in err and "cube.png, <Frame 24x16 rgb, 12 faces" in err and "\x1b" not in err
-    assert "--samples 4" in err and len(err.splitlines()) == 4 and "float32" not in err
+    assert "4 samples a pixel" in err and len(err.splitlines()) == 4 and "float32" not in err
     assert run(CUBE, "-vv") == 0
     assert "1 channel, float32" in errors(capsys)
     away = ["--eye", "9,9,9", "--target", "20,20,20"]
