@@ -253,7 +253,7 @@ def describe_resolve(followed: Followed) -> list[str]:
 def describe_explanation(_way: Followed) -> list[str]:
     """What the reference says of the same pixel, without what stands above."""
     explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading, samples=1)
-    known = ("phong:", "depth", "position", "opacity", "emission", "background")
+    known = ("reflection", "depth", "position", "opacity", "emission", "background")
     return [line for line in str(explanation).splitlines() if not line.strip().startswith(known)]
 
 

@@ -19,6 +19,7 @@ from .errors import OutputError as OutputError
 from .errors import RasterizerError as RasterizerError
 from .errors import SceneError as SceneError
 from .frame import Frame as Frame
+from .frame import MissingArray as MissingArray
 from .io.loader import demo_model as demo_model
 from .io.loader import load as load
 from .options import Options as Options

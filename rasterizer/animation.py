@@ -1,5 +1,7 @@
 """Moving pictures: frames that a notebook shows one after the other, and the turntable of a scene."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +16,7 @@ from .frame import Frame
 from .io.animation import Timing, encode_animation
 from .io.files import write_whole
 from .io.loader import load
+from .keywords import checked_keywords
 from .options import Options
 from .renderer import Renderer
 from .scene.camera import Camera, pivot_of, turned_cameras
@@ -96,6 +99,7 @@ class Animation:
         return path
 
 
+@checked_keywords
 def turntable(
     scene: Any,
     size: int | tuple[int, int] = (320, 240),

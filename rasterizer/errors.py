@@ -3,7 +3,8 @@
 RasterizerError
 ├── ModelError    a model that can't be read, is empty or is broken       (also a ValueError)
 ├── SceneError    an argument, light, material, camera or option that is not legal  (also a ValueError)
-│   └── OptionError   a keyword that a function doesn't have                        (also a TypeError)
+│   ├── OptionError   a keyword that a function doesn't have                        (also a TypeError)
+│   └── MissingArray  an array that a frame was not asked for; it stands in frame.py  (also an AttributeError)
 └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 

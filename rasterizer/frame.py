@@ -15,6 +15,7 @@ from .errors import OutputError, SceneError, counted, shown
 from .io.files import write_whole
 from .io.formats import encoded, on_white, picture_format
 from .io.png import encode_png, srgb_profile
+from .keywords import checked_keywords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .pipeline.threads import Workers
 
@@ -328,6 +329,7 @@ class Frame:
         """What a notebook shows: the picture, if there is one."""
         return None if self._rgba is None else self.encode("PNG")
 
+    @checked_keywords
     def save(
         self,
         path: str | os.PathLike[str],

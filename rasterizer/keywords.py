@@ -1,15 +1,16 @@
-"""Keywords that a function doesn't have: the error names the nearest one that it has.
+"""The functions and classes that people call by hand are wrapped: what is wrong is said where they are called.
 
-Python's own error for them says what is wrong, and before 3.13 no more. The functions and classes that people call by
-hand are wrapped, which says it before they are called: what editors and type checkers see of them stays what is
-written. This file is apart from errors.py because `typing`, which that needs, is more than `raster --help` waits for.
+Of a keyword that a function doesn't have the error names the nearest one that it has: Python's own error for it says
+what is wrong, and before 3.13 no more. And the traceback of a user's error ends at the user's line and the wrapper's:
+where in this package it was found is of no use to them. What editors and type checkers see of the functions stays what
+is written. This file is apart from errors.py because `typing`, which it needs, is more than `raster --help` waits for.
 """
 
 from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from .errors import OptionError
+from .errors import ModelError, OptionError, RasterizerError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -17,18 +18,24 @@ T = TypeVar("T", bound=type)
 
 
 def checked_keywords(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function raise OptionError where it is given a keyword that it doesn't have."""
+    """Let a function raise OptionError where it is given a keyword that it doesn't have, and errors of this package as
+    if they came from where it was called."""
     code = function.__code__
     n_parameter = code.co_argcount + code.co_kwonlyargcount
     legal = tuple(name for name in code.co_varnames[:n_parameter] if name not in ("self", "cls"))
-    name = function.__qualname__.removesuffix(".__init__")
+    name, takes_any = function.__qualname__.removesuffix(".__init__"), code.co_flags & 0x08  # CO_VARKEYWORDS of inspect
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-        for keyword in kwargs:
+        for keyword in () if takes_any else kwargs:
             if keyword not in legal:
                 raise unknown_keyword(name, keyword, legal)
-        return function(*args, **kwargs)
+        try:
+            return function(*args, **kwargs)
+        except RasterizerError as error:
+            if isinstance(error, ModelError) and error.is_internal:  # of ours: where it was found is what counts
+                raise
+            raise error.with_traceback(None)  # noqa: B904  it is the same error
 
     return checked
 

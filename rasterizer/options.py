@@ -153,7 +153,7 @@ class Options:
         from .scene.color import linear_rgb
 
         object.__setattr__(self, "edges", _checked_edges(self.edges))
-        object.__setattr__(self, "edge_color", linear_rgb(self.edge_color))
+        object.__setattr__(self, "edge_color", linear_rgb(self.edge_color, "the edges' color"))
         object.__setattr__(self, "edge_width", _checked_width(self.edge_width))
         if not isinstance(self.ground, bool):
             raise SceneError(f"ground must be True or False; given {shown(self.ground)}")

@@ -1,5 +1,7 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from functools import partial
@@ -208,7 +210,7 @@ class Renderer:
         closed = ", closed" if self._is_closed else ""
         return f"<Renderer {width}x{height} {self.options.shading}, {counted(self.scene.n_face, 'face')}{closed}>"
 
-    def __enter__(self) -> "Renderer":
+    def __enter__(self) -> Renderer:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError, shown
 from ..frame import Frame
+from ..keywords import checked_keywords
 from ..scene.color import ColorLike, linear_from_srgb_bytes, linear_rgb, srgb_from_linear
 from ..scene.validate import whole
 
@@ -20,6 +21,7 @@ _MAX_PIXELS = 1 << 28  # a sheet of 1 GB is a mistake
 _LABEL_GREY = (128, 128, 128, 255)  # read on white and on black paper
 
 
+@checked_keywords
 def sheet(
     frames: "Sequence[Frame | Image.Image | NDArray[np.uint8]]",
     columns: int | None = None,

@@ -1,5 +1,7 @@
 """Why a pixel is what it is: the reference's account of it, and the path by which the renderer draws it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -40,7 +40,7 @@ MAX_ROUNDS = 25
 _MEASURED = 0.6  # share of the time limit in which calls take turns; the rest is for drawing what is compared
 _FINER = 2  # of the ground truth: pixels along each axis of a pixel, of 16 samples each, a grid of 8 x 8
 _ALIKE = 1.1  # errors within 10 % of each other are alike: no eye tells them apart
-_AS_QUICK = 1.05  # times within 5 % are: other work on the machine makes as much
+_AS_QUICK = 1.05  # times within 5 % are, and those that vary by more than they differ: other work on the machine
 _NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud", "phong": "Phong"}
 _TIMES = {0: "", 1: ", subdivided once", 2: ", subdivided twice"}
 
@@ -102,6 +102,7 @@ class Row(NamedTuple):
     error : Errors against the ground truth
     of_method, of_sampling : rms, linear intensity: the parts of the error that the method and the sampling make
     is_beaten : whether another row is quicker and nearer to the ground truth
+    spread : half of the range that holds the middle half of its times, as a share of `ms`
     """
 
     method: Method
@@ -110,6 +111,7 @@ class Row(NamedTuple):
     of_method: float
     of_sampling: float
     is_beaten: bool = False
+    spread: float = 0.0
 
 
 class Study(NamedTuple):
@@ -189,7 +191,10 @@ def study(
         share = _MEASURED * max(left, 0.0) * len(group) / (len(methods) - len(rows) - len(left_out))
         ms, ratios = _time_group(work, methods[0], group, finer, share)
         anchor_ms = anchor_ms or ms  # that of the first group counts
-        rows += [Row(method, anchor_ms * ratios[method], *drawn[method]) for method in group]
+        for method in group:
+            low, middle, high = ratios[method].tolist()
+            spread = 0.5 * (high - low) / middle
+            rows.append(Row(method, anchor_ms * middle, *drawn[method], spread=spread))
     rows = sort_by_front(rows)
     return Study(rows, left_out, advise(rows))
 
@@ -341,12 +346,12 @@ class _Truths:
 
 def _time_group(
     work: _Work, anchor: Method, group: Sequence[Method], finer: Scene, seconds: float
-) -> tuple[float, dict[Method, float]]:
+) -> tuple[float, dict[Method, NDArray[np.float64]]]:
     """Time methods in turns with the first method of all, so that groups can be compared.
 
     Returns
     -------
-    the milliseconds of the first method; and of each method its time as a multiple of that
+    the milliseconds of the first method; and of each method the quartiles (3,) of its times as multiples of that
     """
     with ExitStack() as stack:
         calls: dict[Method | None, Callable[[], Any]] = {}
@@ -356,7 +361,7 @@ def _time_group(
             calls[key]()  # compiles and allocates
         turns = take_turns(calls, seconds, MAX_ROUNDS)
     reference = turns[None][0]
-    ratios = {method: float(np.median(turns[method][0] / reference)) for method in group}
+    ratios = {method: np.quantile(turns[method][0] / reference, (0.25, 0.5, 0.75)) for method in group}
     return float(np.median(reference)), ratios
 
 
@@ -386,20 +391,28 @@ def printed(error: float) -> float:
 def advise(rows: Sequence[Row], samples: int = 4) -> str:
     """Say in a sentence or two which method to choose.
 
-    With a fixed number of samples, that is the quickest method whose error is within 10 % of the least. What another
-    number of samples would change follows.
+    With a fixed number of samples, that is the quickest method whose error is within 10 % of the least; of those whose
+    times are too close to call, the one with the least error, so that another run says the same. What another number of
+    samples would change follows.
     """
     if not rows:
         return ""
     numbers = sorted({row.method.samples for row in rows})
     samples = min(numbers, key=lambda n: abs(n - samples))
     alike = _alike(rows, samples)
-    best, chosen = min(alike, key=lambda row: row.error.rms), _choose(alike)
-    others = [row for row in alike if row.method.name != chosen.method.name]
+    of_each = [_choose([row for row in alike if row.method.name == name]) for name in {r.method.name for r in alike}]
+    quickest = min(of_each, key=lambda row: row.ms)
+    close = sorted((row for row in of_each if _is_tied(row, quickest)), key=lambda row: (row.error.rms, row.method))
+    best, chosen = min(alike, key=lambda row: row.error.rms), close[0]
+    others = [row for row in of_each if row is not chosen]
     text = f"Choose {chosen.method}: rms {_figure(chosen.error.rms)}"
-    if chosen.method.name != best.method.name:
+    if len(close) > 1:
+        names = " and ".join(f"{row.method.name} with {_figure(row.error.rms)}" for row in close[1:])
+        spread = 100.0 * max(row.spread for row in close)
+        text += f". {names} is too close in time to call: times vary by {_figure(spread)} %."
+    elif chosen.method.name != best.method.name:
         # Against the quickest row of that method: the least error may be that of tolerance 0, by a digit nobody sees.
-        rival = _choose([row for row in others if row.method.name == best.method.name])
+        (rival,) = (row for row in others if row.method.name == best.method.name)
         ratio = _figure(rival.ms / chosen.ms)
         text += f" is as exact as {best.method.name} with {_figure(best.error.rms)} here, and {ratio} times as fast."
     elif others:
@@ -410,7 +423,8 @@ def advise(rows: Sequence[Row], samples: int = 4) -> str:
     else:
         text += ". No other shading comes within 10 % of that."
     text += _other_tolerance(rows, chosen)
-    return text + "".join(_other_samples(rows, chosen, n) for n in numbers if n != samples)
+    same = [row for row in rows if row.method.name == chosen.method.name and row.method.samples != samples]
+    return text + "".join(_other_samples(same, chosen, n) for n in sorted({row.method.samples for row in same}))
 
 
 def _alike(rows: Sequence[Row], samples: int) -> list[Row]:
@@ -420,10 +434,16 @@ def _alike(rows: Sequence[Row], samples: int) -> list[Row]:
     return [row for row in rows if row.error.rms <= _ALIKE * least]
 
 
-def _choose(alike: Sequence[Row]) -> Row:
-    """The quickest row; of those that are as quick, the one with the smallest tolerance."""
-    least = min(row.ms for row in alike)
-    return min((row for row in alike if row.ms <= _AS_QUICK * least), key=lambda row: (row.method.tolerance, row.ms))
+def _choose(rows: Sequence[Row]) -> Row:
+    """The quickest row of a method; of those that are as quick, the one with the smallest tolerance above 0."""
+    quickest = min(rows, key=lambda row: row.ms)
+    tied = [row for row in rows if _is_tied(row, quickest)]
+    return min(tied, key=lambda row: (row.method.tolerance == 0.0, row.method.tolerance))
+
+
+def _is_tied(a: Row, b: Row) -> bool:
+    """Tell whether two times are too close to call."""
+    return abs(a.ms - b.ms) <= max(_AS_QUICK - 1.0, a.spread + b.spread) * min(a.ms, b.ms)
 
 
 def _other_tolerance(rows: Sequence[Row], chosen: Row) -> str:
@@ -438,14 +458,16 @@ def _other_tolerance(rows: Sequence[Row], chosen: Row) -> str:
         text = f" Tolerance 0 takes {_figure(same[0.0].ms / chosen.ms)} times as long."
     larger = [row for tolerance, row in same.items() if tolerance > chosen.method.tolerance > 0.0]
     if larger:
-        gain = 1.0 - min(row.ms for row in larger) / chosen.ms
-        text += f" A larger one gains {100 * gain:.0f} %." if gain > _AS_QUICK - 1.0 else " A larger one gains nothing."
+        quickest = min(larger, key=lambda row: row.ms)
+        gain = 100.0 * (1.0 - quickest.ms / chosen.ms)
+        is_less = quickest.ms > chosen.ms or _is_tied(quickest, chosen)
+        text += " A larger one gains nothing that could be told." if is_less else f" A larger one gains {gain:.0f} %."
     return text
 
 
 def _other_samples(rows: Sequence[Row], chosen: Row, samples: int) -> str:
-    """What another number of samples would change."""
-    other = _choose(_alike(rows, samples))
+    """What another number of samples would change, out of rows of the same method."""
+    other = _choose([row for row in rows if row.method.samples == samples])
     time, error = other.ms / chosen.ms, other.error.rms / max(chosen.error.rms, 1e-300)
     words = f"{_figure(time)} times the time for {_figure(error)} times the error"
     return f" {counted(samples, 'sample').capitalize()}: {words} ({other.method.name})."

@@ -1,6 +1,6 @@
 """`raster bench`: what each method costs on this machine, and how far its picture is from the best one.
 
-The table on stdout has the front first, the rows that nothing beats; the last line says what to choose.
+The table on stdout is the front, the rows that nothing beats; the last line says what to choose, and why.
 """
 
 from dataclasses import replace
@@ -18,8 +18,8 @@ IMPORTS = ("drawing",)
 _OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
 _BUSY = 0.5  # load average, a core, from which on times are not to be trusted
 _DESCRIPTION = """\
-Draw each model by many methods and measure them in turns: shading, subdivision, samples a pixel, tolerance. The rows
-that no other row beats in time and error come first, the last line says what to choose.
+Draw each model by many methods and measure them in turns: shading, subdivision, samples a pixel, tolerance. The table
+has those that no other beats in time and error, --all has the rest, too; the last line says what to choose, and why.
 """
 _TABLE = """\
 Lists have commas between their values. The table says of each method:
@@ -28,6 +28,9 @@ Lists have commas between their values. The table says of each method:
   rms, max           error against Phong's shading at 64 samples a pixel with
                      tolerance 0, in linear intensity where white is 1, over
                      the pixels that either covers
+
+With --all also:
+
   over 1, ΔE         share of 8-bit values more than a level off; mean colour
                      difference (CIEDE2000)
   method, sampling   what makes that error: where light is evaluated, and how
@@ -60,6 +63,7 @@ def add_flags(parser) -> None:
         metavar="LIST", help="samples a pixel (default 1,4,16)")  # fmt: skip
     add("--tolerances", type=values.list_of(values.fraction), default=(0.0, Options.tolerance, 1 / 64), metavar="LIST",
         help="errors accepted (default 0,1/4096,1/64)")  # fmt: skip
+    add("--all", dest="has_all", action="store_true", help="print all methods, and what makes their errors")
     add("--flip", dest="with_flip", action="store_true",
         help="also FLIP, 0 to 1 (needs flip-evaluator)")  # fmt: skip
     add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")
@@ -117,7 +121,8 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
         if arguments.json:
             messages.record(_record(target, arguments, scene, seconds, machine, loaded.warnings, found))
         elif arguments.level > QUIET:
-            print_text("\n".join([title, _LEGEND, "", *_table(found), "", found.advice]) + "\n")
+            table = [_LEGEND, "", *_table(found)] if arguments.has_all or arguments.with_flip else _front(found)
+            print_text("\n".join([title, *table, "", found.advice]) + "\n")
 
 
 def _measure(scene, arguments, messages):
@@ -154,6 +159,20 @@ def _title(target, scene, arguments, machine) -> str:
     threads = counted(arguments.threads or machine["cores"], "thread")
     view = f", {target.view}" if target.view else ""
     return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
+
+
+def _front(found) -> list[str]:
+    """The rows that nothing beats as lines, and how many others there are."""
+    from ..analysis.speed_error import tolerance_text
+
+    front = [row for row in found.rows if not row.is_beaten]
+    lines = [_COLUMNS[1:7]]
+    for row in front:
+        words = row.method.name, str(row.method.samples), tolerance_text(row.method.tolerance)
+        lines.append((*words, f"{row.ms:.2f}", f"{row.error.rms:.2e}", f"{row.error.max:.2f}"))
+    n_beaten = len(found.rows) - len(front)
+    legend = "rms, max: error against Phong's shading at 64 samples a pixel, in linear intensity where white is 1"
+    return [legend, "", *_aligned(lines, n_left=1), f"{counted(n_beaten, 'other')}, both slower and further off: --all"]
 
 
 def _table(found) -> list[str]:

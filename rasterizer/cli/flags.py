@@ -12,7 +12,7 @@ from .. import choices
 from ..io import formats
 from ..options import MAX_WAVES, MIN_WAVES, Options
 from . import values
-from .messages import NORMAL, QUIET, VERBOSE
+from .messages import NORMAL, QUIET
 
 EVERY = "all"  # of arrays: color and every buffer
 AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
@@ -107,8 +107,8 @@ def add_json(group, text) -> None:
 def add_messages(group) -> None:
     """Add how much is said."""
     add = group.add_mutually_exclusive_group().add_argument
-    add("-v", "--verbose", dest="level", action="store_const", const=VERBOSE, default=NORMAL,
-        help="say what a file had, what was used, and how long it took")
+    add("-v", "--verbose", dest="level", action="count", default=NORMAL,
+        help="say what a file had, what was used, and how long it took; -vv: also how it was drawn")
     add("-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors")
 
 
@@ -142,8 +142,8 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     azimuth, frame : text, what the degrees of --azimuth are, and what --camera frame does
     """
     add = parser.add_topic(
-        "camera", "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where "
-        "none of these but --zoom is given.").add_argument
+        "camera", "Unless --eye is given, the model fills the picture. A camera that a scene file brings along is used "
+        "where none of these but --zoom is given; one that a model brings is, with --camera file.").add_argument
     parser.set_defaults(views=[])
     if views:
         add("--view", dest="views", action="extend", type=values.list_of(str, tuple(choices.VIEWS)), default=[],

@@ -87,6 +87,7 @@ def _describe(model, arguments, messages) -> dict:
             source,
             format=arguments.input_format,
             drop_bad_faces=arguments.drop_bad_faces,
+            camera="file",
             allow_outside=arguments.allow_outside,
             log=said.append,
             files_read=files_read,

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from ..errors import OutputError, counted, error_of
 
-QUIET, NORMAL, VERBOSE = -1, 0, 1
+QUIET, NORMAL, VERBOSE, EVERYTHING = -1, 0, 1, 2  # the last: what explains how the program works
 STDIO = "-"  # what stands for stdin or stdout
 BAR_WIDTH = 24
 _MANY = 5  # pictures from which on there is a bar
@@ -50,13 +50,20 @@ class Messages:
         if self.level >= VERBOSE:
             self.say(text)
 
+    def explain(self, text) -> None:
+        """Say how it was done, to somebody who asks twice."""
+        if self.level >= EVERYTHING:
+            self.say(text)
+
     def record(self, record: dict, is_stdout_taken: bool = False) -> None:
         """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
 
+        Its `status` is "failed" beside an error, else "done", unless the dict has one.
         A number that is not finite, which JSON doesn't have, becomes null; the field NAME_reason says what it was.
         """
         import json
 
+        record = {"status": "failed" if "error" in record else "done"} | record
         print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
 
     def traceback(self, error) -> None:

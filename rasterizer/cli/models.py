@@ -27,6 +27,8 @@ from .parser import did_you_mean
 from .values import make_light
 
 _LONG = 1.0  # seconds of reading a file, after which a bar is shown
+_UNTOLD_UP = ("obj", "stl", "ply", "off")  # formats that don't say which axis points upwards
+_MAX_LOOKED_AT = 50_000  # faces, when that is guessed: more make no other share of the area
 _MAX_SUBDIVISIONS = 15  # that a mesh can be subdivided
 
 
@@ -245,7 +247,7 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     """
     with noted_warnings() as texts:
         with _reading_shown(messages):
-            scene, options, framing, unshadowed = _read(model, arguments.input_format, settings, messages, files_read)
+            scene, options, framing, unshadowed = _read(model, arguments, settings, messages, files_read)
         if settings.is_on_tabletop and settings.load["lights"] is None:
             scene = replace(scene, lights=on_tabletop(scene.lights, settings.has_key_shadow))
         scene = _changed(scene, unshadowed, model, settings)
@@ -279,12 +281,19 @@ def _reading_shown(messages):
         yield
 
 
-def _read(model, input_format, settings, messages, files_read) -> tuple:
+def _read(model, arguments, settings, messages, files_read) -> tuple:
     """Read a model: its scene, options and framing, and the places of lights that say that they cast no shadow."""
+    input_format = arguments.input_format
     source = source_of(model, input_format)
     entry = formats.find(input_format or Path(model).suffix)
     if entry is None or not entry.is_scene:
-        scene = load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load)
+        options = {"format": input_format, "log": messages.detail, "files_read": files_read, **settings.load}
+        scene = load(source, **options, camera="file")
+        if scene.camera is not None and arguments.camera != "file":
+            scene = replace(scene, camera=None)
+            messages.notice(f"{model}: the file has a camera; the model is framed, --camera file looks through it")
+        if entry is not None and entry.name in _UNTOLD_UP and settings.load["up"] is None:
+            _tell_up(model, scene, messages)
         return scene, {}, None, ()
     read = entry.read()(
         source,
@@ -297,6 +306,21 @@ def _read(model, input_format, settings, messages, files_read) -> tuple:
     changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
     unshadowed = () if "lights" in changes else read.unshadowed
     return replace(read.scene, **changes), read.options, read.framing, unshadowed
+
+
+def _tell_up(model, scene, messages) -> None:
+    """Say where the shape of a model says that another axis points upwards."""
+    import numpy as np
+
+    from ..analysis.mesh_topology import guess_up
+
+    offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in scene.meshes])
+    step = scene.n_face // _MAX_LOOKED_AT + 1
+    faces = [mesh.faces[::step] + np.int64(offset) for mesh, offset in zip(scene.meshes, offsets[:-1], strict=True)]
+    points = [mesh.vertices for mesh in scene.meshes]
+    up, reason = guess_up(points[0] if len(points) == 1 else np.concatenate(points), np.concatenate(faces))
+    if up not in (None, scene.up):
+        messages.notice(f"{model}: drawn with {scene.up} upwards; the shape says {up} ({reason}): try --up {up}")
 
 
 def source_of(model, input_format):

@@ -7,6 +7,7 @@ argparse    names, checked    one model after the other
 import math
 from time import perf_counter
 
+from ..errors import counted
 from ..options import Options
 from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
 
@@ -88,11 +89,20 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
             seconds, start = perf_counter() - start, perf_counter()
             output.results.tell(target.output, frame.size, len(content), seconds)
             messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+            messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
             messages.detail(f"{model}: {describe_bounds(frame.stats)}")
-            messages.detail(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
+            messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
                 messages.record(record, target.output == STDIO)
+
+
+def _describe_look(scene, camera, options) -> str:
+    """Say in a line how a scene is shown."""
+    lights = ", ".join(dict.fromkeys(type(light).__name__.removesuffix("Light").lower() for light in scene.lights))
+    seen = "through its own camera" if camera is scene.camera else f"framed, {scene.up} upwards"
+    samples = counted(options.samples, "sample")
+    return f"{options.shading} shading, {samples} a pixel, lights: {lights or 'none'}; {seen}"
 
 
 def describe_bounds(stats) -> str:
@@ -116,6 +126,7 @@ def describe_bounds(stats) -> str:
 def _record(target, frame, scene, seconds, warnings) -> dict:
     """What --json says of a picture."""
     return {
+        "status": "drawn",
         "path": target.model,
         "view": target.view,
         "output": target.output,

@@ -88,7 +88,8 @@ def run(arguments, messages) -> tuple[list, int]:
             results.tell(plan[0][0].output, size, n_byte, perf_counter() - start)
         failures += outputs.finish(messages)
     if arguments.json and len(failures) < len(plan):
-        record = {"output": plan[0][0].output, "models": records, "seconds": round(perf_counter() - start, 4)}
+        seconds = round(perf_counter() - start, 4)
+        record = {"status": "drawn", "output": plan[0][0].output, "models": records, "seconds": seconds}
         messages.record(record, plan[0][0].output == STDIO)
     return failures, len(plan)
 

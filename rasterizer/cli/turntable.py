@@ -4,6 +4,7 @@ load ─ cameras on a circle ─ one Renderer ─ frames ─┬─ a moving pict
                                                     └─ a picture each, with {frame} in the name
 """
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -98,7 +99,12 @@ def _check_animation(output, arguments) -> None:
         format = animation_format(_suffix_of(output))
     except SceneError as error:
         raise SceneError(f"{output}: {error}; or a picture a frame, with {{frame}} in the name") from None
-    format.check_timing(arguments.frames, arguments.seconds)
+    try:
+        format.check_timing(arguments.frames, arguments.seconds)
+    except SceneError as error:
+        seconds = math.ceil(arguments.frames / format.max_fps)
+        slower = f"--seconds {seconds}" if arguments.fps is None else f"--fps {format.max_fps:g}"
+        raise SceneError(f"{error}: try {slower}, or -o {Path(output).stem}.webp") from None
 
 
 def _suffix_of(output) -> str:
@@ -212,6 +218,7 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
     messages.detail(f"{model}: {targets[-1].output}, {counted(len(cameras), 'frame')}, {seconds:.2f} s in all")
     if arguments.json:
         record = {
+            "status": "drawn",
             "path": model,
             "output": targets[0].output,
             "size": list(options.size),

@@ -85,6 +85,9 @@ def yes_or_no(text) -> bool:
 
 def color(text):
     """A linear grey or triple as numbers; anything else stays text, to be read as hex or a CSS name."""
+    if re.fullmatch(r"\d+([/,]\d+){2}", text) and max(levels := [int(each) for each in re.split("[/,]", text)]) > 1:
+        hint = 'sRGB is written "#{:02x}{:02x}{:02x}"'.format(*levels) if max(levels) <= 255 else "sRGB is #rrggbb"
+        raise argparse.ArgumentTypeError(f"a color is linear, 1 is white; given {text!r}: {hint}, 2.0 is above white")
     if re.fullmatch(r"[-+.\d]+([eE][-+]?\d+)?", text):
         return number(text)
     return vector(text, "/") if "/" in text else text

@@ -140,6 +140,8 @@ def _vectors(value, name) -> np.ndarray:
     try:
         array = plain_array(value)
         array = array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
+    except SceneError:
+        raise
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.ndim == 0 or array.shape[-1] != 3 or not np.isfinite(array).all():

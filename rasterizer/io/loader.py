@@ -7,11 +7,13 @@ source ─┬─ scene file (scene_file.py), which may name models ─┬─ Sce
         └─ mesh, arrays, trimesh objects ─────────────────────┘
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, TypeAlias
+from typing import IO, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from ..scene.arrays import fixed
 from ..scene.camera import Camera, aimed
 from ..scene.color import ColorLike
 from ..scene.lights import Light
-from ..scene.mesh import Mesh, meshes_from
+from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
@@ -43,7 +45,7 @@ def load(
     crease_angle: float | None = None,
     up: Axis | None = None,
     lights: Light | Iterable[Any] | None = None,
-    camera: Camera | None = None,
+    camera: Camera | Literal["file"] | None = None,
     background: ColorLike | None = None,
     depth_cue: DepthCue | float | None = None,
     weighting: Weighting | None = None,
@@ -58,7 +60,7 @@ def load(
     Parameters
     ----------
     source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
-        (vertices, faces), sequence of those three, or Scene
+        (vertices, faces), a mesh of PyVista, Open3D or meshio, sequence of those, or Scene
     format : text, "obj", "stl", "ply", "glb", "gltf", "off", "3mf", "dae", "zae", "3dxml" or "xaml", or "json" or
         "toml" for a scene file, or another of the table of formats; None = by the suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
@@ -66,7 +68,8 @@ def load(
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
         file, y for the others
     lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
-    camera : Camera; None = the first of the file, else framed when the picture is made
+    camera : Camera; "file" = the first that a model file brings; None = that of a scene file, else framed when the
+        picture is made: cameras of model files are those of their authors' pictures, and see any part of the model
     background : colour; None = that of a scene file, else transparent
     depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
     weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None =
@@ -97,6 +100,7 @@ def load(
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     if not isinstance(drop_bad_faces, (bool, np.bool_)):
         raise SceneError(f"drop_bad_faces must be True or False; given {shown(drop_bad_faces)}")
+    is_own_camera, camera = camera == "file", None if camera == "file" else camera
     settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)
@@ -104,7 +108,8 @@ def load(
         if changes := mesh_settings.arguments():
             settings["meshes"] = meshes_from(source.meshes, changes)
         return replace(source, **settings) if settings else source
-    if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")):
+    is_file = hasattr(source, "read") and not is_one_mesh(source)  # a meshio.Mesh has a function of that name
+    if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or is_file):
         return Scene(meshes_from(source, mesh_settings.arguments()), **settings)
     name = name_of(source)
     if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
@@ -113,6 +118,8 @@ def load(
     if not entry.is_scene:
         has_folder = os.path.exists(name_of(source, ""))
         files = Folder(Path(name).parent if has_folder else None, None, allow_outside, files_read)
+        if not is_own_camera:
+            settings = {"camera": None} | settings
         return load_model(source, mesh_settings, files, format=format, log=log, settings=settings)
     with one_file(name):
         read = entry.read()(

@@ -5,8 +5,9 @@ warned of, with file and line; a line that can't be read (no number, not finite,
 (w).
 
     Kd       diffuse; missing: the default grey
-    Ka       ambient, as the file says, also the 0 0 0 that exporters write unasked; missing: as Kd. So is 1 1 1 beside
-             another Kd: Blender writes it for every material, and would bleach all that is coloured (reported)
+    Ka       ambient; missing: as Kd. So is 1 1 1 beside another Kd: Blender writes it for every material, and would
+             bleach all that is coloured (reported). So is 0 0 0 where no material has more: exporters write it unasked,
+             and what no lamp reaches would be black (reported)
     Ks       specular; missing: none
     Ke       emissive; missing: none
     above 1  Ka Kd Ks in whole numbers up to 255 are bytes: divided by 255 (w); else divided by their largest component
@@ -157,6 +158,11 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
     doubts, found = set(), {}  # pairs of a line and what is doubtful about it
     blocks = _blocks(library)
     is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
+    ambient = [values["ka"] for _, values, _ in blocks if "ka" in values]
+    if ambient and not any(any(color) for color, _ in ambient):
+        library.tell("'Ka 0 0 0' of all materials is taken as their Kd", ambient[0][1])
+        for _, values, _ in blocks:
+            values.pop("ka", None)
     for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None

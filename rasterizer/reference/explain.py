@@ -9,7 +9,7 @@ in it. So a layer's colour is the sum of its shares, and a sample's colour the s
 """
 
 from dataclasses import dataclass
-from typing import SupportsIndex
+from typing import NamedTuple, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from ..options import Options
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
+from .clip import to_eye
 from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions, materials_at
 from .picture import Look, encode, in_range, lit_fragments, look_at, render, resolve, shared_points, spread_samples
 from .shading import (
@@ -67,6 +68,37 @@ class LightShare:
     specular: Vector
 
 
+class EdgePoint(NamedTuple):
+    """Where the row of a sample meets an edge of its triangle: Q on the left, R on the right.
+
+    Attributes
+    ----------
+    edge : its two corners, out of 0, 1, 2
+    share : how far the point lies from the first corner to the second, 0 to 1, in space
+    intensity : linear RGB there: share times that of the second corner, and the rest times that of the first
+    """
+
+    edge: tuple[int, int]
+    share: float
+    intensity: Vector
+
+
+class ScanLine(NamedTuple):
+    """Two edges and a row, along which Gouraud's method comes to the intensity of a sample, I_P = v I_R + (1 - v) I_Q.
+
+    Attributes
+    ----------
+    left, right : Q and R
+    share : v, how far the sample lies from Q to R, 0 to 1, in space
+
+    Source: Gouraud 1971, IEEE Trans. Comput. C-20(6), 623-629.
+    """
+
+    left: EdgePoint
+    right: EdgePoint
+    share: float
+
+
 @dataclass(frozen=True)
 class Layer:
     """A surface that a sample sees, and how it is lit.
@@ -81,6 +113,9 @@ class Layer:
         three corners, two of them and its centre
     position, normal : world; the normal is a unit vector and looks to the viewer
     lit_at : where the illumination equation is evaluated, in words
+    corners : with Gouraud's method linear RGB at the three corners; else empty. Texel, exposure and depth cue are those
+        of the sample, so that their sum, each times its weight, and the depth cue are `color`
+    scan_line : how they are interpolated along the row; None without corners, or where one lies behind the eye
     opacity : of the material, times that of the texel
     visible : part of this layer's colour that is seen: its opacity, times what the layers before it let through
     texel : linear RGB of the texture, 1 without one
@@ -102,6 +137,8 @@ class Layer:
     position: Vector
     normal: Vector
     lit_at: str
+    corners: tuple[Vector, ...]
+    scan_line: ScanLine | None
     opacity: float
     visible: float
     texel: Vector
@@ -116,7 +153,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample of a pixel.
+    """One sample of a pixel; `str` writes it for a person.
 
     Attributes
     ----------
@@ -132,10 +169,14 @@ class Sample:
     color: Vector
     alpha: float
 
+    def __str__(self) -> str:
+        return "\n".join(_describe_sample(self))
+
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why a pixel is what it is; `str` writes it for a person.
+    """Why a pixel is what it is; `str` writes it for a person: of several samples the one that is nearest to the
+    pixel's centre, of equally near ones the first.
 
     Attributes
     ----------
@@ -164,7 +205,11 @@ class Explanation:
     @property
     def layers(self) -> tuple[Layer, ...]:
         """The layers of the sample nearest to the pixel's centre; of equally near ones the first."""
-        return min(self.samples, key=lambda s: (s.x - self.x - 0.5) ** 2 + (s.y - self.y - 0.5) ** 2).layers
+        return self._nearest.layers
+
+    @property
+    def _nearest(self) -> Sample:
+        return min(self.samples, key=lambda s: (s.x - self.x - 0.5) ** 2 + (s.y - self.y - 0.5) ** 2)
 
     def __str__(self) -> str:
         n = len(self.samples)
@@ -172,8 +217,9 @@ class Explanation:
         lines = [f"pixel ({self.x}, {self.y}) of {width} x {height}, {self.shading} shading, {counted(n, 'sample')}"]
         if self.path is not None:
             lines.append(f"drawn by: {self.path}")
-        for sample in self.samples:
-            lines += _describe_sample(sample)
+        lines += _describe_sample(self._nearest)
+        if n > 1:
+            lines.append(f"the pixel's other samples: print(explanation.samples[k]), k from 0 to {n - 1}")
         lines.append("background: " + ("transparent" if self.background is None else _numbers(self.background)))
         mean = " (mean of the samples)" if n > 1 else ""
         code = "".join(f"{value:02x}" for value in self.rgb)
@@ -280,11 +326,16 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through:
     points, weights, lit_at = _evaluation_points(surface, fragment, lighting)
     cue = float(cue_factors(fragment.depth, lighting)[0])
     gain = 2.0**lighting.exposure * cue
-    ambient = (
-        _blend(as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo, weights) * texel[:3] * gain
-    )
-    emission = _blend(as_rgb(lighting.materials["emissive"][points.material], lighting), weights) * gain
-    lights = _explain_lights(points, weights, lighting, texel[:3] * gain, gain)
+    ambients = as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo * texel[:3] * gain
+    emissions = as_rgb(lighting.materials["emissive"][points.material], lighting) * gain
+    ambient, emission = _blend(ambients, weights), _blend(emissions, weights)
+    arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
+    lit = list(contributions(*arguments, points.metals))
+    lights = _explain_lights(points, weights, lighting, lit, texel[:3] * gain, gain)
+    corners, scan_line = (), None
+    if lighting.shading == "gouraud":
+        corners = _corner_intensities(points, lighting, lit, texel[:3] * gain, gain, ambients + emissions)
+        scan_line = _scan_line(fragment.weights[0], surface.corners[fragment.face[0]], np.array(corners), lighting)
     depth_cue = (1.0 - cue) * np.array(lighting.cue.color) if lighting.cue is not None else np.zeros(3)
     color = ambient + emission + depth_cue
     for light in lights:
@@ -295,7 +346,8 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through:
         face=face, mesh=mesh_idx, mesh_face=mesh_face, mesh_name=mesh.name, material_index=material_idx,
         material=mesh.palette[material_idx], depth=float(fragment.depth[0]), weights=_vector(fragment.weights[0]),
         position=_vector(world_positions(fragment, lighting)[0]), normal=_vector(normal), lit_at=lit_at,
-        opacity=opacity, visible=through * opacity, texel=_vector(texel[:3]), metallic=float(brush["metallic"]),
+        corners=corners, scan_line=scan_line, opacity=opacity, visible=through * opacity, texel=_vector(texel[:3]),
+        metallic=float(brush["metallic"]),
         roughness=(float(brush["roughness"]), float(brush["across"])), ambient=_vector(ambient),
         emission=_vector(emission), lights=lights, depth_cue=_vector(depth_cue), color=_vector(color),
     )  # fmt: skip
@@ -346,14 +398,53 @@ def _join(a: Points, b: Points) -> Points:
     )
 
 
+def _corner_intensities(
+    points: Points, lighting: Lighting, lit: list[Contribution], diffuse_gain: NDArray, gain: float, unlit: NDArray
+) -> tuple[Vector, ...]:
+    """Return the intensities at the three corners of a drawn triangle: of its points, the third and those behind it are
+    those round a polygon, whose mean is the centre's; `unlit` (n, 3) is what needs no light."""
+    total = unlit
+    for each in lit:
+        diffuse, specular = as_rgb(each.diffuse, lighting), as_rgb(each.specular, lighting)
+        total = total + diffuse * points.albedo * diffuse_gain + specular * gain
+    return _vector(total[0]), _vector(total[1]), _vector(total[2:].mean(axis=0))
+
+
+def _scan_line(weights: NDArray, corners: NDArray, intensities: NDArray, lighting: Lighting) -> ScanLine | None:
+    """Return how the row of a sample runs through its triangle.
+
+    A row shows what lies in one plane through the eye, y/w constant, or without perspective y constant. So of a point
+    in space y - k w, or y - k, is affine in its weights on the corners, k that of the sample; on an edge it is 0 at a
+    share that the corners' values tell.
+    """
+    x, y, w = to_eye(corners, lighting.view).T
+    if not lighting.projection.is_perspective:
+        w = np.ones(3)
+    if min(w) <= 0.0:
+        return None
+    off = y - weights @ y / (weights @ w) * w
+    met = []
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        if (off[a] > 0.0) != (off[b] > 0.0):
+            point = np.zeros(3)
+            point[b] = off[a] / (off[a] - off[b])
+            point[a] = 1.0 - point[b]
+            met.append((point, EdgePoint((a, b), float(point[b]), _vector(point @ intensities))))
+    if len(met) < 2:  # the sample lies on a corner, or outside by a rounding
+        return None
+    (q, left), (r, right) = sorted(met, key=lambda each: each[0] @ x / (each[0] @ w))
+    along = r - q
+    length = float(along @ along)
+    return ScanLine(left, right, float((weights - q) @ along) / length if length > 0.0 else 0.0)
+
+
 def _explain_lights(
-    points: Points, weights: NDArray, lighting: Lighting, diffuse_gain: NDArray, gain: float
+    points: Points, weights: NDArray, lighting: Lighting, lit: list[Contribution], diffuse_gain: NDArray, gain: float
 ) -> tuple[LightShare, ...]:
-    """Return what each light adds; `diffuse_gain` (3,) and `gain` are what both parts of its light are multiplied
-    by."""
+    """Return what each light adds, of what they add to the points; `diffuse_gain` (3,) and `gain` are what both parts
+    of its light are multiplied by."""
     found: dict[int, list[Contribution]] = {}
-    arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
-    for each in contributions(*arguments, points.metals):
+    for each in lit:
         found.setdefault(each.lamp.index, []).append(each)
     shares = []
     for index, cells in found.items():
@@ -418,6 +509,7 @@ def _describe_layer(number: int, layer: Layer) -> list[str]:
         f"   position {_numbers(layer.position)}, normal {_numbers(layer.normal)}",
         f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}",
         f"   lit {layer.lit_at}",
+        *_describe_corners(layer),
         f"   {'ambient':<22}{_numbers(layer.ambient)}",
         f"   {'emission':<22}{_numbers(layer.emission)}",
     ]
@@ -430,6 +522,31 @@ def _describe_layer(number: int, layer: Layer) -> list[str]:
     if any(layer.depth_cue):
         lines.append(f"   {'depth cue':<22}{_numbers(layer.depth_cue)}")
     return [*lines, f"   {'sum':<22}{_numbers(layer.color)}"]
+
+
+def _describe_corners(layer: Layer) -> list[str]:
+    """Return the lines about what Gouraud's method interpolates, in the letters of the textbooks."""
+    if not layer.corners:
+        return []
+    names = "ABC"
+    at = ", ".join(f"I_{name} {_light(corner)}" for name, corner in zip(names, layer.corners, strict=True))
+    sum_of = " + ".join(f"{weight:.6g} I_{name}" for name, weight in zip(names, layer.weights, strict=True))
+    color = _vector(np.array(layer.weights) @ np.array(layer.corners))
+    lines = [f"   {'corners':<22}{at}", f"   {'':<22}I_P = {sum_of} = {_light(color)}"]
+    if layer.scan_line is not None:
+        ends = []
+        for name, (edge, share, intensity) in zip("QR", layer.scan_line[:2], strict=True):
+            a, b = (names[corner] for corner in edge)
+            ends.append(f"I_{name} = {share:.6g} I_{b} + {1 - share:.6g} I_{a} = {_light(intensity)}")
+        v = layer.scan_line.share
+        lines += [f"   {'along the row':<22}{ends[0]}", f"   {'':<22}{ends[1]}"]
+        lines.append(f"   {'':<22}I_P = {v:.6g} I_R + {1 - v:.6g} I_Q = {_light(color)}")
+    return lines
+
+
+def _light(color: Vector) -> str:
+    """Return a colour, or one number where it is grey."""
+    return f"{color[0]:.6g}" if color[0] == color[1] == color[2] else _numbers(color)
 
 
 def _describe_material(layer: Layer) -> str:
@@ -448,7 +565,7 @@ def _describe_material(layer: Layer) -> str:
         },
         "toon": {"shininess": material.shininess, "levels": material.levels},
     }.get(material.reflection, {"shininess": material.shininess})
-    return f"{material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
+    return f"reflection {material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
 
 
 def _shown(value: object) -> str:

@@ -7,6 +7,7 @@ computes normals that are given as 0, and subdivides; `io` reads and writes scen
     scene               Scene: meshes, lights, a camera, a background, a depth cue
     mesh                Mesh: vertices, triangles and what belongs to them
     mesh_arrays         its arrays, checked
+    guests              meshes of PyVista, Open3D and meshio
     triangulation       polygons cut into triangles
     material            Material, the reflection models, and the table of named materials
     texture             Texture, with its mipmaps

@@ -9,6 +9,8 @@ from typing import Any, TypeAlias, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import SceneError, cut
+
 VectorLike: TypeAlias = Sequence[float] | NDArray[Any]  # three numbers, as a caller may give them
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -18,7 +20,7 @@ def plain_array(values: ArrayLike) -> NDArray:
 
     Parameters
     ----------
-    values : anything that numpy reads, of any shape and dtype
+    values : anything that numpy reads, of any shape and dtype; or an array that other libraries share by DLPack
 
     Returns
     -------
@@ -27,20 +29,35 @@ def plain_array(values: ArrayLike) -> NDArray:
     Raises
     ------
     TypeError, ValueError : no array, or a masked one, whose masked values would count
+    SceneError : an array of another library that numpy can't read: one on a GPU, one that needs its gradient
     """
     if is_masked(values):
         raise ValueError("masked values are no numbers")
-    array = np.asarray(values)
+    if isinstance(values, np.ndarray) or not (hasattr(values, "__array__") or hasattr(values, "__dlpack__")):
+        array = np.asarray(values)
+    else:
+        array = _read_guest(values)
     if array.dtype.kind == "f" and array.dtype.itemsize > 8:
         with np.errstate(over="ignore"):
             array = array.astype(np.float64)
     return array
 
 
+def _read_guest(values: Any) -> NDArray:
+    """Return an array of another library, by its own protocol for numpy, else by DLPack; what it refuses it says."""
+    try:
+        return np.asarray(values) if hasattr(values, "__array__") else np.from_dlpack(values)
+    except (TypeError, ValueError, RuntimeError, BufferError) as fault:
+        how = "give x.detach().cpu().numpy() of a torch.Tensor x, x.get() of a CuPy array"
+        raise SceneError(f"numpy can't read this {type(values).__name__} ({cut(fault, 120)}): {how}") from None
+
+
 def real_array(values: Any) -> NDArray[Any] | None:
     """Return what `plain_array` does where it is an array of real numbers (booleans are none), else None."""
     try:
         array = plain_array(values)
+    except SceneError:
+        raise
     except (TypeError, ValueError):
         return None
     return array if array.dtype.kind in "fiu" else None

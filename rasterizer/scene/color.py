@@ -26,8 +26,9 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
 
     Parameters
     ----------
-    color : number (a linear grey), three numbers (linear RGB as they are; above 1 is legal), or str (sRGB:
-        "#f80", "#ff8800", "orange", "rgb(255, 136, 0)", anything that PIL.ImageColor reads), or Spectrum
+    color : number (a linear grey), three numbers (linear RGB as they are; above 1 is legal, but not in whole numbers:
+        who writes (255, 128, 0) means sRGB), or str (sRGB: "#f80", "#ff8800", "orange", "rgb(255, 136, 0)", anything
+        that PIL.ImageColor reads), or Spectrum
     what : name of the argument, for messages
 
     Returns
@@ -37,8 +38,8 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
 
     Raises
     ------
-    SceneError : not one of these forms, an unknown name, a component that is negative or not finite, text
-        with an alpha below 1
+    SceneError : not one of these forms, an unknown name, a component that is negative or not finite, three whole
+        numbers of which one is above 1, text with an alpha below 1
     """
     if isinstance(color, str):
         return _rgb_of_text(color, what)
@@ -46,6 +47,7 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
         return color  # a Spectrum: its module imports this one
     is_sequence = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0
     if is_sequence:
+        _check_no_bytes(color, what)
         rgb = vector3(color, what)
     else:
         rgb = (number(color, f"{what} (a grey, three linear numbers, or a hex or CSS colour)"),) * 3
@@ -54,20 +56,15 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
     return rgb
 
 
-def surface_rgb(color: ColorLike, what: str) -> RGB:
-    """Return the colour of a surface as `linear_rgb` does; three whole numbers, one above 1, are refused.
-
-    Who writes (255, 128, 0) means sRGB, not a surface that reflects 255 times what it gets. Lights are not asked this.
-    """
-    is_several = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0 and not isinstance(color, str)
-    channels: list[Any] = list(color) if is_several else []  # type: ignore[arg-type]
+def _check_no_bytes(color: Any, what: str) -> None:
+    """Refuse three whole numbers, one above 1: no surface reflects 255 times what it gets."""
+    channels = list(color)
     if len(channels) == 3 and all(is_whole(channel, 0) for channel in channels) and max(channels) > 1:
         text = "#" + "".join(f"{int(channel):02x}" for channel in channels) if max(channels) <= 255 else "#rrggbb"
         hint = (
             f'sRGB is written "{text}" or rz.srgb(...), linear light divided by 255, or 2.0 where more than 1 is meant'
         )
         raise SceneError(f"{what} must be linear, 1 is white; given whole numbers, {shown(color)}: {hint}")
-    return linear_rgb(color, what)
 
 
 def srgb(colors: ArrayLike) -> NDArray[np.float64]:

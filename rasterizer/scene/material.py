@@ -27,7 +27,7 @@ import numpy as np
 from ..choices import DISTRIBUTIONS, Distribution
 from ..errors import SceneError, shown
 from .arrays import VectorLike
-from .color import ColorLike, linear_rgb, surface_rgb
+from .color import ColorLike, linear_rgb
 from .texture import Texture, TextureLike
 from .validate import choice, number, store, unit3, value_class
 
@@ -156,7 +156,7 @@ class Material:
     def __post_init__(self) -> None:
         for field in ("diffuse", "specular", "emissive", "ambient"):
             value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
-            store(self, **{field: surface_rgb(value, f"the material's {field}")})
+            store(self, **{field: linear_rgb(value, f"the material's {field}")})
         shininess = number(self.shininess, "the material's shininess")
         if shininess <= 0.0:
             raise SceneError(f"the material's shininess must be above 0; given {self.shininess!r}")
@@ -201,7 +201,7 @@ class Material:
             raise SceneError(f"the material's metallic must be within 0..1; given {self.metallic!r}")
         store(self, metallic=metallic)
         if self.metal is not None:
-            store(self, metal=surface_rgb(self.metal, "the material's metal"))
+            store(self, metal=linear_rgb(self.metal, "the material's metal"))
         if self.metallic_roughness is None:
             return
         image: Any = self.metallic_roughness.image  # type: ignore[union-attr]

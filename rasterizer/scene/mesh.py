@@ -20,7 +20,7 @@ from ..errors import ModelError, SceneError, counted, shown
 from ..keywords import checked_fields
 from ..locks import cached_property
 from . import mesh_arrays
-from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
+from .arrays import KeepsArrays, VectorLike, fixed, kept, plain_array, real_array
 from .framing import rotation
 from .material import Material
 from .validate import COORDINATE_LIMIT, choice, number, position3, store, unit3, vector3, whole
@@ -40,6 +40,14 @@ class HasFaces(Protocol):
     @property
     def faces(self) -> Any:
         """(n_face, 3) integers."""
+
+
+class HasPoints(Protocol):
+    """What is taken for a mesh, too: `pyvista.PolyData`, `meshio.Mesh`."""
+
+    @property
+    def points(self) -> Any:
+        """(n_vertex, 3) numbers."""
 
 
 @checked_fields
@@ -180,7 +188,7 @@ class Mesh(KeepsArrays):
 
         cut_from : (n_face,) int32 polygon that each triangle was cut from; None where none was cut
         """
-        n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else np.asarray(self.faces))
+        n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else plain_array(self.faces))
         n_corner_face = n_face if cut_from is None else None
 
         def per_vertex_or_corner(key: str, *widths: int) -> NDArray[np.float64] | None:
@@ -217,7 +225,8 @@ class Mesh(KeepsArrays):
 
     @classmethod
     def from_any(cls, source: "MeshLike") -> "Mesh":
-        """Make a mesh of a `trimesh.Trimesh` or its like, or of (vertices, faces); a Mesh stays what it is.
+        """Make a mesh of a `trimesh.Trimesh` or its like, of a mesh of PyVista, Open3D or meshio, or of
+        (vertices, faces); a Mesh stays what it is.
 
         Of a Trimesh the vertex or face colours and texture coordinates are taken, and its vertex normals only
         where it holds them already: trimesh needs very long to compute them.
@@ -381,7 +390,7 @@ class Mesh(KeepsArrays):
         return import_module("rasterizer.geometry.subdivide").subdivide(self, times)
 
 
-MeshLike: TypeAlias = Mesh | HasFaces | tuple[ArrayLike, ArrayLike]  # what `Mesh.from_any` takes
+MeshLike: TypeAlias = Mesh | HasFaces | HasPoints | tuple[ArrayLike, ArrayLike]  # what `Mesh.from_any` takes
 
 
 def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
@@ -411,13 +420,21 @@ def is_one_mesh(source: object) -> bool:
     """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
     if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
         return True
-    if not isinstance(source, (tuple, list)) or len(source) != 2:
+    if not isinstance(source, (tuple, list)):
+        return _is_guest(source)
+    if len(source) != 2:
         return False
     points = source[0]
     if isinstance(points, (tuple, list)):
         # its first item is a point, or the vertices of the first of two pairs
         return len(points) == 0 or np.size(points[0]) == 3
-    return np.ndim(points) == 2
+    return np.ndim(points) == 2 or (hasattr(points, "__dlpack__") and not hasattr(points, "ndim"))
+
+
+def _is_guest(source: object) -> bool:
+    from .guests import is_guest  # no file that is read needs it
+
+    return is_guest(source)
 
 
 def _is_trimesh_scene(source: object) -> bool:
@@ -443,11 +460,16 @@ def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
         return replace(source, **settings) if settings else source
     if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
         return Mesh(source.vertices, source.faces, **_trimesh_extras(source), **settings)
+    if not isinstance(source, tuple) and _is_guest(source):
+        from .guests import arguments_of
+
+        return Mesh(**arguments_of(source) | settings)
     if isinstance(source, (tuple, list)) and len(source) == 2:
         return Mesh(source[0], source[1], **settings)
     if hasattr(source, "vertices") or getattr(source, "shape", ())[1:] == (3,):
         raise ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
-    legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); load() takes files and trimesh scenes, too"
+    legal = "a Mesh, a trimesh.Trimesh, one of PyVista, Open3D or meshio, or (vertices, faces)"
+    legal += "; load() and render() take a file or a trimesh.Scene, too"
     raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
 
 

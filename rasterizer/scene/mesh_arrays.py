@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError, shown, warn_caller
-from .arrays import is_masked, real_array
+from ..errors import ModelError, SceneError, shown, warn_caller
+from .arrays import is_masked, plain_array, real_array
 from .color import linear_from_srgb_bytes
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT, UNIT_SLACK
@@ -81,7 +81,9 @@ def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
     if is_masked(faces):
         raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}")
     try:
-        array = np.asarray(faces)
+        array = plain_array(faces)
+    except SceneError:
+        raise
     except ValueError:  # lists of several lengths
         array = np.empty(0, dtype=object)
     if array.dtype == object:
@@ -143,7 +145,8 @@ def without_bad_vertices(
         f"±{COORDINATE_LIMIT:g}, the first is vertex {first}: {tuple(vertices[first].tolist())}"
     )
     if not drop_bad_faces:
-        raise ModelError(f"{fault}; drop_bad_faces=True leaves out the faces that use them")
+        asked = "drop_bad_faces=True of load() and Mesh, --drop-bad-faces in a shell,"
+        raise ModelError(f"{fault}; {asked} leaves out the faces that use them")
     is_dropped: Any = is_bad[faces].any(axis=1)
     if polygons is not None:
         is_dropped = np.isin(polygons, polygons[is_dropped])

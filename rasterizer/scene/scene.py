@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
 from ..errors import SceneError, counted, shown
-from ..keywords import checked_fields
+from ..keywords import checked_fields, checked_keywords
 from ..locks import cached_property
 from .camera import Camera
-from .color import RGB, ColorLike, linear_rgb, surface_rgb
+from .color import RGB, ColorLike, linear_rgb
 from .lights import Light, checked_lights, studio
 from .material import Material
 from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh
@@ -123,7 +123,7 @@ class Scene:
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
-            store(self, background=surface_rgb(self.background, "the background"))
+            store(self, background=linear_rgb(self.background, "the background"))
         store(self, depth_cue=checked_cue(self.depth_cue))
         choice(self.up, tuple(AXES), "the scene's up")
 
@@ -134,6 +134,7 @@ class Scene:
         return f"Scene({size}, lights: {lights}, camera: {camera})"
 
     @classmethod
+    @checked_keywords
     def load(cls, path: str | os.PathLike[str]) -> "Scene":
         """Read a scene from a .json or .toml file, as `save` writes it or as a person does.
 

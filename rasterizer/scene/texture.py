@@ -383,6 +383,8 @@ def _checked_image(image: Any) -> NDArray[np.float32]:
     """Return an image as (h, w, 4) float32, linear, read-only."""
     try:
         array = plain_array(image)
+    except SceneError:
+        raise
     except ValueError:  # lists of several lengths
         array = np.empty(0, object)
     array = array[..., None] if array.ndim == 2 else array

@@ -92,7 +92,7 @@ class Session:
         self._resolution = Resolution()
         self._renderers: OrderedDict[tuple, Renderer] = OrderedDict()
         self._n_made = 0  # renderers
-        self._at_rest: tuple[tuple, Frame, bytes] | None = None  # what it shows, the picture, its file
+        self._at_rest: tuple[tuple, Frame, bytes, float] | None = None  # what it shows, picture, file, seconds
         self.renew()
         renew_in_child(self)
 
@@ -155,7 +155,7 @@ class Session:
 
     def _pick(self, aim: Aim) -> None:
         """Pick what is seen at a pixel, and turn about it from now on if that is asked for."""
-        frame, _ = self._draw_at_rest()
+        frame, *_ = self._draw_at_rest()
         picked = pick(frame, self.scene, self.camera, aim.x, aim.y)
         orbit = self._state.orbit
         if aim.is_pivot and picked is not None:
@@ -164,9 +164,8 @@ class Session:
         self._state = self._state._replace(picked=picked, orbit=orbit, said=said)
 
     def _reply_at_rest(self) -> Reply:
-        start = perf_counter()
-        _, content = self._draw_at_rest()
-        return Reply(self._status(1, True, perf_counter() - start), content, "image/png")
+        _, content, seconds = self._draw_at_rest()
+        return Reply(self._status(1, True, seconds), content, "image/png")
 
     def _reply_moving(self) -> Reply:
         divisor, n_made = self._resolution.divisor, self._n_made
@@ -179,14 +178,17 @@ class Session:
             self._resolution.note(1e3 * seconds)
         return Reply(self._status(divisor, False, seconds), content, "image/jpeg")
 
-    def _draw_at_rest(self) -> tuple[Frame, bytes]:
-        """Draw the picture as good as it gets, with the buffers that picking needs; or return it where it is drawn."""
+    def _draw_at_rest(self) -> tuple[Frame, bytes, float]:
+        """Draw the picture as good as it gets, with the buffers that picking needs, and tell the seconds that it took;
+        or return it where it is drawn."""
         shown_now = (self.camera, self._state.shading, self._state.lights, self._size, self._background)
         if self._at_rest is None or self._at_rest[0] != shown_now:
             outputs = ("rgb", "face", "depth", "normal")
             renderer = self._renderer({"size": self._size, "samples": self._samples, "outputs": outputs})
+            start = perf_counter()
             frame = renderer.render(self.camera)
-            self._at_rest = shown_now, frame, frame.encode("PNG")
+            content = frame.encode("PNG")
+            self._at_rest = shown_now, frame, content, perf_counter() - start
         return self._at_rest[1:]
 
     def _renderer(self, settings: dict[str, Any]) -> Renderer:

@@ -22,6 +22,11 @@ def run(*argv) -> int:
 def test_table_and_advice(folder, capsys):
     few = ["--shadings", "flat,gouraud", "--subdivisions", "0,1", "--samples", "4", "--seconds", "9"]
     assert run(CUBE, *few) == 0
+    title, _, _, head, *rows, others, _, last = capsys.readouterr().out.splitlines()
+    assert title.startswith(f"{CUBE}: 12 triangles, 32x24, 1 thread on ") and last.startswith("Choose ")
+    assert head.split() == ["shading", "samples", "tolerance", "ms", "rms", "max"]
+    assert 1 <= len(rows) == 6 - int(others.split()[0]) and "--all" in others
+    assert run(CUBE, *few, "--all") == 0
     out, _ = capsys.readouterr()
     assert list(folder.iterdir()) == []
     title, *_, last = lines = out.splitlines()

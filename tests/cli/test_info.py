@@ -84,8 +84,10 @@ def test_what_a_reader_leaves_out_is_told(folder, capsys):
 def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
     (folder / "empty.obj").write_bytes(b"")
     found = records(capsys, "nope.stl", CUBE, "empty.obj", code=1)
-    assert found[0] == {"path": "nope.stl", "error": "nope.stl: no such file"}
-    assert found[1]["faces"] == 12 and found[2]["error"] == "empty.obj: the file is empty"
+    assert found[0] == {"status": "failed", "path": "nope.stl", "error": "nope.stl: no such file"}
+    assert (
+        found[1]["faces"] == 12 and found[1]["status"] == "done" and found[2]["error"] == "empty.obj: the file is empty"
+    )
     assert_refused(capsys, [(["nope.stl"], "raster: error: nope.stl: no such file\n")], "info", code=3)
     assert_refused(capsys, [([], "MODEL"), (["-"], "--input-format")], "info")
 

@@ -283,11 +283,25 @@ def test_what_a_file_says_of_the_scene_is_used_unless_flags_say_otherwise(folder
     assert loaded(CUBE, "--subdivide", "2").scene.n_face == 16 * rz.load(CUBE).n_face
 
 
-def test_a_camera_and_lights_of_a_model_are_used_unless_flags_ask_for_others(folder):
+def test_lights_of_a_model_are_used_and_its_camera_where_a_flag_asks_for_it(folder, capsys):
     (folder / "rich.gltf").write_bytes(rich_gltf())
-    own, found = rz.load("rich.gltf"), loaded("rich.gltf")
-    assert found.scene.camera == own.camera is not None and found.scene.lights == own.lights != rz.studio()
+    own, found = rz.load("rich.gltf", camera="file"), loaded("rich.gltf")
+    assert "the file has a camera; the model is framed, --camera file looks through it" in capsys.readouterr().err
+    assert found.scene.camera is None is rz.load("rich.gltf").camera and found.scene.lights == own.lights != rz.studio()
+    assert loaded("rich.gltf", "--camera", "file").scene.camera == own.camera is not None
+    assert capsys.readouterr().err == ""
     assert loaded("rich.gltf", "--preset", "headlight").scene.lights == rz.headlight()
+
+
+def test_another_axis_that_the_shape_says_is_told(folder, capsys):
+    """A pyramid stands on the plane z = 0; a box says nothing, nor does a file whose format says what is up."""
+    rows = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 1 1 3\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
+    (folder / "pyramid.obj").write_text(rows)
+    for model, flags, is_told in (("pyramid.obj", (), True), ("pyramid.obj", ("--up", "z"), False), (CUBE, (), False)):
+        loaded(model, *flags)
+        err = capsys.readouterr().err
+        assert ("drawn with y upwards; the shape says z" in err and "try --up z" in err) == is_told, (model, flags)
+        assert is_told or not err
 
 
 def test_options_of_the_file_come_before_defaults_and_after_flags(folder, capsys):

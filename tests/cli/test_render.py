@@ -92,12 +92,13 @@ def test_json_has_a_line_for_each_picture_and_each_failure(capsys):
     assert run(CUBE, "nope.obj", "--json") == 1
     out, err = capsys.readouterr()
     first, second = map(json.loads, out.splitlines())
-    assert second == {"path": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
+    assert second == {"status": "failed", "path": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
     assert first.pop("seconds") > 0 and 0 < first.pop("coverage") < 1 and 0 <= first.pop("error_bound") < 0.01
     bounds = first.pop("error_bounds")
     assert bounds["rgb"] == 1 and "shadows" not in bounds
     assert first == {
-        "path": CUBE, "view": None, "output": "cube.png", "size": [24, 16], "faces": 12, "warnings": [],
+        "status": "drawn", "path": CUBE, "view": None, "output": "cube.png", "size": [24, 16], "faces": 12,
+        "warnings": [],
     }  # fmt: skip
 
 
@@ -119,6 +120,9 @@ def test_verbose_and_quiet(capsys):
     assert run(CUBE, "-v") == 0
     err = errors(capsys)
     assert "cube.obj: 12 faces" in err and "cube.png, <Frame 24x16 rgb, 12 faces" in err and "\x1b" not in err
+    assert "4 samples a pixel" in err and len(err.splitlines()) == 4 and "float32" not in err
+    assert run(CUBE, "-vv") == 0
+    assert "1 channel, float32" in errors(capsys)
     away = ["--eye", "9,9,9", "--target", "20,20,20"]
     assert run(CUBE, "-q", *away, "--json") == 0
     out, err = capsys.readouterr()
@@ -179,6 +183,8 @@ def test_usage(capsys):
         ("--light sun:1", "ambient:..., directional:..., point:..."),
         ("--light ambient:-1", "negative"),
         ("--light ambient:1,1,1", "color"),
+        ("--color 255,128,0", '--color: a color is linear, 1 is white; given \'255,128,0\': sRGB is written "#ff8000"'),
+        ("--light point:1,2,3,color=255/128/0", 'sRGB is written "#ff8000"'),
         ("--light directional:0,0,0", "must have a length"),
         ("--light directional:0,1", "three numbers"),
         ("--light point:0,1,2,attenuation=0/0/0", "not all 0"),

@@ -27,7 +27,7 @@ def loaded(*nodes, lights=(), cameras=(), **options):
         tree["extensionsUsed"] = ["KHR_lights_punctual"]
         tree["cameras"] = list(cameras)
 
-    return load(gltf_with(change), format="gltf", **options)
+    return load(gltf_with(change), format="gltf", **{"camera": "file"} | options)
 
 
 def light_node(number=0, **place):
@@ -136,9 +136,10 @@ def test_the_first_camera_counts_and_the_callers_own_wins():
         tree["nodes"].append({"camera": 0, "children": tree["scenes"][0]["nodes"], "translation": [10, 0, 0]})
         tree["scenes"][0]["nodes"] = [len(tree["nodes"]) - 1]
 
-    scene = load(gltf_with(change), format="gltf")
+    scene = load(gltf_with(change), format="gltf", camera="file")
     np.testing.assert_allclose(scene.bounds[:, 0], (9.5, 10.5))
     assert scene.camera.position == (10, 0, 0)
+    assert load(gltf_with(change), format="gltf").camera is None, "the picture is framed unless it is asked for"
 
 
 # --- nodes --------------------------------------------------------------------------------------------------

@@ -165,7 +165,7 @@ def test_facts_are_logged():
 
 
 def test_the_rich_file_is_sound():
-    scene = load(rich_gltf(), format="gltf")
+    scene = load(rich_gltf(), format="gltf", camera="file")
     assert len(scene.lights) == 3 and scene.camera is not None and scene.meshes[0].material.texture is not None
 
 

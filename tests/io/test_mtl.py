@@ -46,7 +46,7 @@ def test_materials(folder):
         ("Kd 0.001 0.5 1", Material(diffuse=(0.001, 0.5, 1), specular=0)),
         ("Kd 0.5", Material(diffuse=0.5, specular=0)),
         ("Ka 0.1 0.2 0.3\nKd 1 0 0", Material(ambient=(0.1, 0.2, 0.3), diffuse=(1, 0, 0), specular=0)),
-        ("Ka 0 0 0\nKd 0.5 0 0", Material(ambient=0, diffuse=(0.5, 0, 0), specular=0)),
+        ("Ka 0 0 0\nKd 0.5 0 0", Material(diffuse=(0.5, 0, 0), specular=0)),  # what no lamp reaches isn't black
         ("Ka 1 1 1\nKd 1 1 1", Material(ambient=1, diffuse=1, specular=0)),
         ("Ka 1 1 1\nKd 0.5 0 0", Material(diffuse=(0.5, 0, 0), specular=0)),  # beside a colour it is as that
         ("Kd 1 1 1\nKs 0.3 0.3 0.3\nNs 96.5", Material(diffuse=1, specular=0.3, shininess=96.5)),
@@ -155,6 +155,8 @@ def test_what_is_left_out_is_reported(folder):
     assert material.diffuse == (1, 1, 1) and material.specular == (0, 0, 0) and material.emissive == (0, 0, 0)
     assert material_of(folder, "map_Bump bumps.png\nbump b.png\nmap_Ks shine.png", log=facts.append).texture is None
     material_of(folder, "Ka 1 1 1\nKd 0.5 0 0", log=facts.append)
+    material = material_of(folder, "Ka 0 0 0\nKd 1 0 0\nnewmtl other\nKa 0.1 0 0", log=facts.append)
+    assert material.ambient == (0, 0, 0), "a file that has other ambient coefficients means it"
     said = [("'large.png'", "another size"), ("illum 0", ""), ("m.mtl:2: 'Ka 1 1 1'", "")]
     said += [(name, "not drawn") for name in ("'bumps.png'", "'b.png'", "'shine.png'")]
     for words in said:

@@ -115,7 +115,12 @@ def test_what_is_no_model(folder):
         (["a.obj", "b.obj"], rz.ModelError, "a mesh must be"),
         (np.zeros((4, 3)), rz.ModelError, "a mesh needs faces: points and lines alone are not drawn"),
         (trimesh.PointCloud(np.eye(3)), rz.ModelError, "a mesh needs faces: points and lines alone are not drawn"),
-        (None, rz.ModelError, "a mesh must be"),
+        (None, rz.ModelError, r"a mesh must be .*render\(\) take a file .*; given None"),
+        (
+            ([(0, 0, 0), (1, 0, 0), (0, np.nan, 0)], [(0, 1, 2)]),
+            rz.ModelError,
+            r"=True of load\(\) and Mesh, --drop-bad-",
+        ),
         ({}, rz.ModelError, "a mesh must be"),
     ):
         with pytest.raises(error, match=words):

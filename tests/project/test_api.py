@@ -54,6 +54,15 @@ def test_an_editor_completes_the_names_and_what_they_return():
     editor = jedi.Script("import rasterizer as rz\nrz.\nrz.load('x.obj').\n", project=jedi.Project(PACKAGE.parent))
     assert {each.name for each in editor.complete(2, 3)} >= set(rz.__all__)
     assert {each.name for each in editor.complete(3, 17)} >= {"meshes", "lights", "camera"}
+    for line, expected in (
+        ("rz.render('x.obj').", {"rgba", "depth", "save", "stats"}),
+        ("rz.render('x.obj', shad", {"shading="}),
+        ("rz.Camera.framing(scene, azi", {"azimuth="}),
+        ("rz.Material(diff", {"diffuse="}),
+        ("rz.explain('x.obj', 1, 2).", {"samples", "layers", "linear"}),
+    ):
+        editor = jedi.Script(f"import rasterizer as rz\n{line}", project=jedi.Project(PACKAGE.parent))
+        assert {each.name for each in editor.complete(2, len(line))} >= expected, line
 
 
 def test_what_editors_see_of_a_dataclass_is_what_it_takes():

@@ -108,7 +108,7 @@ def test_wrong_arguments_raise_errors_of_the_package(folder, is_whole):
 def test_the_sweep_calls_all_that_is_public(tmp_path):
     called = {function.__qualname__ for function, _ in calls(tmp_path)}
     public = {name for name in rz.__all__ if not name.startswith("__") and not name.endswith("Error")}
-    made_by_us = {"Comparison", "Explanation", "Frame", "MachBands", "Pick", "RenderRecord"}
+    made_by_us = {"Comparison", "Explanation", "Frame", "MachBands", "MissingArray", "Pick", "RenderRecord"}
     tested_apart = {
         "turntable",
         "view",

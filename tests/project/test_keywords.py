@@ -1,6 +1,7 @@
 """Keywords that a function doesn't have: one error, which names the nearest that it has."""
 
 import inspect
+import traceback
 
 import numpy as np
 import pytest
@@ -73,6 +74,44 @@ def test_it_is_an_error_of_the_package_and_one_of_python():
         rz.Material(colour="red")
     with pytest.raises(rz.RasterizerError):
         rz.Material(colour="red")
+
+
+def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(monkeypatch):
+    holed = ([[0, 0, 0], [1, 0, 0], [0, float("nan"), 0]], [[0, 1, 2]])
+    frame = rz.render(TRIANGLE, 8)
+    calls = (
+        lambda: rz.render(None),
+        lambda: rz.render("none.obj"),
+        lambda: rz.render(holed),
+        lambda: rz.render(TRIANGLE, -1),
+        lambda: rz.render(TRIANGLE, 8, camera=3),
+        lambda: rz.load(TRIANGLE, up="w"),
+        lambda: rz.Mesh(*holed),
+        lambda: rz.Material(diffuse=(255, 0, 0)),
+        lambda: rz.Scene.load("none.json"),
+        lambda: rz.turntable(TRIANGLE, shading="none"),
+        lambda: rz.sheet([3]),
+        lambda: frame.save("x.foo"),
+    )
+    for call in calls:
+        with pytest.raises(rz.RasterizerError) as caught:
+            call()
+        files = [each.filename for each in traceback.extract_tb(caught.tb)]
+        assert files[:2] == [__file__] * 2 and len(files) == 3, f"{caught.value}: {files}"
+
+    def odd(*_):
+        raise ZeroDivisionError("of ours")
+
+    monkeypatch.setattr("rasterizer.io.loader.read_source", odd)
+    with pytest.raises(rz.ModelError, match="internal error") as caught:
+        rz.load("any.obj")
+    assert any(each.name == "odd" for each in traceback.extract_tb(caught.value.__cause__.__traceback__))
+
+
+def test_signatures_name_types_as_they_are_written():
+    for function in (rz.render, rz.Renderer, rz.load, rz.explain, rz.turntable):
+        text = str(inspect.signature(function))
+        assert "_typing" not in text and len(text) < 1000, text
 
 
 def test_signatures_are_those_that_are_written():

@@ -180,6 +180,33 @@ def test_the_text_says_what_is_seen():
     assert len(max(text.splitlines(), key=len)) <= 160
 
 
+def test_what_gouraud_interpolates_is_told_as_the_textbooks_write_it():
+    """I_Q = 5/8 I_C + 3/8 I_A on the left edge, I_R = 5/8 I_C + 3/8 I_B on the right one, a third of the way to it."""
+    corners, colors = [(-2.0, -2, 0), (2, -2, 0), (-2, 2, 0)], [[0.1] * 3, [0.3] * 3, [0.9] * 3]
+    mesh = rz.Mesh(corners, [(0, 1, 2)], colors=colors, material=rz.Material(diffuse=1.0))
+    flat = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4)
+    for camera in (flat, rz.Camera.perspective((0, 0, 2), (0, 0, 0), (0, 1, 0), 90)):
+        found = rz.explain(rz.Scene(mesh, rz.AmbientLight(1.0), camera), 0, 1, 4, shading="gouraud", samples=1)
+        (layer,) = found.layers
+        assert np.allclose(layer.corners, colors) and np.allclose(layer.color, 0.625)
+        left, right, share = layer.scan_line
+        assert left.edge == (2, 0) and right.edge == (1, 2) and share == pytest.approx(1 / 3)
+        assert (left.share, right.share) == pytest.approx((3 / 8, 5 / 8))
+        assert (left.intensity[0], right.intensity[0]) == pytest.approx((0.6, 0.675))
+    for words in ("I_A 0.1, I_B 0.3, I_C 0.9", "I_Q = 0.375 I_A + 0.625 I_C = 0.6", "I_R + 0.666667 I_Q = 0.625"):
+        assert words in str(found), f"{words!r} is missing:\n{found}"
+
+
+def test_one_of_several_samples_is_shown_and_reflection_is_called_so():
+    found = rz.explain(lit_quads(), 12, 9, (24, 18), shading="gouraud", samples=4)
+    assert str(found).count("sample at") == 1 and str(found.samples[0]) in str(found)
+    assert "samples[k]), k from 0 to 3" in str(found) and str(found.samples[3]).startswith("sample at 12.75, 9.75 px")
+    assert "gouraud shading" in str(found) and "\n     reflection phong: ambient" in str(found)
+    cued = found.samples[0].layers[0]
+    expected = np.array(cued.weights) @ np.array(cued.corners) + cued.depth_cue
+    assert np.allclose(expected, cued.color, atol=1e-12)
+
+
 def test_a_pixel_with_nothing_says_so():
     empty = rz.explain(lit_quads(background=(1, 0, 0)), 0, 0, (24, 18), samples=1)
     assert empty.layers == () and "nothing is seen here" in str(empty) and "background: (1, 0, 0)" in str(empty)

@@ -98,7 +98,7 @@ def test_srgb_decodes_whole_numbers_up_to_255_and_floats_up_to_1():
     assert_refused(rz.srgb, [(each, "colours must be") for each in bad], SceneError)
 
 
-def test_whole_numbers_above_one_are_no_colour_of_a_surface():
+def test_whole_numbers_above_one_are_no_colour():
     ways = (255, 128, 0), [255, 128, 0], np.array([255, 128, 0], np.uint8), (255, 128, 0)
     fields = "diffuse", "ambient", "specular", "emissive"
     said = 'the material\'s {} must be linear, .*"#ff8000" or rz.srgb'
@@ -108,6 +108,15 @@ def test_whole_numbers_above_one_are_no_colour_of_a_surface():
     mesh = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     with pytest.raises(SceneError, match=r'the background .*given whole numbers, \(30, 30, 30\): .*"#1e1e1e"'):
         rz.render(mesh, 8, background=(30, 30, 30))
+    others = [
+        (lambda color: rz.DirectionalLight((0, 0, -1), color=color), "the directional light's color"),
+        (lambda color: rz.AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0), color=color), "the area light's color"),
+        (lambda color: rz.DepthCue(1, color=color), "the depth cue's color"),
+        (lambda color: rz.Options(edge_color=color), "the edges' color"),
+    ]
+    for make, whose in others:
+        with pytest.raises(SceneError, match=f'{whose} must be linear, .*given whole numbers, .*"#ff8000"'):
+            make((255, 128, 0))
 
 
 def test_ones_and_zeros_greys_floats_and_lights_may_be_above_one():
@@ -115,4 +124,4 @@ def test_ones_and_zeros_greys_floats_and_lights_may_be_above_one():
     assert rz.Material(specular=2).specular == (2.0, 2.0, 2.0)  # a grey is a coefficient
     assert rz.Material(emissive=(255.0, 128.0, 0.0)).emissive == (255.0, 128.0, 0.0)
     assert rz.Material(emissive=(2.0, 1, 0)).emissive == (2.0, 1.0, 0.0)
-    assert rz.PointLight((0, 0, 1), (100, 90, 80)).color == (100.0, 90.0, 80.0)
+    assert rz.PointLight((0, 0, 1), (100.0, 90, 80)).color == (100.0, 90.0, 80.0)

@@ -80,6 +80,9 @@ def test_slow_pictures_become_smaller_while_something_moves_and_whole_at_rest(se
     assert sizes[0] == SIZE and sizes[-1] == (10, 8)
     assert replies[-1].status["divisor"] == 8 and replies[-1].status["milliseconds"] == 500.0
     assert pixels(rest(session)).shape == (60, 80, 3)
+    assert [rest(session).status["milliseconds"] for _ in range(2)] == [500.0, 500.0], (
+        "a picture that is kept took time"
+    )
 
 
 def test_the_first_view_comes_back_and_follows_the_shape_of_the_page(session):
