@@ -65,7 +65,9 @@ PATHS = (
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
     Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_row")', "@helper"),)),
     Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_row")', "@helper"),)),
-    Variant("shadow filter: by hand", (("pipeline/shadow_lookup.py", '@spelled_out("build_count_before")', "@helper"),)),
+    Variant(
+        "shadow filter: by hand", (("pipeline/shadow_lookup.py", '@spelled_out("build_count_before")', "@helper"),)
+    ),
     Variant(
         "texels: by hand",
         (
