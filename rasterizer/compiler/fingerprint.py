@@ -35,6 +35,7 @@ PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2),
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
+_OTHER_KERNELS = ("io/obj_numbers.py",)
 # Their changes change no machine code.
 _WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "store.py"
 
@@ -83,11 +84,13 @@ def describe_compiler() -> str:
 def hash_sources() -> str:
     """Return 16 digits that change with every source that kernels are made of, and with the compiler."""
     digest = hashlib.sha256(describe_compiler().encode())
+    paths = [str(_PACKAGE / name) for name in _OTHER_KERNELS]
     for folder in _KERNEL_FOLDERS:
-        for entry in sorted(os.scandir(_PACKAGE / folder), key=lambda entry: entry.name):
-            if entry.name.endswith(".py") and entry.name not in _WITHOUT_KERNELS:
-                with open(entry.path, "rb", buffering=0) as file:
-                    digest.update(file.read())
+        entries = sorted(os.scandir(_PACKAGE / folder), key=lambda entry: entry.name)
+        paths += [each.path for each in entries if each.name.endswith(".py") and each.name not in _WITHOUT_KERNELS]
+    for path in paths:
+        with open(path, "rb", buffering=0) as file:
+            digest.update(file.read())
     return digest.hexdigest()[:16]
 
 

@@ -15,6 +15,7 @@ from ..compiler.signatures import signature_of
 from ..geometry import ears, equal_rows, normals, surfaces
 from ..geometry.polygons import fill_means
 from ..geometry.weld import FEW
+from ..io import obj_numbers
 from ..options import Options
 from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
 from ..pipeline.cull import Band, Rows, scatter
@@ -86,8 +87,10 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
 
 
 def list_mesh_kernels() -> list[Job]:
-    """List the kernels that work on meshes outside of pictures: those that cut ears, and weld vertices."""
+    """List the kernels that work on meshes outside of pictures: those that read OBJ, cut ears, and weld vertices."""
     found = KernelList()
+    found.add(obj_numbers.read_rows, FLAGS, NUMBERS, LENGTHS, ROWS)
+    found.add(obj_numbers.read_corners, FLAGS, NUMBERS, NUMBERS, np.empty((3, 0), np.int32))
     found.add(*NUMBER_ROWS)
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
     found.add(

@@ -8,6 +8,7 @@ A format's reader is one file; loader.py is where reading begins.
     limits              how much may be made of a file, and how long its text is
     model_file          what the readers of models share
     obj, mtl            OBJ, and its materials
+    obj_numbers         numbers in lines of OBJ: the compiled part
     ply, stl, gltf      PLY; STL; glTF and GLB
     threemf             3MF, by lib3mf
     other_formats       what trimesh reads: OFF, COLLADA and others

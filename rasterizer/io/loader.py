@@ -176,7 +176,7 @@ def load_model(
     with one_file(name):
         entry = formats.format_of(name, format, is_scene=False)
         data = read_source(source, name, entry.name if entry.is_binary else "")
-        if not data.strip():
+        if not data or data.isspace():
             raise ModelError(f"{name}: the file is empty")
         model = ModelFile(name, entry.name, data, files, log or keep_quiet)
         contents = _read(entry, model)

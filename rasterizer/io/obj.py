@@ -177,7 +177,7 @@ def _take_range(whole: Part, begin, end) -> Part:
         part["normals"] = whole["normals"][begin:end]
     if "uv" in whole and whole["has_uv"][begin:end].any():
         uv = whole["uv"][begin:end]
-        of_vertex = np.empty((len(used), 2))
+        of_vertex = np.empty((len(part["vertices"]), 2))
         of_vertex[faces] = uv
         is_same = np.array_equal(of_vertex[faces], uv, equal_nan=True)  # wherever faces share a vertex
         part |= {"uv": of_vertex if is_same else uv, "has_uv": whole["has_uv"][begin:end]}
@@ -190,15 +190,17 @@ def _take_range(whole: Part, begin, end) -> Part:
     return part
 
 
-def _compact(faces) -> tuple[np.ndarray, np.ndarray]:
+def _compact(faces) -> tuple[np.ndarray | slice, np.ndarray]:
     """Return which vertices faces use, ascending, and the faces with their numbers among these."""
     first, span = int(faces.min()), int(np.ptp(faces)) + 1
     if span > 8 * faces.size:  # few faces, far apart: sorting them is less than looking at all between
         used, faces_of_used = np.unique(faces, return_inverse=True)
         return used, faces_of_used.reshape(faces.shape)
-    is_used = np.zeros(span, bool)
-    is_used[faces - first] = True
-    return np.flatnonzero(is_used) + first, (np.cumsum(is_used) - 1)[faces - first]
+    is_used, faces = np.zeros(span, bool), faces - first if first else faces
+    is_used[faces] = True
+    if is_used.all():
+        return slice(first, first + span), faces
+    return np.flatnonzero(is_used) + first, (np.cumsum(is_used) - 1)[faces]
 
 
 # --- materials ------------------------------------------------------------------------------------------------------
@@ -222,11 +224,11 @@ def _with_materials(model, part: Part, palette, name) -> Part:
                     f"{counted(int(is_bare.sum()), 'face')} of mesh '{cut(name, 80)}' without texture "
                     f"coordinates, with the material '{cut(palette[number].name, 80)}': drawn without its texture"
                 )
+    part["name"] = name
+    if (numbers == numbers[0]).all():
+        return part | {"material": palette[numbers[0]]}
     used, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
     order = np.argsort(first)
-    part["name"] = name
-    if len(used) == 1:
-        return part | {"material": palette[used[0]]}
     rank = np.argsort(order).astype(np.int32)
     return part | {"materials": tuple(palette[used[k]] for k in order), "face_material": rank[inverse]}
 
@@ -236,10 +238,14 @@ def _with_materials(model, part: Part, palette, name) -> Part:
 #
 # bytes ─ tidy text ─ lines of a keyword ─┬─ words, some lines at a time ─┬─ rows of v, vn, vt
 #                                         └─ names of o, g, s, usemtl …   └─ corners of f
+#
+# Of a long file compiled code reads the lines that hold nothing unusual (obj_numbers.py); what it leaves is read in the
+# same way as a short file.
 
 _ATTRIBUTES = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
 _BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
+FEW = 1 << 20  # letters of a file that is read without waiting for a compiler, or for the code that it made
 _NO_COMMENT = re.compile(rb"\d\.#[A-Za-z]+\d*")  # 1.#QNAN, 1.#IND: what C libraries write for what is no number
 
 
@@ -252,22 +258,23 @@ class Corners(NamedTuple):
 
     lines: NDArray[np.int64]  # (n_face,) of the file, from 0
     counts: NDArray[np.int64]  # (n_face,) how many corners each has
-    v: NDArray[np.int64]  # (n_corner,)
-    vt: NDArray[np.int64] | None  # (n_corner,)
-    vn: NDArray[np.int64] | None  # (n_corner,)
+    v: NDArray[np.signedinteger]  # (n_corner,)
+    vt: NDArray[np.signedinteger] | None  # (n_corner,)
+    vn: NDArray[np.signedinteger] | None  # (n_corner,)
 
 
 class ObjLines:
-    """Hold the lines of an OBJ file, given as bytes."""
+    """Hold the lines of an OBJ file, given as bytes; compiled code reads those of a file with `few` letters or more."""
 
     # Once `corners` has been called: faces with fewer than three corners, and those that refer to what there is not.
     n_short_face = 0
     missing: dict[str, int] = {}
 
-    def __init__(self, data: bytes):
+    def __init__(self, data: bytes, few: int = FEW):
+        self._is_long = len(data) >= few
         text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
         self._index(text)
-        if (self._first_letters == BLANK).any():
+        if (self._heads & 255 == BLANK).any():
             self._index(re.sub(rb"^ +", b"", text, flags=re.MULTILINE))
 
     def _index(self, text) -> None:
@@ -275,7 +282,9 @@ class ObjLines:
         self._text, self._letters = text, np.frombuffer(text, np.uint8)
         self._ends = np.flatnonzero(self._letters == NEWLINE)
         self._starts = np.concatenate(([0], self._ends[:-1] + 1))
-        self._first_letters = self._letters[self._starts]
+        # The first two letters of each line as one number; behind the last newline is another.
+        seconds = self._letters.take(self._starts + 1, mode="clip")
+        self._heads = self._letters[self._starts] | seconds.astype(np.uint16) << 8
 
     def number_of(self, line: int) -> int:
         """Return the number of a line in the file, from 1; of lines that a backslash joins the first."""
@@ -283,8 +292,9 @@ class ObjLines:
 
     def lines_of(self, keyword: str) -> NDArray[np.int64]:
         """Return which lines begin with a keyword and a blank: (n,) ascending, from 0."""
-        lines = np.flatnonzero(self._first_letters == ord(keyword[0]))
-        for place, letter in enumerate(f"{keyword} ".encode()):
+        head, rest = f"{keyword} ".encode()[:2], f"{keyword} ".encode()[2:]
+        lines = np.flatnonzero(self._heads == int.from_bytes(head, "little"))
+        for place, letter in enumerate(rest, 2):
             lines = lines[self._letters.take(self._starts[lines] + place, mode="clip") == letter]
         return lines
 
@@ -305,7 +315,7 @@ class ObjLines:
         ------
         LineError : a line with too few numbers, or with something else
         """
-        tables = [_read_rows(keyword, lines, words) for lines, words in self._words_of(keyword)]
+        tables = [self._rows_in(keyword, lines) for lines in self._blocks_of(keyword)]
         width = min(table.shape[1] for table in tables)
         return np.concatenate([table[:, :width] for table in tables])
 
@@ -317,7 +327,7 @@ class ObjLines:
         LineError : a word that is no corner, or refers to a vertex that there is not
         """
         given = {attribute: self.lines_of(attribute) for attribute in _ATTRIBUTES}
-        blocks = [_read_corners(given, lines, words) for lines, words in self._words_of("f")]
+        blocks = [self._corners_in(given, lines) for lines in self._blocks_of("f")]
         *columns, missing = zip(*blocks, strict=True)
         self.missing = dict(zip(("texture coordinates", "normals"), map(sum, zip(*missing, strict=True)), strict=True))
         self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[1])
@@ -333,24 +343,54 @@ class ObjLines:
                 faults.append(fault.args)
         return min(faults, default=None)
 
-    def _words_of(self, keyword) -> Iterator[tuple[NDArray[np.int64], Words]]:
-        """Yield lines of v, vt, vn or f, and their words without keyword and comments; one item at least."""
-        lines_of_file = self.lines_of(keyword)
-        for begin in range(0, max(len(lines_of_file), 1), _BLOCK):
-            lines = lines_of_file[begin : begin + _BLOCK]
-            is_next = np.diff(lines) == 1
-            starts = self._starts[lines[np.append(True, ~is_next)[: len(lines)]]].tolist()
-            ends = self._ends[lines[np.append(~is_next, True)[: len(lines)]]].tolist()
-            text = b" " * LEAD + b"".join([self._text[a : b + 1] for a, b in zip(starts, ends, strict=True)])
-            if b"#" in text:
-                text = _NO_COMMENT.sub(lambda found: b"nan".ljust(len(found[0])), text)
-                text = re.sub(rb"#.*", lambda found: b" " * len(found[0]), text)
-            letters = np.frombuffer(bytearray(text), np.uint8)
-            lengths = self._ends[lines] + 1 - self._starts[lines]
-            line_starts = np.cumsum(lengths) - lengths + LEAD
-            letters[line_starts[:, None] + np.arange(len(keyword))] = BLANK
-            yield lines, split_words(letters, line_starts)
-            report_progress(begin, len(lines_of_file), f"reading lines '{keyword}'")
+    def _blocks_of(self, keyword) -> Iterator[NDArray[np.int64]]:
+        """Yield the lines of v, vt, vn or f, some at a time; one item at least."""
+        lines = self.lines_of(keyword)
+        for begin in range(0, max(len(lines), 1), _BLOCK):
+            yield lines[begin : begin + _BLOCK]
+            report_progress(begin, len(lines), f"reading lines '{keyword}'")
+
+    def _rows_in(self, keyword, lines) -> NDArray[np.float64]:
+        """Return the numbers of some lines, as many as all of these have."""
+        if self._is_long and len(lines):
+            from .obj_numbers import POWERS, read_rows
+
+            starts = self._starts[lines] + len(keyword)
+            n_column = len(self._text[starts[0] : self._ends[lines[0]]].split())
+            out = np.empty((len(lines), n_column))
+            if n_column >= max(_LEAST[keyword], 2) and read_rows(self._letters, starts, POWERS, out):
+                return out
+        return _read_rows(keyword, lines, self._words_of(keyword, lines))
+
+    def _corners_in(self, given, lines) -> tuple[NDArray, ...]:
+        """Return what `Corners` holds of some face lines; `given` are all lines of v, vt and vn."""
+        if self._is_long and len(lines):
+            from .obj_numbers import read_corners
+
+            starts, counts = self._starts[lines] + 1, np.empty(len(lines), np.int64)
+            n_letter = int((self._ends[lines] - starts).sum())
+            out = np.empty((3, n_letter // 2 + 1), np.int32)
+            n_corner = read_corners(self._letters, starts, counts, out)
+            if n_corner >= 0:
+                indices, missing, is_bad = _find_vertices(given, lines, counts, out[:, :n_corner])
+                if not is_bad.any():
+                    return lines, counts, *indices, missing
+        return _read_corners(given, lines, self._words_of("f", lines))
+
+    def _words_of(self, keyword, lines) -> Words:
+        """Return the words of lines without keyword and comments."""
+        is_next = np.diff(lines) == 1
+        starts = self._starts[lines[np.append(True, ~is_next)[: len(lines)]]].tolist()
+        ends = self._ends[lines[np.append(~is_next, True)[: len(lines)]]].tolist()
+        text = b" " * LEAD + b"".join([self._text[a : b + 1] for a, b in zip(starts, ends, strict=True)])
+        if b"#" in text:
+            text = _NO_COMMENT.sub(lambda found: b"nan".ljust(len(found[0])), text)
+            text = re.sub(rb"#.*", lambda found: b" " * len(found[0]), text)
+        letters = np.frombuffer(bytearray(text), np.uint8)
+        lengths = self._ends[lines] + 1 - self._starts[lines]
+        line_starts = np.cumsum(lengths) - lengths + LEAD
+        letters[line_starts[:, None] + np.arange(len(keyword))] = BLANK
+        return split_words(letters, line_starts)
 
 
 def _tidy(data) -> tuple[bytes, list[int]]:
@@ -386,41 +426,57 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
     return np.append(values, 0.0)[places]
 
 
-def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
+def _read_corners(given, lines, words) -> tuple[NDArray, ...]:
     """Return what `Corners` holds of some face lines; `given` are all lines of v, vt and vn."""
-    pieces = divide(words, b"/")
+    pieces, counts = divide(words, b"/"), np.diff(words.first)
     numbers, is_number = read_integers(pieces)
-    counts, indices, missing, faults = np.diff(words.first), [], [0, 0], []
-    for k, (attribute, given_lines) in enumerate(given.items()):
-        total = len(given_lines)
-        if k > 0 and len(numbers) == len(words.starts):  # no corner has a slash
-            indices.append(np.full(len(numbers), -1) if total else None)
-            continue
-        place = pieces.first[:-1] + k
-        place = np.where(place < pieces.first[1:], place, -1)
-        number, is_bad = np.append(numbers, 0)[place], np.append(~is_number, False)[place]
-        index = number - 1
+    places = pieces.first[:-1] + np.arange(len(given))[:, None]
+    places = np.where(places < pieces.first[1:], places, -1)
+    numbers, is_number = np.append(numbers, 0)[places], np.append(is_number, True)[places]
+    indices, missing, is_bad = _find_vertices(given, lines, counts, numbers)
+    is_bad |= ~is_number
+    if is_bad.any():
+        corner = int(is_bad.any(axis=0).argmax())
+        k = int(is_bad[:, corner].argmax())
+        attribute, given_lines = list(given.items())[k]
+        line = int(lines[np.searchsorted(words.first, corner, side="right") - 1])
+        so_far, total, bad = np.searchsorted(given_lines, line), len(given_lines), int(numbers[k, corner])
+        what = "the first one is 1" if bad == 0 else f"only {so_far} stand before it"
+        reason = f"face refers to {_ATTRIBUTES[attribute]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
+        word = words.text(corner)
+        if word.startswith("/") or not is_number[k, corner]:
+            reason = f"'{cut(word, 60)}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
+        raise LineError(line, reason)
+    return lines, counts, *indices, missing
+
+
+def _find_vertices(given, lines, counts, numbers) -> tuple[list[NDArray | None], list[int], NDArray[np.bool_]]:
+    """Turn the numbers that stand in the corners of faces into indices.
+
+    Parameters
+    ----------
+    given : all lines of v, vt and vn
+    lines, counts : (n_face,) lines of faces, and how many corners each has
+    numbers : (3, n_corner) of each corner's v, vt and vn, 0 where it has none
+
+    Returns
+    -------
+    indices : of v, vt and vn, (n_corner,) each, -1 where there is none; None where the file has none
+    missing : how many faces name a vt, and a vn, that the file doesn't have
+    is_bad : (3, n_corner), True for a v that the file doesn't have
+    """
+    indices, missing, is_bad = [], [0, 0], np.zeros(numbers.shape, np.bool_)
+    for k, (number, given_lines) in enumerate(zip(numbers, given.values(), strict=True)):
+        total, index = len(given_lines), number - 1
         if number.min(initial=0) < 0:  # it counts back from the last before the face
             so_far = np.repeat(np.searchsorted(given_lines, lines), counts)
             index = np.where(number < 0, np.maximum(so_far + number, -1), index)
-        if attribute == "v":
-            is_bad |= (index < 0) | (index >= total)
+        if k == 0:
+            is_bad[k] = (index < 0) | (index >= total)
         else:
             is_missing = (index >= total) | ((number < 0) & (index < 0))
             if is_missing.any():
                 index = np.where(is_missing, -1, index)
-                missing[k - 1] = len(np.unique(np.repeat(np.arange(len(counts)), counts)[is_missing]))
-        if is_bad.any():
-            corner = int(is_bad.argmax())
-            line = int(lines[np.searchsorted(words.first, corner, side="right") - 1])
-            so_far, bad = np.searchsorted(given_lines, line), int(number[corner])
-            what = "the first one is 1" if bad == 0 else f"only {so_far} stand before it"
-            reason = f"face refers to {_ATTRIBUTES[attribute]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
-            word = words.text(corner)
-            if word.startswith("/") or not is_number[place[corner]]:
-                reason = f"'{cut(word, 60)}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
-            faults.append((corner, k, line, reason))
-        indices.append(index if attribute == "v" or total else None)
-    if faults:
-        raise LineError(*min(faults)[2:])
-    return lines, counts, *indices, missing
+                missing[k - 1] = len(distinct(np.repeat(np.arange(len(counts)), counts)[is_missing]))
+        indices.append(index if k == 0 or total else None)
+    return indices, missing, is_bad

@@ -101,6 +101,8 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     """
     counts = np.asarray(counts, np.int64)
     triangles, polygons = fan_corners(counts)
+    if (counts == 3).all():
+        return Cut(triangles, polygons.astype(np.int32), np.empty(0, np.int64))
     starts = np.cumsum(counts) - counts
     first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
     found = []

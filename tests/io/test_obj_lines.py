@@ -10,7 +10,8 @@ from helpers.refusals import assert_refused
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
 from rasterizer.io.model_file import noticing_progress
-from rasterizer.io.obj import LineError, ObjLines
+from rasterizer.io.obj import FEW, LineError, ObjLines
+from rasterizer.io.obj_numbers import POWERS, read_corners, read_rows
 
 N_FILE = 240  # of random files, half of them damaged
 
@@ -18,12 +19,13 @@ N_FILE = 240  # of random files, half of them damaged
 # --- against the plain reader ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("few", [0, FEW])  # with compiled code, and without
 @pytest.mark.parametrize("is_damaged", [False, True])
-def test_random_files_are_read_as_the_plain_reader_does(is_damaged):
+def test_random_files_are_read_as_the_plain_reader_does(is_damaged, few):
     n_fault = 0
     for seed in range(N_FILE // 2):
         data = plain_obj.make_file(random.Random(2 * seed + is_damaged), is_damaged)
-        expected, lines = plain_obj.read(data), ObjLines(data)
+        expected, lines = plain_obj.read(data), ObjLines(data, few)
         fault = lines.first_fault()
         fault = fault and (lines.number_of(fault[0]), fault[1])
         assert fault == expected.fault, f"seed {seed}"
@@ -80,6 +82,54 @@ def test_blocks_of_lines_are_read_as_one():
     assert corners.vt is None and lines.number_of(corners.lines[-1]) == 3 * n + 2
     broken = ObjLines((text + "f 1 2 x\n").encode())
     assert broken.first_fault() == (3 * n + 2, plain_obj.NO_CORNER.format("x"))
+
+
+# --- compiled code --------------------------------------------------------------------------------------------------
+
+UNUSUAL = [*plain_obj.NUMBERS, *plain_obj.INDICES, "1e22", "1e23", "9007199254740993e1", "1#", "#", "1.5#c", "\u00b2"]
+
+
+def random_numbers(random, n):
+    for _ in range(n):
+        value = random.uniform(-1, 1) * 10.0 ** random.randrange(-24, 24)
+        yield random.choice(
+            [
+                f"{value:.{random.randrange(20)}f}", repr(value), f"{value:g}", f"{value:+.{random.randrange(18)}E}",
+                str(random.randrange(10 ** random.randrange(1, 22))), random.choice(UNUSUAL),
+                "".join(random.choice("0123456789.-+e") for _ in range(random.randrange(1, 9))),
+            ]
+        )  # fmt: skip
+
+
+def test_rows_that_compiled_code_reads_are_those_of_python_to_the_last_bit():
+    n_read, words = 0, list(random_numbers(random.Random(3), 6_000))
+    for word in words:
+        text, out = np.frombuffer(f"v  {word} 2 \n".encode(), np.uint8), np.empty((1, 2))
+        if read_rows(text, np.array([1]), POWERS, out):
+            n_read += 1
+            assert out.tobytes() == np.array([float(word), 2.0]).tobytes(), word
+    assert n_read > len(words) // 3
+    text = np.frombuffer(b"1 2\n3\n4 5 6\n7 8 #9\n1_0 2\n", np.uint8)
+    for start in (4, 6, 12, 19):  # too few numbers, too many, and what is no number
+        assert not read_rows(text, np.array([0, start]), POWERS, np.empty((2, 2)))
+
+
+def test_corners_that_compiled_code_reads_are_those_of_the_plain_reader():
+    random_, n_read = random.Random(4), 0
+    total = dict.fromkeys(plain_obj.KINDS, 10**9)
+    for _ in range(6_000):
+        numbers = (str(random_.randrange(-9, 10 ** random_.randrange(1, 11))) for _ in range(random_.randrange(1, 5)))
+        pieces = [random_.choice([number, "7", "", random_.choice(UNUSUAL)]) for number in numbers]
+        word, counts, out = "/".join(pieces) or "1", np.empty(1, np.int64), np.empty((3, 20), np.int32)
+        n = read_corners(np.frombuffer(f"f {word}  2\n".encode(), np.uint8), np.array([1]), counts, out)
+        if n < 0:
+            continue
+        n_read += 1
+        assert n == counts[0] == 2 and out[:, 1].tolist() == [2, 0, 0], word
+        expected = plain_obj.corner(word, total, total)
+        found = [total["v"] + number if number < 0 else number - 1 for number in out[:, 0].tolist()]
+        assert expected == (found if out[0, 0] else "face refers to vertex 0, the first one is 1"), word
+    assert n_read > 1_000
 
 
 # --- corners --------------------------------------------------------------------------------------------------------
