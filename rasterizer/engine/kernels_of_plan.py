@@ -49,7 +49,8 @@ SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
 ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
-NUMBER_ROWS = equal_rows.number_rows, np.empty((0, 3), np.uint32), np.uint64(0), FACES, NUMBERS, FACES  # equal rows
+WORDS = np.empty((0, 3), np.uint32)
+NUMBER_ROWS = equal_rows.number_rows, WORDS, np.uint64(0), FACES, WORDS, 0, NUMBERS, FACES  # equal rows
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
     Triangles(CORNERS, CORNERS, FLAGS),

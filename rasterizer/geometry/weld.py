@@ -11,11 +11,13 @@ cache, by compiled code (equal_rows.py): most vertices are repeated by triangles
 rows are sorted instead, so that nobody waits for a compiler to read a small file.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 FEW = 1 << 14  # rows that are sorted
-_BLOCK = 1 << 16  # rows whose table fits into the cache
+BLOCK = 1 << 16  # rows whose table fits into the cache
 
 
 def weld(part: dict) -> dict:
@@ -42,14 +44,21 @@ def weld(part: dict) -> dict:
     return welded
 
 
-def weld_triangles(corners: NDArray) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """Return vertices (n_vertex, 3) and faces (n_face, 3) of triangles (n_face, 3, 3), float32 or float64, that share
-    nothing.
+def weld_triangles(blocks: Iterable[NDArray], n_face: int) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Join the corners of triangles that share nothing, where they stand at one position.
 
-    Vertices are in the order of their first use.
+    Parameters
+    ----------
+    blocks : (n, 3, 3) each, float32 or float64, contiguous or not, of BLOCK // 3 triangles at most
+    n_face : how many triangles they have
+
+    Returns
+    -------
+    vertices : (n_vertex, 3), in the order of their first use; -0 is 0
+    faces : (n_face, 3)
     """
-    first, inverse = unique_rows(corners)
-    return corners[first // 3, first % 3].astype(np.float64), inverse.reshape(-1, 3)
+    _, faces, vertices = _number_rows((block.reshape(-1, 3) for block in blocks), 3 * n_face)
+    return vertices.astype(np.float64), faces.reshape(-1, 3)
 
 
 def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -57,47 +66,49 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
 
     Parameters
     ----------
-    rows : (n, k), or (m, n / m, k), float32 or float64, contiguous or not
+    rows : (n, k), float32 or float64, contiguous or not
 
     Returns
     -------
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    width, per_item = rows.shape[-1], int(np.prod(rows.shape[1:-1]))
-    if len(rows) * per_item < FEW:
-        return _sort_rows(_bits_of(rows.reshape(-1, width)))
+    return _number_rows((rows[begin : begin + BLOCK] for begin in range(0, len(rows), BLOCK)), len(rows))[:2]
+
+
+def _number_rows(blocks, n_row) -> tuple[NDArray[np.int64], NDArray[np.uint32], NDArray]:
+    """Return what `unique_rows` does of rows that come in blocks of BLOCK rows at most, and the distinct rows."""
+    if n_row < FEW:
+        rows = np.concatenate(list(blocks)) + 0.0  # the sum turns -0 into 0
+        first, inverse = _sort_rows(rows.view(np.uint32))
+        return first, inverse, rows[first]
     from .equal_rows import Finder
 
-    inverse = np.empty(len(rows) * per_item, np.uint32)
-    step = max(1, _BLOCK // per_item)
-    finder = Finder(min(len(inverse), step * per_item))
-    firsts, kept = [np.empty(0, np.int64)], []
-    for begin in range(0, len(rows), step):
-        bits = _bits_of(rows[begin : begin + step].reshape(-1, width))
-        row = begin * per_item
-        first = finder.find(bits, inverse[row : row + len(bits)])
-        firsts.append(first + row)
-        kept.append(bits[first])
-    if len(kept) < 2:
-        return firsts[-1], inverse
-    of_candidate = np.empty(sum(map(len, kept)), np.uint32)
-    first = Finder(len(of_candidate)).find(np.concatenate(kept), of_candidate)
-    end = 0
-    for number, row in enumerate(range(0, len(inverse), step * per_item)):
-        block = inverse[row : row + step * per_item]
-        begin, end = end, end + len(kept[number])
-        np.take(of_candidate[begin:end], block, out=block)
-    return np.concatenate(firsts)[first], inverse
-
-
-def _bits_of(rows) -> NDArray[np.uint32]:
-    """Return the bits of rows, 32 at a time."""
-    return (np.ascontiguousarray(rows) + 0.0).view(np.uint32)  # the sum turns -0 into 0
+    inverse, numbers, firsts, begin = np.empty(n_row, np.uint32), np.empty(BLOCK, np.uint32), [], 0
+    for block in blocks:
+        if begin == 0:
+            rows, is_repeated = np.empty((BLOCK, block.shape[1]), block.dtype), True
+            near = Finder(rows.view(np.uint32).shape[1], 0, BLOCK)
+        bits = np.add(block, 0.0, out=rows[: len(block)]).view(np.uint32)  # the sum turns -0 into 0
+        of_block = inverse[begin : begin + len(block)]
+        if is_repeated:
+            near.forget()
+            first = near.find(bits, of_block)
+        if begin == 0:  # it tells how many rows there will be
+            known = Finder(bits.shape[1], len(first) * n_row // len(block), BLOCK)
+            is_repeated = 2 * len(first) < len(block)
+        if is_repeated:
+            first = first[known.find(near.rows, numbers)]
+            np.take(numbers, of_block, out=of_block, mode="clip")
+        else:
+            first = known.find(bits, of_block)
+        firsts.append(first + begin)
+        begin += len(block)
+    return np.concatenate(firsts), inverse, known.rows.view(rows.dtype)
 
 
 def _sort_rows(bits: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Return what `unique_rows` does."""
+    """Return what `unique_rows` does of few rows, given as their bits."""
     order = np.lexsort(bits.T)  # equal rows side by side, the first of them first
     is_new = np.ones(len(order), np.bool_)
     is_new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)

@@ -25,11 +25,13 @@ allowed.
 import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import ModelError, OutputError, cut, shown
 
 _SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
+LONG = 1 << 22  # bytes of a file that is worth reading in parts
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe must not make us wait
 
 
@@ -178,6 +180,46 @@ def read_source(source, name: str, no_text: str = "") -> bytes:
     if not isinstance(data, (bytes, bytearray)):
         raise ModelError(f"{name}: reading the file object gives {type(data).__name__}, not bytes or text")
     return bytes(data)
+
+
+class LongFile:
+    """The bytes of a regular file, read where they are asked for: it has a length and slices, as bytes have.
+
+    It isn't mapped into memory: who makes a mapped file shorter ends the process that reads it.
+    """
+
+    def __init__(self, stream, name: str):
+        self._stream, self._name, self._length = stream, name, os.fstat(stream.fileno()).st_size
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, part: slice) -> bytes:
+        begin, end, _ = part.indices(self._length)
+        try:
+            self._stream.seek(begin)
+            data = self._stream.read(end - begin)
+        except OSError as fault:
+            raise ModelError(f"{self._name}: can't be read ({fault.strerror or fault})") from fault
+        if len(data) != end - begin:
+            raise ModelError(f"{self._name}: can't be read (it became shorter meanwhile)")
+        return data
+
+
+@contextlib.contextmanager
+def opened_source(source, name: str, no_text: str = "", in_parts: bool = False) -> Iterator[bytes | LongFile]:
+    """Give a block what `read_source` returns; where a file is to be read in parts, and its path is given, a `LongFile`
+    if it has LONG bytes or more."""
+    path = Path(os.fsdecode(source)) if in_parts and isinstance(source, (str, os.PathLike)) else None
+    if path is None or not path.is_file() or path.stat().st_size < LONG:
+        yield read_source(source, name, no_text)
+        return
+    with contextlib.ExitStack() as opened:
+        try:
+            stream = opened.enter_context(open(path, "rb"))
+        except OSError as fault:
+            raise ModelError(f"{name}: can't be read ({fault.strerror or fault})") from fault
+        yield LongFile(stream, name)
 
 
 def unpack(data: bytes, max_bytes: int) -> dict[str, bytes]:

@@ -108,6 +108,7 @@ class Format(NamedTuple):
     up : text, the up axis of its models
     repeats_vertices : whether vertices at one position are to be joined where normals are averaged: files repeat
         those at which texture coordinates or colours change. False = there are none, or the reader has joined them
+    in_parts : whether the reader takes `LongFile` in the place of bytes, so that a file need not fit into memory
     packages : tuples of names of packages, all of one of which the reader imports beside what is required; the extra
         `formats` brings them
     """
@@ -120,6 +121,7 @@ class Format(NamedTuple):
     companions: str = ""
     up: str = "y"
     repeats_vertices: bool = True
+    in_parts: bool = False
     packages: tuple[tuple[str, ...], ...] = ((),)
 
     @property
@@ -144,7 +146,7 @@ FORMATS = {
     each.name: each
     for each in (
         Format(name="obj", reader="rasterizer.io.obj:read_obj", companions="material libraries (.mtl), textures"),
-        Format(name="stl", reader="rasterizer.io.stl:read_stl", up="z", repeats_vertices=False),
+        Format(name="stl", reader="rasterizer.io.stl:read_stl", up="z", repeats_vertices=False, in_parts=True),
         Format(name="ply", reader="rasterizer.io.ply:read_ply", companions="textures"),
         Format(name="off", reader="rasterizer.io.other_formats:read_off"),
         Format(name="glb", **_GLTF, is_binary=True),

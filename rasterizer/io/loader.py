@@ -28,7 +28,7 @@ from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
 from . import formats
-from .files import Folder, name_of, read_source
+from .files import Folder, name_of, opened_source
 from .limits import name_in
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, bytes_of_copy, materials_of
 
@@ -175,11 +175,11 @@ def load_model(
     name = name_of(source)
     with one_file(name):
         entry = formats.format_of(name, format, is_scene=False)
-        data = read_source(source, name, entry.name if entry.is_binary else "")
-        if not data or data.isspace():
-            raise ModelError(f"{name}: the file is empty")
-        model = ModelFile(name, entry.name, data, files, log or keep_quiet)
-        contents = _read(entry, model)
+        with opened_source(source, name, entry.name if entry.is_binary else "", entry.in_parts) as data:
+            if not data[: formats.HEAD].strip() and not data[:].strip():
+                raise ModelError(f"{name}: the file is empty")
+            model = ModelFile(name, entry.name, data, files, log or keep_quiet)
+            contents = _read(entry, model)
         own = {"up": contents.up or entry.up, "lights": contents.lights, "camera": contents.camera}
         settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)

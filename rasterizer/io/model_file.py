@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import ModelError, cut, warn_caller
 from ..scene.material import Material
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
-from .files import Folder
+from .files import Folder, LongFile
 from .limits import MAX_WARNINGS, Allowance
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
@@ -101,7 +101,7 @@ class ModelFile:
 
     name: str
     format: str
-    data: bytes
+    data: bytes | LongFile  # the latter where the format is read in parts
     beside: Folder
     log: Callable[[str], object]
     allowance: Allowance = None  # None = its own, by its size

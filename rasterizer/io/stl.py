@@ -6,12 +6,14 @@ import re
 import numpy as np
 
 from ..errors import counted
-from ..geometry.weld import weld_triangles
+from ..geometry.weld import BLOCK, weld_triangles
 from ..scene.material import Material
 from .model_file import WHITE, ModelFile, Part, text_of
 from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
+_HEAD = 4096  # bytes in which a text shows that it is one
+_BLOCK = BLOCK // 3  # faces
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -22,12 +24,11 @@ def read_stl(model: ModelFile) -> list[Part]:
     as it goes; what stands behind the last face is left out. Both are reported.
     """
     data, length = model.data, len(model.data)
-    n_face = int.from_bytes(data[80:84], "little")
+    header, head = data[:_STL_HEADER], data[:_HEAD]
+    n_face = int.from_bytes(header[80:], "little")
     expected = _STL_HEADER + _STL_FACE * n_face
     is_text = (
-        data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid"
-        and length != expected
-        and b"\0" not in data[:4096]
+        head.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid" and length != expected and b"\0" not in head
     )
     if is_text:
         return _read_ascii_stl(model)
@@ -44,20 +45,31 @@ def read_stl(model: ModelFile) -> list[Part]:
         model.tell(f"binary STL of another length than its header says; {counted(n_face, 'face')} read")
     if n_face == 0:
         return []
-    rows = np.frombuffer(data, _STL_ROW, n_face, _STL_HEADER)
-    part = _soup(rows["corners"], "")
-    return [part | _stl_colors(data[:80], rows["attribute"])]
+    attributes = np.empty(n_face, np.uint16)
+
+    def read_block(begin):
+        rows = np.frombuffer(data[_row(begin) : _row(min(begin + _BLOCK, n_face))], _STL_ROW)
+        attributes[begin : begin + len(rows)] = rows["attribute"]
+        return rows["corners"]
+
+    part = _soup(map(read_block, range(0, n_face, _BLOCK)), n_face, "")
+    return [part | _stl_colors(header, attributes)]
 
 
-def _soup(corners, name) -> Part:
-    """Make a part of triangles (n, 3, 3)."""
-    vertices, faces = weld_triangles(corners)
+def _row(face: int) -> int:
+    """Return the place of a face in a binary file."""
+    return _STL_HEADER + _STL_FACE * face
+
+
+def _soup(blocks, n_face, name) -> Part:
+    """Make a part of triangles, (n, 3, 3) each block of them."""
+    vertices, faces = weld_triangles(blocks, n_face)
     return {"vertices": vertices, "faces": faces, "name": name, "material": Material()}
 
 
 def _read_ascii_stl(model) -> list[Part]:
     """Read the solids of an ASCII file, keywords in any case."""
-    text = text_of(model.data).replace("\r\n", "\n").replace("\r", "\n")
+    text = text_of(model.data[:]).replace("\r\n", "\n").replace("\r", "\n")
     lower = text.lower()  # of ASCII letters alone, so that places stay the same
     if len(lower) != len(text):
         lower = "".join(letter.lower() if letter.isascii() else letter for letter in text)
@@ -74,7 +86,9 @@ def _read_ascii_stl(model) -> list[Part]:
         first = text[begin : begin + len(solid)].lstrip().split("\n", 1)[0].split(None, 1)
         name = first[1].strip() if len(first) == 2 and first[0].lower() == "solid" else ""
         if len(rows):
-            parts.append(_soup(numbers.reshape(-1, 3, 3), name))
+            corners = numbers.reshape(-1, 3, 3)
+            blocks = np.split(corners, range(_BLOCK, len(corners), _BLOCK))
+            parts.append(_soup(blocks, len(corners), name))
         begin = end.end()
     return parts
 

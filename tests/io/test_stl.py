@@ -1,5 +1,6 @@
 """STL: every type of file that others write, and errors that name the line."""
 
+import os
 import struct
 
 import numpy as np
@@ -8,6 +9,7 @@ from helpers.model_bytes import box, exported
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
+from rasterizer.io.files import LONG, opened_source
 from rasterizer.io.loader import load
 
 FACET = "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 0 1 0\n endloop\nendfacet\n"
@@ -32,6 +34,33 @@ def test_a_binary_file_may_begin_with_solid_or_have_a_wrong_number_of_faces():
         assert any("another length than its header says; 4 faces" in fact for fact in facts), facts
     said = "binary STL of 4294967295 faces must have 214748364834 bytes, the file has 97"
     assert_refused(load_stl, [(binary_stl(0, 2**32 - 1) + bytes(13), said)], ModelError)  # costs no memory
+
+
+def test_a_long_file_is_read_in_parts(tmp_path):
+    corners = np.random.default_rng(1).integers(0, 40, (LONG // 50 + 1, 3, 3)) / np.float32(8)
+    corners[::7] *= -1.0  # -0 is 0
+    rows = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    rows["corners"], rows["attribute"] = corners, np.arange(len(rows))
+    path, data = tmp_path / "long.stl", b"COLOR=abcd".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes()
+    path.write_bytes(data)
+    (of_path,), (of_bytes,) = load(path).meshes, load_stl(data).meshes
+    first = np.unique(corners.reshape(-1, 3) + 0.0, axis=0, return_index=True)[1]
+    np.testing.assert_array_equal(of_path.vertices, corners.reshape(-1, 3)[np.sort(first)])
+    np.testing.assert_array_equal(of_path.vertices[of_path.faces], corners)
+    for key in ("vertices", "faces", "face_colors"):
+        np.testing.assert_array_equal(getattr(of_path, key), getattr(of_bytes, key))
+    with opened_source(path, "long.stl", in_parts=True) as whole:
+        assert len(whole) == len(data) and whole[-50:] == data[-50:] and whole[:] == data
+        os.truncate(path, 2_000_000)
+        assert whole[:84] == data[:84]
+        with pytest.raises(ModelError, match="it became shorter meanwhile"):
+            whole[1_900_000:2_100_000]
+    path.write_bytes(bytes(LONG))
+    with pytest.raises(ModelError, match="no faces"):
+        load(path)
+    path.write_bytes(b" " * LONG)
+    with pytest.raises(ModelError, match="the file is empty"):
+        load(path)
 
 
 def test_triangles_share_vertices_and_solids_stay_apart():
