@@ -5,19 +5,23 @@ exporters of all others). A surface that is smooth there would show a seam.
 
     rows ─ blocks ─┬─ distinct rows of each ─┬─ distinct rows of all
                    └─ which of them each is ─┴─ which of these each is
+           on a thread of its own              on the caller's
 
 Memory grows with the distinct rows, not with all of them. Rows of a block are found in a table that fits into the
 cache, by compiled code (equal_rows.py): most vertices are repeated by triangles that are near them in the file. Few
 rows are sorted instead, so that nobody waits for a compiler to read a small file.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cores import ahead
+
 FEW = 1 << 14  # rows that are sorted
 BLOCK = 1 << 16  # rows whose table fits into the cache
+_N_AHEAD = 4  # blocks
 
 
 def weld(part: dict) -> dict:
@@ -73,38 +77,49 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    return _number_rows((rows[begin : begin + BLOCK] for begin in range(0, len(rows), BLOCK)), len(rows))[:2]
+    starts = range(0, max(len(rows), 1), BLOCK)
+    return _number_rows((rows[begin : begin + BLOCK] for begin in starts), len(rows))[:2]
 
 
 def _number_rows(blocks, n_row) -> tuple[NDArray[np.int64], NDArray[np.uint32], NDArray]:
     """Return what `unique_rows` does of rows that come in blocks of BLOCK rows at most, and the distinct rows."""
     if n_row < FEW:
-        rows = np.concatenate(list(blocks)) + 0.0  # the sum turns -0 into 0
+        rows = np.ascontiguousarray(np.concatenate(list(blocks))) + 0.0  # the sum turns -0 into 0
         first, inverse = _sort_rows(rows.view(np.uint32))
         return first, inverse, rows[first]
     from .equal_rows import Finder
 
-    inverse, numbers, firsts, begin = np.empty(n_row, np.uint32), np.empty(BLOCK, np.uint32), [], 0
+    inverse, firsts, numbers, known = np.empty(n_row, np.uint32), [], np.empty(BLOCK, np.uint32), None
+    for begin, end, rows, first in ahead(_distinct_in_blocks(blocks, inverse), _N_AHEAD):
+        bits, block = rows.view(np.uint32), inverse[begin:end]
+        if known is None:  # the first block tells how many rows there will be
+            known = Finder(bits.shape[1], len(rows) * n_row // len(block), BLOCK)
+        if first is None:
+            firsts.append(known.find(bits, block) + begin)
+        else:
+            firsts.append(first[known.find(bits, numbers)] + begin)
+            np.take(numbers, block, out=block, mode="clip")
+    return np.concatenate(firsts), inverse, known.rows.view(rows.dtype)
+
+
+def _distinct_in_blocks(blocks, inverse) -> Iterator[tuple[int, int, NDArray, NDArray[np.int64] | None]]:
+    """Yield where each block begins and ends, its distinct rows, and where in it they appear first; write for each row
+    which of these it is. Where most rows of the first block are distinct, so are those of the others: they are yielded
+    as they are, with None."""
+    from .equal_rows import Finder
+
+    begin, near, is_repeated = 0, None, True
     for block in blocks:
-        if begin == 0:
-            rows, is_repeated = np.empty((BLOCK, block.shape[1]), block.dtype), True
-            near = Finder(rows.view(np.uint32).shape[1], 0, BLOCK)
-        bits = np.add(block, 0.0, out=rows[: len(block)]).view(np.uint32)  # the sum turns -0 into 0
-        of_block = inverse[begin : begin + len(block)]
+        rows, end = np.ascontiguousarray(block) + 0.0, begin + len(block)
+        near = near or Finder(rows.view(np.uint32).shape[1], 0, BLOCK)
         if is_repeated:
             near.forget()
-            first = near.find(bits, of_block)
-        if begin == 0:  # it tells how many rows there will be
-            known = Finder(bits.shape[1], len(first) * n_row // len(block), BLOCK)
-            is_repeated = 2 * len(first) < len(block)
-        if is_repeated:
-            first = first[known.find(near.rows, numbers)]
-            np.take(numbers, of_block, out=of_block, mode="clip")
+            first = near.find(rows.view(np.uint32), inverse[begin:end])
+            yield begin, end, near.rows.view(rows.dtype).copy(), first.copy()
+            is_repeated = begin > 0 or 2 * len(first) < len(block)
         else:
-            first = known.find(bits, of_block)
-        firsts.append(first + begin)
-        begin += len(block)
-    return np.concatenate(firsts), inverse, known.rows.view(rows.dtype)
+            yield begin, end, rows, None
+        begin = end
 
 
 def _sort_rows(bits: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:

@@ -1000,8 +1000,8 @@ HELD_OUT = (
     Fault(
         "welding: vertices at 0 and -0 aren't joined",
         "geometry/weld.py",
-        "np.concatenate(list(blocks)) + 0.0",
-        "np.concatenate(list(blocks))",
+        "np.ascontiguousarray(np.concatenate(list(blocks))) + 0.0",
+        "np.ascontiguousarray(np.concatenate(list(blocks)))",
         "geometry",
     ),
     Fault(

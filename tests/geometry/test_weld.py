@@ -34,10 +34,14 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
     rows = np.random.default_rng(3).integers(0, 4, (n + 699, 3)).astype(dtype)
     rows[rows == 0] *= np.random.default_rng(4).choice([-1, 1], (rows == 0).sum())  # -0 is 0
     rows[-3:] = [(9, 9, 9), (8, 8, 8), (9, 9, 9)]
-    first, inverse = unique_rows(rows)
-    assert len(first) == 66 and (np.diff(first) > 0).all(), len(first)
-    assert not differences(rows[first][inverse], rows)
-    assert (first[inverse] <= np.arange(len(rows))).all(), "the first of those that are equal"
+    distinct = np.arange(3 * n, dtype=dtype).reshape(-1, 3)  # but for some that stand twice, the first in another block
+    distinct[-9:], distinct[n // 2 : n // 2 + 9] = distinct[:9], distinct[:9]
+    for case, n_unique in ((rows, 66), (np.asfortranarray(rows), 66), (np.concatenate([rows[:n], distinct]), n + 45),
+                           (distinct, n - 18), (rows[:0], 0)):  # fmt: skip
+        first, inverse = unique_rows(case)
+        assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
+        assert not differences(case[first][inverse], case)
+        assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
 
 
 def test_triangles_share_vertices_in_the_order_of_their_use():
