@@ -173,7 +173,7 @@ def _read_tree(model):
         magic, version, _, length, chunk = struct.unpack("<5I", text[:20])
         if magic != _GLB_MAGIC or version != 2 or chunk != _JSON_CHUNK:
             raise model.error("not a GLB file of version 2")
-        text, tail = text[20 : 20 + length], text[20 + length :]
+        text, tail = text[20 : 20 + length], memoryview(text)[20 + length :]
     try:
         tree = json.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as fault:
@@ -192,7 +192,8 @@ def _part(primitive, buffers, paint, name, weights, joints) -> Part:
     corners = buffers.array(primitive["indices"]) if "indices" in primitive else np.arange(n_vertex)
     if corners.dtype.kind not in "iu" or corners.size != len(corners):
         raise ValueError("indices must be whole numbers, one a row")
-    faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
+    dtype = np.uint32 if corners.dtype.kind == "u" else np.int64
+    faces = _faces(corners.reshape(-1).astype(dtype), primitive.get("mode", _TRIANGLES))
     wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
     if paint.numbers is not None:
         wanted["numbers"] = f"TEXCOORD_{paint.numbers[0]}"
@@ -313,10 +314,10 @@ class Buffers:
     ----------
     model : ModelFile
     tree : dict, the file's JSON tree
-    tail : bytes, what follows the tree in a GLB file
+    tail : what follows the tree in a GLB file
     """
 
-    def __init__(self, model: ModelFile, tree: dict, tail: bytes):
+    def __init__(self, model: ModelFile, tree: dict, tail: bytes | memoryview):
         self.model, self.tree, self.tail = model, tree, tail
         self._buffers, self._arrays = {}, {}
 
@@ -353,7 +354,7 @@ class Buffers:
             raise ValueError(f"bufferViews {number} ends at byte {begin + length} of a buffer of {len(data)}")
         return memoryview(data)[begin : begin + length]
 
-    def _buffer(self, number) -> bytes:
+    def _buffer(self, number) -> bytes | memoryview:
         if number not in self._buffers:
             buffer = item(self.tree, "buffers", number)
             length = whole(buffer, "byteLength")
@@ -365,7 +366,7 @@ class Buffers:
             self._buffers[number] = data
         return self._buffers[number]
 
-    def _chunk(self) -> bytes:
+    def _chunk(self) -> memoryview:
         """Return the binary chunk of a GLB file, the first that follows the tree."""
         if len(self.tail) < 8:
             raise ValueError("a buffer has no uri, and there is no binary chunk")

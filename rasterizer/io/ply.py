@@ -170,13 +170,13 @@ def _indices_of(table) -> "List | None":
 
 
 def _whole(model, numbers, what) -> np.ndarray:
-    """Return indices as int64."""
+    """Return indices as int64, or int32 where they are."""
     if numbers.dtype.kind == "f":
         with np.errstate(invalid="ignore"):
             is_bad = ~((np.abs(numbers) < 2.0**53) & (numbers == np.rint(numbers)))
         if is_bad.any():
             raise model.error(f"a {what} refers to vertex {numbers[int(is_bad.argmax())]}, which is no index")
-    return numbers.astype(np.int64)
+    return numbers if numbers.dtype == np.int32 else numbers.astype(np.int64)
 
 
 def _colors(table, element) -> np.ndarray | None:
