@@ -16,6 +16,7 @@ from ..options import Options
 from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
 from ..pipeline.resolve import Encoding, encode_picture
+from ..pipeline.textures import Textures
 from ..pipeline.threads import Workers
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
@@ -29,6 +30,7 @@ from .attributes import (
     make_buffer_coding,
     make_coding,
     make_encoding,
+    sampled_in_double,
     scale_depths,
 )
 from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
@@ -39,6 +41,7 @@ from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, In
 from .plan import Plan, ViewPlan, ViewPlans
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
+from .texture_tables import lay_textures
 from .uniforms import light_view, list_materials, with_functions
 
 
@@ -59,6 +62,7 @@ class PlanParts(NamedTuple):
 
     plan: Plan
     coding: Coding  # without depths
+    textures: Textures | None  # see ColorPass
     encoding: Encoding
     summary: PlanSummary
 
@@ -81,7 +85,7 @@ class PreparedScene:
     @cached_property
     def view_plans(self) -> ViewPlans:
         """What each view needs."""
-        return ViewPlans(self.tables, self.options, self.geometry)
+        return ViewPlans(self.tables, self.options, self.geometry, self.threads.map)
 
     @cached_property
     def _normals(self) -> NormalAttributes:
@@ -173,6 +177,7 @@ class PreparedScene:
             "plan": plan,
             "screen": screen,
             "encoding": parts.encoding,
+            "textures": parts.textures,
             "picture": picture,
             "is_shaded_once": options.antialias == "shade-once",
         }
@@ -198,7 +203,8 @@ class PreparedScene:
             step = lookup_step(options.factor, options.antialias == "shade-once")
             coding = make_coding(plan, options.tolerance, step)
             encoding = make_encoding(plan, self.tables.background, options.color_range)
-            self._plan_parts = PlanParts(plan, coding, encoding, summarize(plan))
+            textures = plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map)
+            self._plan_parts = PlanParts(plan, coding, textures, encoding, summarize(plan))
         return self._plan_parts
 
     def _light_points(self, plan: Plan, lightings, screen) -> Attributes:
