@@ -4,6 +4,7 @@ In 16 bits with mip levels for look-ups in float32, made of the bytes of a pictu
 those that are looked up in float64.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -72,25 +73,42 @@ def lay_textures(listed: TextureList, of_materials: NDArray[np.int64] | None = N
     run : calls a function with every item of a sequence: `map`, or `Workers.map` on threads
     """
     used = listed.of_materials if of_materials is None else of_materials
-    levels = [list(_levels(texture, run)) if k in used else [] for k, texture in enumerate(listed.textures)]
-    every = [level for of_texture in levels for level in of_texture]
-    is_encoded = np.array([level.dtype == np.uint8 for level in every], np.bool_)
-    n_texel = np.array([level.shape[0] * level.shape[1] for level in every], np.int64)
-    order = np.argsort(~is_encoded, kind="stable")
-    first = np.empty_like(n_texel)
-    first[order] = np.cumsum(n_texel[order]) - n_texel[order]
-    rows = [(start, level.shape[1], level.shape[0]) for start, level in zip(first, every, strict=True)]
+    shown = [texture if k in used else None for k, texture in enumerate(listed.textures)]
+    n_encoded = sum(math.prod(each.shape) for each in shown if each is not None and each.encoded is not None)
+    encoded, texels = np.empty((n_encoded, 4), np.uint8), np.empty((sum(map(_n_single, shown)), 4), np.float32)
+    rows, first_byte, first = [], 0, 0
+    for texture in shown:
+        for level in () if texture is None else _levels(texture, run):
+            height, width = level.shape[:2]
+            n = height * width
+            if level.dtype == np.uint8:
+                _write_bytes(level.reshape(n, -1), encoded[first_byte : first_byte + n])
+                rows.append((first_byte, width, height))
+                first_byte += n
+            else:
+                texels[first : first + n] = level.reshape(n, 4)
+                rows.append((n_encoded + first, width, height))
+                first += n
     return Textures(
-        _join([_with_alpha(level) for level, is_byte in zip(every, is_encoded, strict=True) if is_byte], np.uint8),
+        encoded.ravel(),
         _DECODED,
-        _join([level for level, is_byte in zip(every, is_encoded, strict=True) if not is_byte], np.float32),
+        texels.ravel(),
         np.array(rows, np.int64).reshape(-1, 3),
-        np.cumsum([0] + [len(of_texture) for of_texture in levels]).astype(np.int64),
+        np.cumsum([0] + [0 if texture is None else texture.n_level for texture in shown]).astype(np.int64),
         listed.filters,
         listed.wraps,
         used,
         listed.texcoord,
     )
+
+
+def _n_single(texture: Texture | None) -> int:
+    """How many texels of a texture are laid in float32."""
+    if texture is None:
+        return 0
+    height, width = texture.shape
+    first = 0 if texture.encoded is None else 1
+    return sum(max(height >> k, 1) * max(width >> k, 1) for k in range(first, texture.n_level))
 
 
 def _levels(texture: Texture, run: Callable) -> Iterator[NDArray]:
@@ -119,19 +137,13 @@ def _halve(level: NDArray, has_alpha: bool, run: Callable) -> NDArray[np.float32
     return half
 
 
-def _with_alpha(encoded: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return bytes (h, w, 1..4) as red, green, blue and alpha."""
-    n_channel = encoded.shape[2]
-    out = np.full((*encoded.shape[:2], 4), 255, np.uint8)
-    out[..., :3] = encoded[..., : n_channel - (n_channel in (2, 4))]
-    if n_channel in (2, 4):
-        out[..., 3] = encoded[..., -1]
-    return out
-
-
-def _join(arrays: list[NDArray], dtype: type) -> NDArray:
-    """Return all arrays behind each other."""
-    return np.concatenate([np.empty(0, dtype), *(array.ravel() for array in arrays)])
+def _write_bytes(encoded: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    """Write bytes (n, 1..4) as red, green, blue and alpha."""
+    n_channel = encoded.shape[1]
+    has_alpha = n_channel in (2, 4)
+    for k in range(3):
+        out[:, k] = encoded[:, min(k, n_channel - has_alpha - 1)]
+    out[:, 3] = encoded[:, -1] if has_alpha else 255
 
 
 def pack_textures(listed: TextureList, run: Callable = map) -> PackedTextures:
