@@ -179,7 +179,7 @@ def _material(material) -> dict:
 
 
 def _texture(texture) -> dict:
-    height, width = texture.image.shape[:2]
+    height, width = texture.shape
     return {"name": texture.name, "size": [width, height], "alpha": texture.has_alpha}
 
 

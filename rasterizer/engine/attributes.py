@@ -9,6 +9,7 @@ in planes or in exact records, and how far each may be off; an encoding how line
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..geometry.polygons import fill_means
 from ..pipeline.fragments import make_batch
@@ -28,7 +29,7 @@ from ..pipeline.gradients import (
 )
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
-from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding, Textures
+from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
 from ..pipeline.threads import MIN_PART
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
@@ -281,13 +282,14 @@ def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     return TextureCoding(packed, of_materials, limits, is_good, step)
 
 
-def sampled_in_double(textures: Textures, coding: Coding) -> Textures | None:
-    """The textures without those that exact records look up in float32, too; None where there are no others."""
+def sampled_in_double(plan: Plan, coding: Coding) -> NDArray[np.int64]:
+    """(n_material,): the texture of each whose exact records aren't looked up in float32, too; -1 for none."""
     looked_up = getattr(coding, "textures", None)
-    if looked_up is None:
-        return textures
-    of_materials = np.where(looked_up.is_exact_looked_up, -1, textures.of_materials)
-    return textures._replace(of_materials=of_materials) if (of_materials >= 0).any() else None
+    return (
+        plan.textures.of_materials
+        if looked_up is None
+        else np.where(looked_up.is_exact_looked_up, -1, plan.textures.of_materials)
+    )
 
 
 def make_buffer_coding(screen, n_attribute) -> BufferCoding:

@@ -17,7 +17,8 @@ from ..geometry.polygons import fill_means
 from ..geometry.weld import FEW
 from ..io import obj_numbers
 from ..options import Options
-from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup, textures
+from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup
+from ..pipeline import textures as packing
 from ..pipeline.cull import Band, Rows, scatter
 from ..pipeline.edges import draw_edges
 from ..pipeline.gradients import HAS_TEXTURE, Coding
@@ -41,6 +42,7 @@ from .depth_range import DEEP, depths_of_boxes, fit_depth_range
 from .plan import Plan, make_plan
 from .scene_tables import SceneTables
 from .shadow_maps import corners_of, leaves_casters_out
+from .texture_tables import lay_textures
 from .uniforms import list_materials, used_functions
 
 SIZE = (8, 8)  # of a picture without room, pixels
@@ -137,6 +139,7 @@ class Parts(NamedTuple):
     screen: Screen
     coding: Coding
     workspace: Workspace
+    textures: packing.Textures | None = None  # as that of ColorPass
 
     @property
     def band(self) -> ScannedBand:
@@ -233,14 +236,22 @@ class PictureKernels(KernelList):
         )  # fmt: skip
         screen = self.screen(factor)
         coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
-        parts = Parts(screen, coding, make_workspace(shape, 1))
+        laid = None
+        if plan.textures is not None:
+            of_materials = sampled_in_double(plan, coding)
+            laid = lay_textures(plan.textures, np.full_like(of_materials, -1))._replace(of_materials=of_materials)
+        parts = Parts(screen, coding, make_workspace(shape, 1), laid)
         self.add_stages(parts, with_deferred=plan.opacity is not None)
         self.add_clipping(screen)
         self.add_lights()
         if plan.packed_textures is not None:
             texels = np.empty((0, 0), np.int16)
-            self.add(textures.largest_color, np.empty((0, 4), np.float32))
-            self.add(textures.pack_texels, np.empty((0, 0), np.float32), False, False, 0.0, texels)
+            rows, listed = np.empty((0, 0), np.float32), plan.textures.textures
+            if any(texture.encoded is not None for texture in listed):
+                self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
+            self.add(packing.pack_texels, rows, np.empty(0, np.float32), False, 0.0, texels)
+            if any(texture.n_level > 1 for texture in listed):
+                self.add(packing.halve_texels, rows, rows)
         if plan.is_lit_per_sample:
             self.add_lit(parts)
         else:
@@ -309,9 +320,9 @@ class PictureKernels(KernelList):
 
     def texturing(self, parts: Parts) -> Texturing | None:
         """The textures with memory for looking them up; None where there are none."""
-        workspace, textures = parts.workspace, self.plan.textures
+        workspace = parts.workspace
         batches = workspace.lookup_batch, workspace.double_batch
-        return textures and Texturing(textures, *batches, workspace.texels, self.plan.of_metals)
+        return parts.textures and Texturing(parts.textures, *batches, workspace.texels, self.plan.of_metals)
 
     def shaded_bands(self, parts: Parts) -> list[ScannedBand]:
         """The bands that the shade stage takes: of points, where a pixel is shaded once a polygon; else of samples, as
@@ -322,8 +333,8 @@ class PictureKernels(KernelList):
 
     def add_look_up(self, parts: Parts, band: ScannedBand) -> None:
         """Add what looks textures up in float64."""
-        sampled = self.plan.textures and sampled_in_double(self.plan.textures, parts.coding)
-        if sampled:
+        sampled = parts.textures
+        if sampled is not None and (sampled.of_materials >= 0).any():
             self.add(sample_textures, band.uncoded(), sampled, parts.workspace.double_batch, parts.workspace.texels)
 
     def add_points(self, parts: Parts) -> None:

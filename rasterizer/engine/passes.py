@@ -35,7 +35,7 @@ from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen
 from ..pipeline.visibility import CLEAR, IS_EXACT, IS_ID
 from ..pipeline.workspace import Workspace, WorkspaceShape
-from .attributes import NONE, Attributes, sampled_in_double
+from .attributes import NONE, Attributes
 from .buffers import BUFFER_TABLE
 from .plan import Plan
 
@@ -66,7 +66,6 @@ class Pass:
     sample_time: ClassVar[int] = 4  # nanoseconds of a sample, roughly, beside its triangles
     n_channel: ClassVar[int] = 0  # of the intensities
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
-    textures: ClassVar[Textures | None] = None
     n_texel: ClassVar[int] = 0  # rows of texels that a workspace needs
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
     shades_points: ClassVar[bool] = False  # once a pixel and polygon: see pipeline/shade_once.py
@@ -127,6 +126,7 @@ class ColorPass(Pass):
     screen: Screen
     encoding: Encoding
     picture: Picture  # written
+    textures: Textures | None  # those that are looked up in float64; None where the scene has no textures
     is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
     is_filled: bool = True
 
@@ -146,19 +146,14 @@ class ColorPass(Pass):
         return Pass.sample_time + self.plan.sample_time
 
     @property
-    def textures(self) -> Textures | None:
-        """None where the scene has none."""
-        return self.plan.textures
-
-    @property
     def n_texel(self) -> int:
         """Rows of texels that a workspace needs."""
         return self.plan.n_texel
 
     @cached_property
-    def sampled(self) -> Textures | None:
-        """The textures that are looked up in float64, between scan and shade; None where there are none."""
-        return self.textures and sampled_in_double(self.textures, self.coding)
+    def samples_textures(self) -> bool:
+        """Whether textures are looked up in float64, between scan and shade."""
+        return self.textures is not None and bool((self.textures.of_materials >= 0).any())
 
     @property
     def opacity(self) -> Opacity | None:
@@ -238,8 +233,8 @@ class ColorPass(Pass):
 
     def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
-        if band.counts.features & HAS_TEXTURE and band.counts.n_exact > 0 and self.sampled is not None:
-            sample_textures(band.uncoded(), self.sampled, workspace.double_batch, workspace.texels)
+        if band.counts.features & HAS_TEXTURE and band.counts.n_exact > 0 and self.samples_textures:
+            sample_textures(band.uncoded(), self.textures, workspace.double_batch, workspace.texels)
             if self.plan.metals is not None:
                 sample_textures(band.uncoded(), self.plan.metals, workspace.double_batch, workspace.texels[4:])
 

@@ -21,7 +21,7 @@ from ..pipeline import gradients as g
 from ..pipeline.a_buffer import Opacity, min_transmittance
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.shade import DEPTH_ERROR, Cue
-from ..pipeline.textures import PackedTextures, Textures, pack_textures
+from ..pipeline.textures import PackedTextures, Textures
 from ..pipeline.visibility import LEVEL_MASK
 from ..scene.camera import View
 from . import bounds as b
@@ -34,11 +34,10 @@ from .scene_tables import (
     brightest_texel,
     choose_tint,
     common_tint,
-    lay_textures,
     list_opacities,
-    list_textures,
     make_cue,
 )
+from .texture_tables import TextureList, lay_textures, list_textures, pack_textures
 
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
@@ -73,7 +72,7 @@ class Plan(NamedTuple):
     has_albedo: bool
     has_shadows: bool  # some light casts shadows, and is reflected
     has_tangents: bool  # some material is brushed along u
-    textures: Textures | None  # None where the scene has none
+    textures: TextureList | None  # None where the scene has none
     metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
     packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
     opacity: Opacity | None  # None where all is opaque
@@ -125,7 +124,9 @@ class Plan(NamedTuple):
         return of_light * len(self.lights) + 12 * (self.textures is not None) + 8 * (self.opacity is not None)
 
 
-def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, colored=None) -> Plan:
+def make_plan(
+    tables: SceneTables, options: Options, albedo, clearances=None, colored=None, run: Callable = map
+) -> Plan:
     """Find out what a scene needs.
 
     Parameters
@@ -134,6 +135,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
     clearances : (n_material, n_light) float64, distances that no lit point of a material comes nearer to the lights
         than; None = 0, so that those that amplify without limit need float64
     colored : (n_material,) bool, which materials have points whose albedo isn't grey; None = all if any
+    run : see `pack_textures`
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
@@ -160,7 +162,7 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
     of_materials = plan_materials(tables, brightest, roundings, options, has_vertex_colors, (tint, tints))
     n_channel = 3 if of_materials.is_colored.any() else 1
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
-    textures = list_textures(materials) if tables.is_textured else None
+    textures = list_textures([material.texture for material in materials]) if tables.is_textured else None
     of_metals = [material.metallic_roughness for material in materials]
     return Plan(
         n_channel=n_channel,
@@ -182,8 +184,8 @@ def make_plan(tables: SceneTables, options: Options, albedo, clearances=None, co
         has_shadows=tables.has_shadows,
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=textures,
-        metals=lay_textures(of_metals, tables.n_texcoord) if any(of_metals) else None,
-        packed_textures=pack_textures(textures) if of_materials.is_looked_up.any() else None,
+        metals=lay_textures(list_textures(of_metals, tables.n_texcoord), run=run) if any(of_metals) else None,
+        packed_textures=pack_textures(textures, run) if of_materials.is_looked_up.any() else None,
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         products=tables.products,
         cue=None if cue is None else make_cue(cue, n_channel),
@@ -366,7 +368,7 @@ class ViewPlan(NamedTuple):
 class ViewPlans:
     """The plans of a scene, kept from view to view: what was found for one usually holds for others."""
 
-    def __init__(self, tables: SceneTables, options: Options, geometry) -> None:
+    def __init__(self, tables: SceneTables, options: Options, geometry, run: Callable = map) -> None:
         self._options, self._geometry, self._bounds = options, geometry, tables.bounds
         self._is_lit_per_sample = options.shading == "phong"
         n_material, bounds = len(tables.materials), self._bounds
@@ -382,7 +384,7 @@ class ViewPlans:
                 self._clearances[:, i] = np.inf  # in any view
         self._is_parallel = bool(np.isinf(self._clearances).all())
         colored = find_colored(geometry, n_material)
-        self.plan = make_plan(tables, options, geometry.albedo, 0.5 * self._clearances, colored)
+        self.plan = make_plan(tables, options, geometry.albedo, 0.5 * self._clearances, colored, run)
         self._kept: dict[tuple, ViewPlan] = {}
         self._shortest = 1.0
         if self._is_lit_per_sample and self.plan.brightness.turn_slopes.max(initial=0.0) > 0.0:

@@ -17,6 +17,7 @@ from ..options import Options
 from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
 from ..pipeline.resolve import Encoding, encode_picture
+from ..pipeline.textures import Textures
 from ..pipeline.threads import Workers
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
@@ -30,6 +31,7 @@ from .attributes import (
     make_buffer_coding,
     make_coding,
     make_encoding,
+    sampled_in_double,
     scale_depths,
 )
 from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
@@ -40,6 +42,7 @@ from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, In
 from .plan import Plan, ViewPlan, ViewPlans, keep
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
+from .texture_tables import lay_textures
 from .uniforms import light_view, list_materials, with_functions
 
 
@@ -62,6 +65,7 @@ class PlanParts(NamedTuple):
     dtypes: tuple[np.dtype, ...]  # its own
     normals: Attributes  # that Phong's method interpolates; NONE for other methods
     coding: Coding  # without depths
+    textures: Textures | None  # see ColorPass
     encoding: Encoding
     summary: PlanSummary
 
@@ -90,7 +94,7 @@ class PreparedScene:
     @cached_property
     def view_plans(self) -> ViewPlans:
         """What each view needs."""
-        return ViewPlans(self.tables, self.options, self.geometry)
+        return ViewPlans(self.tables, self.options, self.geometry, self.threads.map)
 
     @cached_property
     def _normals(self) -> NormalAttributes:
@@ -198,6 +202,7 @@ class PreparedScene:
             "plan": plan,
             "screen": screen,
             "encoding": parts.encoding,
+            "textures": parts.textures,
             "picture": picture,
             "is_shaded_once": options.antialias == "shade-once",
         }
@@ -223,7 +228,8 @@ class PreparedScene:
             coding = make_coding(plan, options.tolerance, step)
             encoding = make_encoding(plan, self.tables.background, options.color_range)
             normals = self._normals.of(plan) if plan.is_lit_per_sample else NONE
-            parts = PlanParts(plan, plan.dtypes, normals, coding, encoding, summarize(plan))
+            textures = plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map)
+            parts = PlanParts(plan, plan.dtypes, normals, coding, textures, encoding, summarize(plan))
             keep(self._plan_parts, id(plan), parts)
         return self._plan_parts[id(plan)]
 

@@ -282,7 +282,7 @@ class CookTorranceEntry(ReflectionEntry):
         if material.metallic_roughness is None:
             return 0.0
         r = min_roughness(material)
-        sides = max(material.metallic_roughness.image.shape[:2])
+        sides = max(material.metallic_roughness.shape)
         return 8.0 * 16.0 * u * sides * math.sqrt(material.roughness / r)
 
     def weight(self, material: Any, u: float) -> float:

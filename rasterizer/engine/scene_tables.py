@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 from ..geometry.points import count_texcoords, number_materials
 from ..locks import cached_property
 from ..options import Options
-from ..pipeline import textures as texturing
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.shade import Cue
-from ..pipeline.textures import Textures
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table
@@ -154,41 +152,9 @@ def list_opacities(materials, least) -> Opacity:
     )
 
 
-def list_textures(materials) -> Textures:
-    """Lay the textures of materials, at least one, behind each other; those that are shared, once."""
-    return lay_textures([material.texture for material in materials])
-
-
-def lay_textures(of_materials: Sequence[Any], n_texcoord: int = 2) -> Textures:
-    """Lay textures (n_material,), or None, of which at least one is there, behind each other; the same ones once. The
-    last two of `n_texcoord` texture coordinates are theirs."""
-    different = {id(texture): texture for texture in of_materials if texture is not None}
-    number = {key: k for k, key in enumerate(different)}
-    levels = [level for texture in different.values() for level in texture.pyramid]
-    first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
-    filters = {
-        "nearest": texturing.FILTER_NEAREST,
-        "bilinear": texturing.FILTER_BILINEAR,
-        "trilinear": texturing.FILTER_TRILINEAR,
-    }
-    wraps = {"repeat": texturing.WRAP_REPEAT, "clamp": texturing.WRAP_CLAMP, "mirror": texturing.WRAP_MIRROR}
-    return Textures(
-        np.concatenate([level.ravel() for level in levels]),
-        np.array(
-            [(start, level.shape[1], level.shape[0]) for start, level in zip(first, levels, strict=False)], np.int64
-        ),
-        np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
-        np.array([filters[texture.filter] for texture in different.values()], np.int64),
-        np.array([[wraps[word] for word in texture.wrap] for texture in different.values()], np.int64),
-        np.array([number.get(id(texture), -1) for texture in of_materials], np.int64),
-        texturing.FIRST_TEXCOORD + n_texcoord - 2,
-    )
-
-
 def brightest_texel(materials) -> float:
     """The largest component of any texture, at least 1."""
-    images = [material.texture.image for material in materials if material.texture is not None]
-    return max((float(image[..., :3].max()) for image in images), default=1.0)
+    return max((material.texture.brightest for material in materials if material.texture is not None), default=1.0)
 
 
 def make_cue(cue, n_channel) -> Cue:

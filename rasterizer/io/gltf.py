@@ -497,19 +497,20 @@ class Pictures:
 
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
-        self._pixels, self._textures, self._numbers, self._budget = {}, {}, {}, Budget(self.model.name)
+        self._pixels, self._textures, self._numbers, self._means = {}, {}, {}, {}
+        self._budget = Budget(self.model.name)
 
     def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
         """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
         missing."""
-        key = (number, alpha_mode, alpha if alpha_mode == "MASK" else 1.0, cutoff if alpha_mode == "MASK" else 0.0)
+        image, sampling = self._source(number)
+        key = (image, sampling, alpha_mode, *((alpha, cutoff) if alpha_mode == "MASK" else (1.0, 0.0)))
         if key not in self._textures:
             self._textures[key] = self._make(*key)
         return self._textures[key]
 
-    def _make(self, number, alpha_mode, alpha, cutoff) -> Texture | None:
+    def _make(self, image, sampling, alpha_mode, alpha, cutoff) -> Texture | None:
         """Make a texture; where alpha decides, it does so before mipmaps are made."""
-        source, image = self._source(number)
         pixels = self._read(image)
         if pixels is None:
             return None
@@ -523,45 +524,49 @@ class Pictures:
             is_opaque = alpha_mode == "OPAQUE" or is_seen[alphas].all()
             alphas = np.broadcast_to((255 * is_seen.astype(np.uint8))[alphas], (*colors.shape[:2], 1))
             pixels = colors if is_opaque else np.concatenate([colors, alphas], axis=2)
-        return self._sampled(pixels, source, image)
+        return self._sampled(pixels, sampling, image)
 
-    def _sampled(self, pixels, source, image, make=Texture) -> Texture:
-        """Make a texture of an image's pixels, with the sampler of a texture of the tree."""
-        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+    def _sampled(self, pixels, sampling, image, make=Texture) -> Texture:
+        """Make a texture of an image's pixels; `sampling` is its filter and its wrap."""
         self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
-        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
-        return make(pixels, filter=_filter(sampler), wrap=wrap, name=self._label(image))
+        return make(pixels, *sampling, name=self._label(image))
 
     def numbers(self, use: dict) -> Texture | None:
         """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
         the same everywhere, so that their mean says all."""
-        if (number := use["index"]) not in self._numbers:
-            source, image = self._source(number)
-            pixels, self._numbers[number] = self._read(image), None
+        key = image, sampling = self._source(use["index"])
+        if key not in self._numbers:
+            pixels, self._numbers[key] = self._read(image), None
             if pixels is not None:
                 has_color = pixels.ndim == 3 and pixels.shape[2] > 2
                 pixels = pixels[..., :3] if has_color else pixels.reshape(*pixels.shape[:2], -1)[..., :1]
                 if np.ptp(pixels[..., -2:], axis=(0, 1)).any():
-                    self._numbers[number] = self._sampled(pixels, source, image, Texture.of_numbers)
-        return self._numbers[number]
+                    self._numbers[key] = self._sampled(pixels, sampling, image, Texture.of_numbers)
+        return self._numbers[key]
 
-    def _source(self, number) -> tuple[dict, int | None]:
-        """Return a texture of the tree, and the number of its image."""
+    def _source(self, number) -> tuple[int | None, tuple]:
+        """Return the number of the image of a texture of the tree, and its filter and its wrap."""
         source = item(self.tree, "textures", number)
         extensions = source.get("extensions", {})
         webp = extensions.get("EXT_texture_webp", {}).get("source")
         others = [each["source"] for each in extensions.values() if "source" in each]  # of formats that aren't read
-        return source, next((each for each in (webp, source.get("source"), *others) if each is not None), None)
+        image = next((each for each in (webp, source.get("source"), *others) if each is not None), None)
+        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
+        return image, (_filter(sampler), wrap)
 
     def mean(self, use: dict) -> np.ndarray | None:
         """Return the mean (4,) of the texels of a texture of numbers, within 0..1; None, and a UserWarning, if it is
         missing."""
-        pixels = self._read(self._source(use["index"])[1])
+        image = self._source(use["index"])[0]
+        pixels = self._read(image)
         if pixels is None:
             return None
-        mean = np.atleast_1d(pixels.mean(axis=(0, 1), dtype=np.float64)) / 255.0
-        alpha = mean[-1] if len(mean) in (2, 4) else 1.0
-        return np.array([*np.broadcast_to(mean[:1] if len(mean) < 3 else mean[:3], 3), alpha])
+        if image not in self._means:
+            mean = np.atleast_1d(pixels.mean(axis=(0, 1), dtype=np.float64)) / 255.0
+            alpha = mean[-1] if len(mean) in (2, 4) else 1.0
+            self._means[image] = np.array([*np.broadcast_to(mean[:1] if len(mean) < 3 else mean[:3], 3), alpha])
+        return self._means[image]
 
     def _label(self, number) -> str:
         """What an image is called in reports."""

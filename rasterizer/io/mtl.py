@@ -436,7 +436,7 @@ class Maps:
         if alpha_path is None or alpha_path == color_path:
             return texture
         grey = _grey(self._pictures[alpha_path])
-        if grey.shape != texture.image.shape[:2]:
+        if grey.shape != texture.shape:
             what = f"map_d '{alpha_path.name}' of material '{cut(material, 80)}'"
             library.tell(f"{what} has another size than its map_Kd; it is not applied")
             return texture

@@ -255,5 +255,10 @@ def mip_level_size(textures, level):
 @helper
 def texel_at(textures, texel):
     """Return a texel's red, green, blue and alpha, float64."""
-    i, texels = index(texel) << index(2), textures.texels
+    i, encoded, end = index(texel) << index(2), textures.encoded, index(len(textures.encoded))
+    if i < end:
+        of_color, alpha = textures.decoded[0], textures.decoded[1, encoded[i + index(3)]]
+        red, green, blue = of_color[encoded[i]], of_color[encoded[i + index(1)]], of_color[encoded[i + index(2)]]
+        return float(red), float(green), float(blue), float(alpha)
+    i, texels = i - end, textures.texels
     return float(texels[i]), float(texels[i + index(1)]), float(texels[i + index(2)]), float(texels[i + index(3)])

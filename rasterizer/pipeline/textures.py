@@ -1,6 +1,8 @@
 """Textures as kernels look them up: their texels, and how much what is found in them errs.
 
-In:  `Textures`: float32 texels, as exact look-ups in float64 read them (texture_sampling.py).
+In:  pictures of bytes or float32. As exact look-ups in float64 read them (texture_sampling.py), their texels are
+     float32: `Textures`.
+     Those of bytes stay so, and are decoded where they are read.
 Out: `PackedTextures`, as look-ups in float32 read them (texture_lookup.py): each channel of a texel in 16 bits, and a
      border of one texel around each mip level, which holds what the wrap puts there. `texture_error` says how far
      colours looked up in them are from exact ones. And the planes of texture coordinates over a block of triangles
@@ -27,9 +29,11 @@ FIRST_TEXCOORD = 6  # attributes of a textured surface in front of the texture c
 
 
 class Textures(NamedTuple):
-    """All textures of a scene, one mip level behind the other in one array."""
+    """Textures of a scene, one mip level behind the other in one array: those that are looked up in float64."""
 
-    texels: np.ndarray  # (4 * n_texel,) float32: linear red, green, blue, and alpha of each
+    encoded: np.ndarray  # (4 * n_encoded,) uint8: red, green, blue and alpha of the first ones
+    decoded: np.ndarray  # (2, 256) float32, what a byte of colour and one of alpha mean
+    texels: np.ndarray  # (4 * n_texel,) float32: those of the texels behind them, linear
     mip_levels: np.ndarray  # (n_level, 3) int64: first texel, width, height
     first_levels: np.ndarray  # (n_texture + 1,) int64
     filters: np.ndarray  # (n_texture,) int64, FILTER_...
@@ -78,53 +82,17 @@ def packed_texture(textures, texture):
     )
 
 
-def pack_textures(textures: Textures) -> PackedTextures:
-    """Pack all textures of a scene.
-
-    A texture whose colours are at most 2^k, k >= 0 or less, has steps of 2^k/65535.
-    """
-    n_texture = len(textures.filters)
-    levels = [textures.mip_levels[first:end] for first, end in _pairs(textures.first_levels)]
-    sizes = np.array([(*rows[0, 1:], len(rows)) for rows in levels], np.int64).reshape(n_texture, 3)
-    counts = [first_texel(*(np.int32(number) for number in size)) for size in sizes]
-    first_texels = np.cumsum([0, *counts]).astype(np.int64)
-    texels = np.zeros((int(first_texels[-1]), 4), np.int16)
-    steps, errors = np.zeros(n_texture, np.float32), np.zeros((n_texture, 4))
-    for k, rows in enumerate(levels):
-        pictures = [textures.texels[4 * start : 4 * (start + w * h)].reshape(h, w, 4) for start, w, h in rows]
-        largest = largest_color(pictures[0].reshape(-1, 4))
-        scale = 2.0 ** np.ceil(np.log2(max(largest, 2.0**-40)))
-        steps[k] = scale / 65535.0
-        out = texels[first_texels[k] : first_texels[k + 1]]
-        wraps = tuple(textures.wraps[k])
-        differences = [
-            pack_level(picture, wraps, scale, _bordered(out, sizes[k], level)) for level, picture in enumerate(pictures)
-        ]
-        errors[k] = error_factors([picture.shape for picture in pictures], differences, scale, textures.filters[k])
-    return PackedTextures(texels.ravel(), first_texels, sizes, textures.filters, textures.wraps, steps, errors)
-
-
-def _pairs(numbers):
-    """Pairs of neighbouring numbers."""
-    return zip(numbers[:-1], numbers[1:], strict=True)
-
-
-def _bordered(texels, size, level):
-    """Return the part (h + 2, w + 2, 4) of a texture's texels that is one mip level."""
-    width, height = max(int(size[0]) >> level, 1), max(int(size[1]) >> level, 1)
-    first = int(first_texel(np.int32(size[0]), np.int32(size[1]), np.int32(level)))
-    return texels[first : first + (width + 2) * (height + 2)].reshape(height + 2, width + 2, 4)
-
-
-def pack_level(picture, wraps, scale, out) -> tuple[float, float]:
+def pack_level(picture, decoded, wraps, scale, out, run=map) -> tuple[float, float]:
     """Write a mip level with its border; return the largest differences of neighbouring texels.
 
     Parameters
     ----------
-    picture : (h, w, 4) float32, colours from 0 to `scale`, alpha to 1
+    picture : (h, w, 4) float32, colours from 0 to `scale`, alpha to 1; or (h, w, 1..4) uint8
+    decoded : (2, 256) float32, what a byte of colour and one of alpha mean
     wraps : WRAP_... along s and t
     scale : a power of two
     out : (h + 2, w + 2, 4) int16
+    run : calls a function with every item of a sequence: `map`, or `Workers.map` on threads
 
     Returns
     -------
@@ -132,9 +100,15 @@ def pack_level(picture, wraps, scale, out) -> tuple[float, float]:
     """
     height, width = picture.shape[:2]
     repeats_s, repeats_t = (bool(wrap == WRAP_REPEAT) for wrap in wraps)
-    d_s, d_t = pack_texels(
-        picture.reshape(height, 4 * width), repeats_s, repeats_t, 65535.0 / scale, out.reshape(height + 2, -1)
-    )
+    target = out.reshape(height + 2, -1)
+
+    def pack(strip):
+        first, end = strip
+        behind = end if end < height else (0 if repeats_t else height - 1)
+        rows, below = decode_rows(picture, decoded, first, end), decode_rows(picture, decoded, behind, behind + 1)[0]
+        return pack_texels(rows, below, repeats_s, 65535.0 / scale, target[first + 1 : end + 1])
+
+    d_s, d_t = np.max(list(run(pack, strips_of(height, width))), axis=0).tolist()
     left, right = (-2, 1) if repeats_s else (1, -2)
     out[:, 0], out[:, -1] = out[:, left], out[:, right]
     above, below = (-2, 1) if repeats_t else (1, -2)
@@ -142,29 +116,71 @@ def pack_level(picture, wraps, scale, out) -> tuple[float, float]:
     return d_s, d_t
 
 
+def strips_of(height, width) -> list[tuple[int, int]]:
+    """Cut rows into strips (first, end) that stay in the cache, and that threads may take."""
+    n_row = max(1, STRIP // width)
+    return [(first, min(first + n_row, height)) for first in range(0, height, n_row)]
+
+
+def decode_rows(picture, decoded, first, end) -> np.ndarray:
+    """Return rows of a picture as `pack_level` takes it, (end - first, 4 * w) float32."""
+    rows = picture[first:end].reshape(end - first, -1)
+    if picture.dtype != np.uint8:
+        return rows
+    out = np.empty((end - first, 4 * picture.shape[1]), np.float32)
+    decode_texels(rows, picture.shape[2], decoded, out)
+    return out
+
+
+STRIP = 2**15  # texels of a strip, half a megabyte of float32
+
+
 @kernel
-def pack_texels(picture, repeats_s, repeats_t, steps_per_unit, out):
-    """Write the texels of a mip level, in steps; return the largest differences of neighbours, see `pack_level`.
+def decode_texels(encoded, n_channel, decoded, out):
+    """Write rows of bytes as linear texels.
+
+    Parameters
+    ----------
+    encoded : (h, n_channel * w) uint8: grey, grey and alpha, RGB, or RGB and alpha
+    decoded : see `pack_level`
+    out : (h, 4 * w) float32
+    """
+    of_color, of_alpha = decoded[0], decoded[1]
+    step, n_color = index(n_channel), index(n_channel - 1 + n_channel % 2)
+    for j in range(index(encoded.shape[0])):
+        row, target = encoded[j], out[j]
+        for i in range(index(out.shape[1]) >> index(2)):
+            texel, first = index(4) * i, step * i
+            target[texel] = of_color[row[first]]
+            target[texel + index(1)] = of_color[row[first + (index(1) if n_color == index(3) else index(0))]]
+            target[texel + index(2)] = of_color[row[first + n_color - index(1)]]
+            target[texel + index(3)] = of_alpha[row[first + n_color]] if step != n_color else np.float32(1)
+
+
+@kernel
+def pack_texels(picture, below, repeats_s, steps_per_unit, out):
+    """Write some rows of a mip level, in steps; return the largest differences of neighbours, see `pack_level`.
 
     Parameters
     ----------
     picture : (h, 4 * w) float32
-    repeats_s, repeats_t : bool, whether the wrap repeats the picture along s and t
+    below : (4 * w,) float32, the row below the last one
+    repeats_s : bool, whether the wrap repeats the picture along s
     steps_per_unit : of colours; of alpha it is 65535
-    out : (h + 2, 4 * (w + 2)) int16; its border is left alone
+    out : (h, 4 * (w + 2)) int16; its border is left alone
     """
     height, n = index(picture.shape[0]), index(picture.shape[1])
     of_color, of_alpha, zero = np.float32(steps_per_unit), np.float32(65535.0), np.float32(2.0**15)
     pixel, one = index(4), index(1)
     across = down = np.int32(0)  # the bits of positive floats are in order as the floats are
     for j in range(height):
-        row, target = picture[j], out[j + one]
-        below = picture[j + one if j + one < height else (index(0) if repeats_t else j)]
+        row, target = picture[j], out[j]
+        following = picture[j + one] if j + one < height else below
         for i in range(n):
             per_unit = of_alpha if i & index(3) == index(3) else of_color
             target[i + pixel] = np.int16(np.rint(row[i] * per_unit) - zero)
         for i in range(n):
-            down = max(down, np.float32(abs(below[i] - row[i])).view(np.int32))
+            down = max(down, np.float32(abs(following[i] - row[i])).view(np.int32))
         for i in range(n - pixel):
             across = max(across, np.float32(abs(row[i + pixel] - row[i])).view(np.int32))
         if repeats_s:
@@ -174,13 +190,22 @@ def pack_texels(picture, repeats_s, repeats_t, steps_per_unit, out):
 
 
 @kernel
-def largest_color(picture):
-    """Return the largest value of red, green and blue of a picture, (n, 4) float32, none of them below 0."""
-    largest = np.int32(0)
-    for k in range(index(len(picture))):
-        for channel in range(index(3)):
-            largest = max(largest, np.float32(picture[k, channel]).view(np.int32))
-    return float(np.int32(largest).view(np.float32))
+def halve_texels(rows, out):
+    """Write the means of two by two texels without alpha.
+
+    Parameters
+    ----------
+    rows : (2 m or more, 8 * w) float32
+    out : (m, 4 * w) float32
+    """
+    for j in range(index(out.shape[0])):
+        above, below, target = rows[j + j], rows[j + j + index(1)], out[j]
+        for i in range(index(out.shape[1]) >> index(2)):
+            left, right = index(8) * i, index(8) * i + index(4)
+            for k in range(index(4)):
+                of_left = np.float64(above[left + k]) + np.float64(below[left + k])
+                of_right = np.float64(above[right + k]) + np.float64(below[right + k])
+                target[index(4) * i + k] = np.float32((of_left + of_right) * 0.25)
 
 
 # ---------------------------------------------------------------- where a mip level begins

@@ -5,8 +5,8 @@ right one, as in OBJ. A picture of w × h texels has the centre of the texel in 
 u = (i + ½)/w, v = 1 - (j + ½)/h.
 
 Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is
-stands in its header, and is looked at before anything is decoded: see `max_texels`. A texel needs 16 bytes, a third
-more with mipmaps.
+stands in its header, and is looked at before anything is decoded: see `max_texels`. A texture keeps the bytes of its
+picture, 1 to 4 a texel; what is linear needs 16, a third more with mipmaps, and is made where it is asked for.
 """
 
 import math
@@ -26,8 +26,8 @@ from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..keywords import checked_fields
 from ..locks import cached_property
-from .arrays import KeepsArrays, fixed, plain_array
-from .color import linear_from_srgb_bytes
+from .arrays import KeepsArrays, fixed, kept, plain_array
+from .color import LINEAR_OF_BYTE
 from .validate import choice, store
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Texture(KeepsArrays):
     Parameters
     ----------
     image : path of a picture, `PIL.Image.Image`, or array (h, w), (h, w, 1), (h, w, 2: grey and alpha), (h, w, 3) or
-        (h, w, 4), up to 16384 texels a side: uint8 is sRGB-encoded (its alpha is not), floats are linear. Stored as (h,
+        (h, w, 4), up to 16384 texels a side: uint8 is sRGB-encoded (its alpha is not), floats are linear. Read as (h,
         w, 4) float32, linear, with the alpha that the picture has, else 1; read-only
     filter : "nearest", "bilinear", or "trilinear": bilinear between and within mipmaps, each half as large as the one
         before
@@ -120,7 +120,25 @@ class Texture(KeepsArrays):
                 raise SceneError(
                     f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}"
                 ) from fault
-        store(self, image=_checked_image(image))
+        image = _checked_image(image)
+        store(self, _encoded=image if image.dtype == np.uint8 else None, image=image)
+        if image.dtype == np.uint8:
+            object.__delattr__(self, "image")  # made when it is asked for
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Decode the image of bytes when it is asked for first; it is kept."""
+            if name != "image" or self.__dict__.get("_encoded") is None:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            store(self, image=_decoded(self.encoded))
+            return self.__dict__["image"]
+
+    @property
+    def encoded(self) -> NDArray[np.uint8] | None:
+        """The bytes that were given, (h, w, 1..4) uint8, read-only; None where floats were."""
+        encoded: NDArray[np.uint8] | None = self.__dict__["_encoded"]
+        return encoded
 
     @classmethod
     def of_numbers(cls, image: ImageLike, **settings: Any) -> "Texture":
@@ -142,13 +160,29 @@ class Texture(KeepsArrays):
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
-        height, width = self.image.shape[:2]
+        height, width = self.shape
         return f"Texture({name}{width} x {height}, {self.filter}, {'/'.join(self.wrap)})"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(h, w), texels."""
+        height, width = (self.image if self.encoded is None else self.encoded).shape[:2]
+        return height, width
 
     @cached_property
     def has_alpha(self) -> bool:
         """Whether any texel lets something through."""
-        return bool((self.image[..., 3] < 1.0).any())
+        if self.encoded is None:
+            return bool((self.image[..., 3] < 1.0).any())
+        return self.encoded.shape[2] in (2, 4) and bool((self.encoded[..., -1] < 255).any())
+
+    @cached_property
+    def brightest(self) -> float:
+        """The largest value of red, green and blue."""
+        if self.encoded is None:
+            return float(self.image[..., :3].max())
+        n_color = self.encoded.shape[2] - (self.encoded.shape[2] in (2, 4))
+        return float(LINEAR_IN_SINGLE[self.encoded[..., :n_color].max()])
 
     @cached_property
     def mean(self) -> NDArray[np.float64]:
@@ -170,9 +204,14 @@ class Texture(KeepsArrays):
         even numbers).
         """
         levels = [self.image]
-        while self.filter == "trilinear" and max(levels[-1].shape[:2]) > 1:
+        while len(levels) < self.n_level:
             levels.append(_halve(levels[-1]))
         return tuple(levels)
+
+    @property
+    def n_level(self) -> int:
+        """How many the picture and its mipmaps are."""
+        return max(self.shape).bit_length() if self.filter == "trilinear" else 1
 
 
 TextureLike: TypeAlias = Texture | ImageLike  # what a material takes for one
@@ -259,7 +298,7 @@ def read_picture(
 
     Returns
     -------
-    (h, w) or (h, w, 2..4) uint8, sRGB-encoded, as the file has it; palettes and rarer modes as RGBA
+    (h, w) or (h, w, 2..4) uint8, sRGB-encoded, as the file has it, read-only; palettes and rarer modes as RGBA
 
     Raises
     ------
@@ -299,7 +338,7 @@ def read_picture(
             f"{budget.name}: {name}: {n_byte} bytes that unpack to {size} texels are read at 1/{divisor} of that size"
         )
         warn_caller(f"{what}; {ENVIRONMENT} takes the limit away")
-    return pixels
+    return fixed(pixels)
 
 
 @contextmanager
@@ -379,8 +418,8 @@ def _strips(height: int, width: int) -> list[slice]:
     return [slice(start, min(start + n_row, height)) for start in range(0, height, n_row)]
 
 
-def _checked_image(image: Any) -> NDArray[np.float32]:
-    """Return an image as (h, w, 4) float32, linear, read-only."""
+def _checked_image(image: Any) -> NDArray[Any]:
+    """Return an image that nobody can change: of bytes as (h, w, 1..4) uint8, of floats as (h, w, 4) float32."""
     try:
         array = plain_array(image)
     except SceneError:
@@ -394,19 +433,32 @@ def _checked_image(image: Any) -> NDArray[np.float32]:
         raise SceneError(f"a texture's image must be {legal}; given {array.shape} {array.dtype}")
     if array.dtype.kind == "u" and array.dtype != np.uint8:
         raise SceneError(f"a texture's image of integers must be uint8; given {array.dtype}")
+    if array.dtype == np.uint8:
+        return kept(array, image)  # type: ignore[return-value]
     out = np.empty((*array.shape[:2], 4), np.float32)
-    is_bytes, has_alpha = array.dtype == np.uint8, array.shape[2] in (2, 4)
-    n_color = array.shape[2] - has_alpha
+    has_alpha = array.shape[2] in (2, 4)
     for rows in _strips(*array.shape[:2]):
         source, part = array[rows], out[rows]
         with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite, and is refused
-            part[..., :3] = linear_from_srgb_bytes(source[..., :n_color]) if is_bytes else source[..., :n_color]
-            part[..., 3] = 1.0
-            if has_alpha:
-                part[..., 3] = source[..., -1] / 255.0 if is_bytes else source[..., -1]
-        if not is_bytes and not (np.isfinite(part).all() and part.min() >= 0.0 and part[..., 3].max() <= 1.0):
+            part[..., :3] = source[..., : array.shape[2] - has_alpha]
+            part[..., 3] = source[..., -1] if has_alpha else 1.0
+        if not (np.isfinite(part).all() and part.min() >= 0.0 and part[..., 3].max() <= 1.0):
             raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
     return fixed(out)
+
+
+def _decoded(encoded: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the linear image (h, w, 4) of bytes (h, w, 1..4)."""
+    out, has_alpha = np.empty((*encoded.shape[:2], 4), np.float32), encoded.shape[2] in (2, 4)
+    for rows in _strips(*encoded.shape[:2]):
+        source, part = encoded[rows], out[rows]
+        part[..., :3] = LINEAR_IN_SINGLE[source[..., : encoded.shape[2] - has_alpha]]
+        part[..., 3] = SHARE_OF_BYTE[source[..., -1]] if has_alpha else 1.0
+    return fixed(out)
+
+
+LINEAR_IN_SINGLE = LINEAR_OF_BYTE.astype(np.float32)  # of red, green and blue
+SHARE_OF_BYTE = (np.arange(256) / 255.0).astype(np.float32)  # of alpha
 
 
 def _halve(level: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -414,24 +466,31 @@ def _halve(level: NDArray[np.float32]) -> NDArray[np.float32]:
     n_row, n_column = (max(n // 2, 1) for n in level.shape[:2])
     half = np.empty((n_row, n_column, 4), np.float32)
     for rows in _strips(n_row, 2 * n_column):
-        _halve_strip(level, rows, half[rows])
+        # Of n = 2 m + 1 rows, the new one k needs rows 2 k to 2 k + 2.
+        halve_rows(level[2 * rows.start : 2 * rows.stop + 1], len(level), rows.start, half[rows])
     half.flags.writeable = False
     return half
 
 
-def _halve_strip(level: NDArray[np.float32], rows: slice, out: NDArray[np.float32]) -> None:
-    """Write some rows of the next mipmap, in float64 between."""
-    # Of n = 2 m + 1 rows, the new one k needs rows 2 k to 2 k + 2.
-    source = level if len(level) == 1 else level[2 * rows.start : 2 * rows.stop + len(level) % 2]
-    if len(level) % 2 == 0 and level.shape[1] % 2 == 0 and (source[..., 3] == 1.0).all():
+def halve_rows(source: NDArray[np.float32], height: int, first: int, out: NDArray[np.float32]) -> None:
+    """Write some rows of the next mipmap, in float64 between.
+
+    Parameters
+    ----------
+    source : (2 m or more, w, 4), the rows from 2·first on of a level that has `height` of them
+    out : (m, max(w // 2, 1), 4), those from `first` on
+    """
+    width = source.shape[1]
+    source = source if height == 1 else source[: 2 * len(out) + height % 2]
+    if height % 2 == 0 and width % 2 == 0 and (source[..., 3] == 1.0).all():
         # Weights are 1: what is computed below is the mean of four texels, bit for bit.
         pairs = np.add(source[0::2], source[1::2], dtype=np.float64)
         np.multiply(pairs[:, 0::2] + pairs[:, 1::2], 0.25, out=out, casting="same_kind")
         return
     alpha = source[..., 3:].astype(np.float64)
     weighted = np.concatenate([source[..., :3] * alpha, source[..., :3], alpha], axis=2)
-    weighted = _halve_axis(weighted, 0, len(level), rows.start)
-    weighted = _halve_axis(weighted, 1, level.shape[1])
+    weighted = _halve_axis(weighted, 0, height, first)
+    weighted = _halve_axis(weighted, 1, width)
     alpha = weighted[..., 6:]
     out[..., :3] = np.where(alpha > 0.0, weighted[..., :3] / np.where(alpha > 0.0, alpha, 1.0), weighted[..., 3:6])
     out[..., 3:] = alpha

@@ -132,7 +132,9 @@ def test_a_texture_in_the_binary_chunk_of_a_glb():
 
 def test_materials_share_a_texture_and_unused_ones_need_no_pictures():
     def more(tree, primitive):
-        tree["materials"] += [dict(tree["materials"][0]), tree["materials"][0] | {"alphaMode": "BLEND"}]
+        tree["textures"].append({"source": 0})  # another one that is the same
+        other = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 1}}}
+        tree["materials"] += [other, tree["materials"][0] | {"alphaMode": "BLEND"}]
         tree["meshes"][0]["primitives"] += [primitive | {"material": 1}, primitive | {"material": 2}]
 
     first, second, third = (mesh.material.texture for mesh in load(textured(more=more), format="gltf").meshes)

@@ -8,7 +8,7 @@ from helpers.arrays import differences
 from helpers.pairs import pairs
 
 from rasterizer.compiler.kernels import index, kernel
-from rasterizer.engine.scene_tables import list_textures
+from rasterizer.engine.texture_tables import list_textures, pack_textures
 from rasterizer.pipeline import texture_lookup as b
 from rasterizer.pipeline import texture_lookup as texel_blend
 from rasterizer.pipeline import textures as packing
@@ -38,7 +38,7 @@ as_plain = np.errstate(all="ignore")(getattr(look_up, "py_func", look_up))
 def textures_of(image, filter="trilinear", wrap="repeat"):
     """One texture, and packed."""
     texture = Texture(image, filter, wrap)
-    return texture, packing.pack_textures(list_textures([Material(texture=texture)]))
+    return texture, pack_textures(list_textures([texture]))
 
 
 class Samples:
@@ -275,7 +275,7 @@ def test_any_number_finds_a_texel_of_the_texture(filter):
         inside = Texture(rng.uniform(0.25, 0.75, (5, 7, 4)), filter, wrap)
         around = [Texture(np.zeros((9, 4, 4)), filter), Texture(np.ones((3, 3, 4)), filter)]
         materials = [Material(texture=texture) for texture in (around[0], inside, around[1])]
-        packed = packing.pack_textures(list_textures(materials))
+        packed = pack_textures(list_textures([material.texture for material in materials]))
         for _ in range(20):
             batch = b.make_lookup_batch()
             rows = batch.reshape(-1, BATCH_SIZE)

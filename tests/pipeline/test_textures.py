@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 
-from rasterizer.engine.scene_tables import list_textures
+from rasterizer.engine.texture_tables import lay_textures, list_textures, pack_textures
 from rasterizer.pipeline import textures as packing
-from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT, texel_at
 from rasterizer.pipeline.textures import first_texel, texcoord_error, texcoord_references
+from rasterizer.pipeline.threads import Workers
 from rasterizer.reference.shading import sample_texture
-from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 
 SIZES = ((1, 1), (1, 9), (9, 1), (2, 3), (16, 16), (37, 5), (5, 640))
@@ -17,7 +17,7 @@ SIZES = ((1, 1), (1, 9), (9, 1), (2, 3), (16, 16), (37, 5), (5, 640))
 
 def packed(*textures):
     """Textures of as many materials, packed."""
-    return packing.pack_textures(list_textures([Material(texture=texture) for texture in textures]))
+    return pack_textures(list_textures(textures))
 
 
 def level_of(textures, texture, level):
@@ -41,6 +41,30 @@ def test_every_level_stands_there_with_its_border(wrap):
             expected = np.pad(expected, ((1, 1), (0, 0), (0, 0)), mode=modes[1])
             off = np.abs(level_of(textures, 1, level) - expected).max() * 65535
             assert off <= 0.51, f"{width} x {height}, level {level}: {off:.3f} > 0.51 steps"
+
+
+@pytest.mark.parametrize("n_channel", [1, 2, 3, 4])
+def test_levels_are_those_of_the_texture_however_it_is_given(n_channel):
+    """Of bytes and of floats, on any number of threads: what is laid, and what is packed."""
+    rng, workers = np.random.default_rng(5), Workers(3)
+    for width, height in (*SIZES, (301, 222), (640, 128)):
+        image = rng.integers(0, 256, (height, width, n_channel), np.uint8)
+        of_bytes = Texture(image)
+        for texture in (of_bytes, Texture(Texture(image).image), Texture(image, "bilinear")):
+            laid = lay_textures(list_textures([Texture(image[:1]), texture]), run=workers.map)
+            first, end = laid.first_levels[1:3]
+            for (start, n_column, n_row), level in zip(laid.mip_levels[first:end], texture.pyramid, strict=True):
+                found = [texel_at(laid, int(k)) for k in range(start, start + n_column * n_row)]
+                assert not differences(np.float32(found).reshape(level.shape), level), f"{width} x {height}"
+        on_threads, of_floats = pack_textures(list_textures([of_bytes]), workers.map), packed(Texture(of_bytes.image))
+        for found, expected in zip(on_threads, of_floats, strict=True):
+            assert not differences(found, expected), f"{width} x {height}"
+
+
+def test_only_what_is_looked_up_is_laid():
+    textures = [Texture(np.full((4, 4, 3), k, np.uint8)) for k in range(3)]
+    laid = lay_textures(list_textures(textures), np.array([-1, 1, -1]))
+    assert len(laid.encoded) == 4 * 16 and np.diff(laid.first_levels).tolist() == [0, 3, 0]
 
 
 def test_steps_suit_the_largest_colour():
@@ -73,8 +97,8 @@ def test_the_largest_steps_are_found(pack):
         repeats = bool(k & 1), bool(k & 2)
         picture = np.float32(rng.uniform(0, 1, (*rng.integers(1, 6, 2), 4)))
         height, width = picture.shape[:2]
-        out = np.zeros((height + 2, 4 * (width + 2)), np.int16)
-        d_s, d_t = pack(picture.reshape(height, 4 * width), *repeats, 65535.0, out)
+        rows, out = picture.reshape(height, 4 * width), np.zeros((height, 4 * (width + 2)), np.int16)
+        d_s, d_t = pack(rows, rows[0 if repeats[1] else -1], repeats[0], 65535.0, out)
         for found, axis, is_repeated in ((d_s, 1, repeats[0]), (d_t, 0, repeats[1])):
             wide = np.concatenate([picture, picture.take([0], axis)], axis) if is_repeated else picture
             expected = np.abs(np.diff(wide, axis=axis)).max(initial=0.0)

@@ -1,6 +1,10 @@
 """Tests of the texture: every way to give a picture, the sRGB curve, and mipmaps that are exact means of areas."""
 
+import copy
 import io
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +19,29 @@ from rasterizer.scene.color import linear_from_srgb
 from rasterizer.scene.texture import Texture, read_picture
 
 RGB = np.array([[[0, 128, 255], [10, 20, 30]], [[40, 50, 60], [70, 80, 90]], [[255, 0, 0], [0, 0, 0]]], np.uint8)
+
+
+# --- what is kept of bytes
+
+
+def test_the_linear_image_of_bytes_is_made_when_it_is_asked_for():
+    """The same one from then on, in copies, too, and on any thread."""
+    image = np.random.default_rng(1).integers(0, 256, (5, 4, 4), np.uint8)
+    texture = Texture(image)
+    assert texture.shape == (5, 4) and not differences(texture.encoded, image)
+    again = pickle.loads(pickle.dumps(texture))
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: texture.image, range(8)))
+    for each in (*found, again.image, copy.deepcopy(texture).image, replace(texture, filter="nearest").image):
+        assert not differences(each, found[0]) and not each.flags.writeable
+    assert texture.image is texture.image and Texture(texture.image).encoded is None
+    with pytest.raises(AttributeError, match="no attribute 'imge'"):
+        texture.imge  # noqa: B018
+
+
+def test_textures_of_one_picture_share_its_bytes():
+    first = Texture(np.zeros((3, 3, 3), np.uint8))
+    assert np.shares_memory(first.encoded, Texture(first.encoded, "nearest").encoded)
 
 
 # --- forms of an image --------------------------------------------------------------------------------------

@@ -1,0 +1,179 @@
+"""The textures of a scene as arrays that the pipeline reads: those that share one have it once.
+
+In 16 bits with mip levels for look-ups in float32, made of the bytes of a picture, strip by strip; in float32 only
+those that are looked up in float64.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..pipeline.textures import (
+    FILTER_BILINEAR,
+    FILTER_NEAREST,
+    FILTER_TRILINEAR,
+    FIRST_TEXCOORD,
+    WRAP_CLAMP,
+    WRAP_MIRROR,
+    WRAP_REPEAT,
+    PackedTextures,
+    Textures,
+    decode_rows,
+    error_factors,
+    first_texel,
+    halve_texels,
+    pack_level,
+    strips_of,
+)
+from ..scene.texture import LINEAR_IN_SINGLE, SHARE_OF_BYTE, Texture, halve_rows
+
+_FILTERS = {"nearest": FILTER_NEAREST, "bilinear": FILTER_BILINEAR, "trilinear": FILTER_TRILINEAR}
+_DECODED = np.stack([LINEAR_IN_SINGLE, SHARE_OF_BYTE])
+_WRAPS = {"repeat": WRAP_REPEAT, "clamp": WRAP_CLAMP, "mirror": WRAP_MIRROR}
+
+
+class TextureList(NamedTuple):
+    """The different textures of materials."""
+
+    textures: tuple[Texture, ...]
+    of_materials: NDArray[np.int64]  # (n_material,): the texture of each, -1 for none
+    texcoord: int  # the attribute that is u; v follows
+
+    @property
+    def filters(self) -> NDArray[np.int64]:
+        """(n_texture,): FILTER_... of each."""
+        return np.array([_FILTERS[texture.filter] for texture in self.textures], np.int64)
+
+    @property
+    def wraps(self) -> NDArray[np.int64]:
+        """(n_texture, 2): WRAP_... of each, along u and v."""
+        wraps = [[_WRAPS[word] for word in texture.wrap] for texture in self.textures]
+        return np.array(wraps, np.int64).reshape(-1, 2)
+
+
+def list_textures(of_materials: Sequence[Texture | None], n_texcoord: int = 2) -> TextureList:
+    """List the textures of materials, or None, each once; the last two of `n_texcoord` texture coordinates are
+    theirs."""
+    different = {id(texture): texture for texture in of_materials if texture is not None}
+    number = {key: k for k, key in enumerate(different)}
+    numbers = np.array([number.get(id(texture), -1) for texture in of_materials], np.int64)
+    return TextureList(tuple(different.values()), numbers, FIRST_TEXCOORD + n_texcoord - 2)
+
+
+def lay_textures(listed: TextureList, of_materials: NDArray[np.int64] | None = None, run: Callable = map) -> Textures:
+    """Lay textures behind each other: pictures of bytes, and then what is float32.
+
+    Parameters
+    ----------
+    of_materials : (n_material,) the texture of each that is looked up, -1 for none: no other textures are laid;
+        None = all
+    run : calls a function with every item of a sequence: `map`, or `Workers.map` on threads
+    """
+    used = listed.of_materials if of_materials is None else of_materials
+    shown = [texture if k in used else None for k, texture in enumerate(listed.textures)]
+    n_encoded = sum(math.prod(each.shape) for each in shown if each is not None and each.encoded is not None)
+    encoded, texels = np.empty((n_encoded, 4), np.uint8), np.empty((sum(map(_n_single, shown)), 4), np.float32)
+    rows, first_byte, first = [], 0, 0
+    for texture in shown:
+        for level in () if texture is None else _levels(texture, run):
+            height, width = level.shape[:2]
+            n = height * width
+            if level.dtype == np.uint8:
+                _write_bytes(level.reshape(n, -1), encoded[first_byte : first_byte + n])
+                rows.append((first_byte, width, height))
+                first_byte += n
+            else:
+                texels[first : first + n] = level.reshape(n, 4)
+                rows.append((n_encoded + first, width, height))
+                first += n
+    return Textures(
+        encoded.ravel(),
+        _DECODED,
+        texels.ravel(),
+        np.array(rows, np.int64).reshape(-1, 3),
+        np.cumsum([0] + [0 if texture is None else texture.n_level for texture in shown]).astype(np.int64),
+        listed.filters,
+        listed.wraps,
+        used,
+        listed.texcoord,
+    )
+
+
+def _n_single(texture: Texture | None) -> int:
+    """How many texels of a texture are laid in float32."""
+    if texture is None:
+        return 0
+    height, width = texture.shape
+    first = 0 if texture.encoded is None else 1
+    return sum(max(height >> k, 1) * max(width >> k, 1) for k in range(first, texture.n_level))
+
+
+def _levels(texture: Texture, run: Callable) -> Iterator[NDArray]:
+    """The picture of a texture, uint8 where it is of bytes, and its mip levels, one after the other."""
+    level = texture.image if texture.encoded is None else texture.encoded
+    yield level
+    for _ in range(1, texture.n_level):
+        level = _halve(level, texture.has_alpha, run)
+        yield level
+
+
+def _halve(level: NDArray, has_alpha: bool, run: Callable) -> NDArray[np.float32]:
+    """Return the next mip level of one, which may be uint8, as `Texture.pyramid` has it."""
+    height, width = level.shape[:2]
+    half = np.empty((max(height // 2, 1), max(width // 2, 1), 4), np.float32)
+
+    def halve(strip):
+        first, end = strip
+        rows, out = decode_rows(level, _DECODED, 2 * first, min(2 * end + 1, height)), half[first:end]
+        if has_alpha or height % 2 == 1 or width % 2 == 1:
+            halve_rows(rows.reshape(len(rows), width, 4), height, first, out)
+        else:
+            halve_texels(rows, out.reshape(len(out), -1))
+
+    list(run(halve, strips_of(len(half), 2 * width)))
+    return half
+
+
+def _write_bytes(encoded: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    """Write bytes (n, 1..4) as red, green, blue and alpha."""
+    n_channel = encoded.shape[1]
+    has_alpha = n_channel in (2, 4)
+    for k in range(3):
+        out[:, k] = encoded[:, min(k, n_channel - has_alpha - 1)]
+    out[:, 3] = encoded[:, -1] if has_alpha else 255
+
+
+def pack_textures(listed: TextureList, run: Callable = map) -> PackedTextures:
+    """Pack textures, with the mip levels that their filters need.
+
+    A texture whose colours are at most 2^k, k >= 0 or less, has steps of 2^k/65535.
+
+    Parameters
+    ----------
+    run : see `lay_textures`
+    """
+    textures, filters, wraps = listed.textures, listed.filters, listed.wraps
+    sizes = np.array([(*texture.shape[::-1], texture.n_level) for texture in textures], np.int64).reshape(-1, 3)
+    counts = [first_texel(*(np.int32(number) for number in size)) for size in sizes]
+    first_texels = np.cumsum([0, *counts]).astype(np.int64)
+    texels = np.zeros((int(first_texels[-1]), 4), np.int16)
+    steps, errors = np.zeros(len(textures), np.float32), np.zeros((len(textures), 4))
+    for k, texture in enumerate(textures):
+        scale = 2.0 ** np.ceil(np.log2(max(texture.brightest, 2.0**-40)))
+        steps[k] = scale / 65535.0
+        out, shapes, differences = texels[first_texels[k] : first_texels[k + 1]], [], []
+        for number, level in enumerate(_levels(texture, run)):
+            shapes.append(level.shape)
+            differences.append(pack_level(level, _DECODED, wraps[k], scale, _bordered(out, sizes[k], number), run))
+        errors[k] = error_factors(shapes, differences, scale, filters[k])
+    return PackedTextures(texels.ravel(), first_texels, sizes, filters, wraps, steps, errors)
+
+
+def _bordered(texels, size, level) -> NDArray[np.int16]:
+    """Return the part (h + 2, w + 2, 4) of a texture's texels that is one mip level."""
+    width, height = max(int(size[0]) >> level, 1), max(int(size[1]) >> level, 1)
+    first = int(first_texel(np.int32(size[0]), np.int32(size[1]), np.int32(level)))
+    return texels[first : first + (width + 2) * (height + 2)].reshape(height + 2, width + 2, 4)
