@@ -111,6 +111,8 @@ def compile_job(job: tuple[str, str, tuple, str], _shared: None, kept: dict) -> 
 
     Raises RuntimeError where the store is another one: its sources, versions or settings differ from this process's.
     """
+    # Numba loads it for matrices, which kernels have none of: a sixth of a second.
+    sys.modules.setdefault("scipy.linalg", None)
     from . import internals
 
     module, name, signature, folder = job
