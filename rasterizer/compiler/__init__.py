@@ -6,7 +6,7 @@ Read kernels.py first: the stages import its decorators.
     signatures          with which types of arguments a kernel is called
     fingerprint         what decides the code: sources, versions, processor
     store               compiled kernels on disk
-    machine_code        object code into memory, by llvmlite alone
+    machine_code        object code into memory
     entry_points        machine code that takes Python's arguments apart
     jobs                many kernels at once, in several processes
     internals           what is used of numba beyond its manual

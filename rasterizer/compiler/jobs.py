@@ -111,10 +111,12 @@ def compile_job(job: tuple[str, str, tuple, str], _shared: None, kept: dict) -> 
 
     Raises RuntimeError where the store is another one: its sources, versions or settings differ from this process's.
     """
-    from . import internals
-
     module, name, signature, folder = job
     store = kept["store"] = kept.get("store") or Store.at(Path(folder))
+    # Numba would load it for matrices, which kernels have none of: a sixth of a second.
+    sys.modules.setdefault("scipy.linalg", None)
+    from . import internals
+
     if not internals.IS_SEEN:
         raise RuntimeError(f"numba {internals.numba.__version__} was not tried")
     function = getattr(importlib.import_module(module), name)
