@@ -30,7 +30,7 @@ from .weld import unique_rows
 # What is known of an edge: the direction of the one triangle that has it, from the vertex that lists it or back; that
 # there are two, one in each direction; or that there are others, and the body isn't closed.
 FORTH, BACK, PAIRED, TORN = (np.uint8(state) for state in range(4))
-MANY = 64
+MANY = 64  # triangles
 
 
 class EdgeTable(NamedTuple):
