@@ -9,6 +9,10 @@ any page. The light is round, far above the scene, and has the same intensity ev
 of the light's points sees it, in perspective, covers just the texels of the ground that get no light from there: a
 projected shadow (Blinn 1988, "Me and My (Fake) Shadow"). The mean over the points is the shadow of the area light.
 
+Masks of what is opaque are made of bits (pipeline/ground.py): each triangle is drawn once, whatever the number of
+points. What is transparent lets a share of the light through: such scenes are drawn from each point of the light, as
+pictures are.
+
 The camera is above the ground and the scene, too: so a ray meets the scene before the ground, and the shadow lies under
 the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 """
@@ -20,15 +24,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import Output
 from ..compiler.kernels import Job, compiling_ahead
 from ..options import Options
+from ..pipeline import ground as bits
+from ..pipeline.threads import Workers
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE, srgb_from_linear
 from ..scene.framing import orbit_axes
 from ..scene.lights import AmbientLight
+from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from .draw import NO_CLOCK
+from .kernels_of_plan import KernelList
 from .prepared import PreparedScene
 from .scene_tables import SceneTables
 
@@ -36,13 +43,16 @@ HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
 RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller is a point
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-MAX_POINTS, MIN_POINTS = 128, 16  # of the light, as many as there is time for
-FACES_DRAWN = 2**22  # triangles times points of the light
+POINTS = 256  # of the light
+# Of the light for what is transparent, as many as there is time for; triangles times points
+MAX_POINTS, MIN_POINTS, FACES_DRAWN = 128, 16, 2**22
+MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
+MIN_FACES, PASS_FACES = 2**15, 2**15  # that are worth layers of their own; that are drawn into them in one go
 # Prepared scenes whose masks are drawn side by side, and triangles of a scene of which there are several.
 MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
 
 
-class _Ground(NamedTuple):
+class Ground(NamedTuple):
     """Where the texels of the shadow lie: world space, scene units."""
 
     center: NDArray[np.float64]  # (3,) of the ground that is looked at
@@ -62,12 +72,13 @@ class GroundShadow:
     scene : Scene; its `up` says where the ground is. What is transparent lets light through
     strength : opacity of the ground where no light arrives, 0 to 1
     size : texels along the longer side of the shadow
-    points : of the light; None = 128, and fewer for more than some 30,000 triangles
+    points : of the light; None = 256; 128 where something is transparent, fewer for more than some 30,000 triangles
     threads : how many; None = as many as the process may use
 
     Attributes
     ----------
     opacity : (rows, columns) float32, 0 where all of the light arrives, `strength` where none does
+    ground : Ground, where its texels lie; None where the scene is a point
     """
 
     def __init__(
@@ -79,13 +90,15 @@ class GroundShadow:
         points: int | None = None,
         threads: int | None = None,
     ) -> None:
-        if points is None:
-            points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
-        self._ground = _ground_under(scene, size)
-        if self._ground is None:
+        self.ground = _ground_under(scene, size)
+        if self.ground is None:
             self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
+        elif all(material.is_opaque for mesh in scene.meshes for material in mesh.palette):
+            self.opacity = np.float32(strength) * _count_hidden(scene, self.ground, points or POINTS, threads)
         else:
-            self.opacity = np.float32(strength) * _draw_masks(scene, self._ground, points, threads)
+            if points is None:
+                points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
+            self.opacity = np.float32(strength) * draw_masks(scene, self.ground, points, threads)
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
         """Return points round the part of the shadow that a picture should show.
@@ -98,12 +111,12 @@ class GroundShadow:
         -------
         (n, 3) float64, world space, scene units; none where there is no shadow
         """
-        if self._ground is None:
+        if self.ground is None:
             return np.empty((0, 3))
         dark = self.opacity > share * self.opacity.max(initial=0.0)
         rows = np.flatnonzero(dark.any(axis=1))
         first, last = dark[rows].argmax(axis=1), dark.shape[1] - 1 - dark[rows, ::-1].argmax(axis=1)
-        ground, middle = self._ground, (np.array(dark.shape) - 1) / 2.0
+        ground, middle = self.ground, (np.array(dark.shape) - 1) / 2.0
         across = np.concatenate([first, last])[:, None] - middle[1]
         along = np.concatenate([rows, rows])[:, None] - middle[0]
         return ground.center + ground.texel * (across * ground.right + along * ground.front)
@@ -121,7 +134,7 @@ class GroundShadow:
         (height, width) float32, 0 where the camera doesn't see the ground, or sees it from below
         """
         opacity = np.zeros((size[1], size[0]), np.float32)
-        planes = None if self._ground is None else _texel_planes(self._ground, camera, size)
+        planes = None if self.ground is None else _texel_planes(self.ground, camera, size)
         if planes is None:
             return opacity
         x = np.arange(size[0]) + 0.5
@@ -183,11 +196,9 @@ def _over(
 
 
 def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[SceneTables, Options]:
-    """Return what masks are drawn of, and with: whichever tells what is covered, at the least cost."""
-    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
-    output: Output = "mask" if is_opaque else "rgb"
+    """Return what masks are drawn of, and with."""
     casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
-    options = Options(size=size, shading="flat", outputs=(output,), samples=1, threads=threads)
+    options = Options(size=size, shading="flat", samples=1, threads=threads)
     return SceneTables(casters, options), options
 
 
@@ -200,7 +211,7 @@ def faded(size: tuple[int, int]) -> NDArray[np.float32]:
     return (along[:, None] * across).astype(np.float32)
 
 
-def _ground_under(scene: Scene, size: int) -> _Ground | None:
+def _ground_under(scene: Scene, size: int) -> Ground | None:
     """Find the rectangle of the ground on which there may be shadow; None for a scene that is a point."""
     right, up, forward = orbit_axes(0.0, 0.0, scene.up)
     front = -forward
@@ -214,23 +225,23 @@ def _ground_under(scene: Scene, size: int) -> _Ground | None:
     further = height / (HEIGHT * radius - height)
     half = half + further * (half + SPREAD * HEIGHT * radius)
     middle = (low + high) / 2.0
-    texel = 2.0 * float(half.max()) / (size - 2)
-    columns, rows = (min(max(math.ceil(2.0 * side / texel) + 2, 4), size) for side in half)
+    texel = 2.0 * float(half.max()) / (size - 2 * MARGIN)
+    columns, rows = (min(max(math.ceil(2.0 * side / texel) + 2 * MARGIN, 4), size) for side in half)
     center = middle[0] * right + middle[1] * front + low[2] * up
-    return _Ground(center, right, front, up, texel, (rows, columns), radius)
+    return Ground(center, right, front, up, texel, (rows, columns), radius)
 
 
-def _light_points(ground: _Ground, n: int) -> NDArray[np.float64]:
-    """Return points that share a disc evenly, (n, 2), along `right` and `front` from above the centre, scene units.
+def _light_points(n: int) -> NDArray[np.float64]:
+    """Return points that share a disc evenly, (n, 2), along `right` and `front` from above the centre; its radius is 1.
 
     Source: Vogel 1979, "A better way to construct the sunflower head".
     """
     k = np.arange(n)
-    away = SPREAD * HEIGHT * ground.radius * np.sqrt((k + 0.5) / n)
+    away = np.sqrt((k + 0.5) / n)
     return np.stack([away * np.cos(k * GOLDEN_ANGLE), away * np.sin(k * GOLDEN_ANGLE)], axis=1)
 
 
-def _camera_at(ground: _Ground, x: float, y: float) -> Camera:
+def _camera_at(ground: Ground, x: float, y: float) -> Camera:
     """Return the camera at a point of the light whose pixels are the texels of the ground."""
     rows, columns = ground.shape
     height = HEIGHT * ground.radius
@@ -247,19 +258,74 @@ def _camera_at(ground: _Ground, x: float, y: float) -> Camera:
     )
 
 
-def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> NDArray[np.float32]:
-    """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get."""
+def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
+    """Return which share of n points of the light each texel doesn't see, where all is opaque."""
+    height, radius = HEIGHT * ground.radius, SPREAD * HEIGHT * ground.radius / ground.texel
+    columns, rows = ground.right / ground.texel, ground.front / ground.texel
+    frame = np.array([ground.center, columns, rows, ground.up, (height, radius, 0.0)])
+    middle = (np.array(ground.shape[::-1], np.float32) - 1) / 2
+    top = float(np.ptp(scene.bounds @ ground.up))
+    workers = Workers(Options(threads=threads).n_thread)
+    n_part = max(min(workers.n_thread, scene.n_face // MIN_FACES), 1)
+    parts = [bits.make_layers(ground.shape, top / (height - top) * radius) for _ in range(n_part)]
+    near = [np.empty((0, 9), np.float32)]
+
+    def draw(mesh: Mesh) -> None:
+        points = np.empty((mesh.n_vertex, 3), np.float32)
+        workers.map(lambda part: bits.project(mesh.vertices, frame, *part, points), workers.ranges(mesh.n_vertex))
+        points[:, :2] += middle
+        workers.map(lambda k: draw_part(mesh, points, k), range(n_part))
+
+    def draw_part(mesh: Mesh, points: NDArray[np.float32], k: int) -> None:
+        room, end = np.empty((2 * PASS_FACES, 9), np.float32), mesh.n_face * (k + 1) // n_part
+        for first in range(mesh.n_face * k // n_part, end, PASS_FACES):
+            n_near = bits.draw_layers(points, mesh.faces, first, min(first + PASS_FACES, end), parts[k], room)
+            near.append(room[:n_near].copy())  # in any order: a texel that is hidden twice is hidden
+
+    def count(first: int) -> NDArray[np.uint8]:
+        lights = np.zeros((2, bits.CHUNK), np.float32)
+        n_light = min(n - first, bits.CHUNK)
+        lights[:, :n_light] = _light_points(n)[first : first + n_light].T
+        counts = np.empty(64 * layers.ground.size, np.uint8)
+        bits.count_hidden(layers, triangles, lights, n_light, bits.make_scratch(layers), counts)
+        return counts
+
+    try:
+        with compiling_ahead(list_kernels):
+            for mesh in scene.meshes:
+                draw(mesh)
+            layers, triangles = bits.join(parts), np.concatenate(near)
+            counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
+    finally:
+        workers.close()
+    return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
+
+
+def list_kernels() -> list[Job]:
+    """List the kernels that make the masks of what is opaque."""
+    found, points, near = KernelList(), np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
+    layers = bits.make_layers((4, 4), 0.0)
+    found.add(bits.project, np.empty((0, 3)), np.empty((5, 3)), 0, 0, points)
+    found.add(bits.draw_layers, points, np.empty((0, 3), np.uint32), 0, 0, layers, near)
+    lights = np.empty((2, bits.CHUNK), np.float32)
+    found.add(bits.count_hidden, layers, near, lights, 0, bits.make_scratch(layers), np.empty(0, np.uint8))
+    return list(found.jobs)
+
+
+def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
+    """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get.
+
+    For scenes with something transparent in them; others take less time by `_count_hidden`, which is compared with it.
+    """
     rows, columns = ground.shape
-    points, n_thread = _light_points(ground, n).tolist(), Options(threads=threads).n_thread
+    spread = SPREAD * HEIGHT * ground.radius
+    points, n_thread = (spread * _light_points(n)).tolist(), Options(threads=threads).n_thread
     # Masks of a small scene take less time side by side than one after the other on all threads.
     n_batch = min(n_thread, MAX_BATCHES, n) if scene.n_face <= MAX_BATCHED_FACES else 1
     casters, options = masks_of(scene, (columns, rows), n_thread // n_batch)
-    is_opaque = options.outputs == ("mask",)
 
     def draw_mask(prepared: PreparedScene, x: float, y: float) -> NDArray:
         camera = _camera_at(ground, x, y)
-        if is_opaque:
-            return prepared.draw_buffers(camera, NO_CLOCK)[0]["mask"]
         return prepared.draw_picture(camera, NO_CLOCK).rgba[..., 3]
 
     def draw_batch(k: int) -> NDArray[np.uint32]:
@@ -283,10 +349,10 @@ def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> N
 
             with ThreadPoolExecutor(n_batch) as pool:
                 covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
-    return covered.astype(np.float32) / np.float32(n if is_opaque else 255 * n)
+    return covered.astype(np.float32) / np.float32(255 * n)
 
 
-def _texel_planes(ground: _Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:
+def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:
     """Return three planes over a picture, (3, 3): each is a·x + b·y + c at the pixels' coordinates (x, y).
 
     The ray through a pixel meets the ground in column first/third and row second/third of texels, before the camera

@@ -94,6 +94,66 @@ def mesh_of(scene):
     return scene.meshes[0].vertices, scene.meshes[0].faces
 
 
+def box(low, high):
+    vertices, faces = solids.cube()
+    unit = (np.array(vertices, float) - np.min(vertices, axis=0)) / np.ptp(vertices, axis=0)
+    return rz.Mesh(low + unit * np.subtract(high, low), faces)
+
+
+def random_scene(seed):
+    """Of several kinds: what lies flat, stands on the ground with edges or a point, floats, is thin or open."""
+    rng = np.random.default_rng(seed)
+
+    def boxes():
+        for _ in range(rng.integers(1, 4)):
+            low = rng.uniform(-1, 1, 3) * (1, 0, 1)
+            yield box(low, low + rng.uniform(0.05, 1.0, 3))
+
+    def plates():
+        lift = rng.choice([0.0, 0.01, 0.05])
+        yield box((0, lift, 0), (1, lift + 10 ** rng.uniform(-3.5, -1.5), rng.uniform(0.2, 1)))
+
+    def spheres():
+        for _ in range(2):
+            mesh = rz.Mesh(*solids.sphere(8))
+            x, z = rng.uniform(-1, 1, 2)
+            yield replace(mesh, vertices=(mesh.vertices - mesh.vertices.min(axis=0)) * rng.uniform(0.2, 1) + (x, 0, z))
+
+    def spikes():
+        n = 30
+        feet, tips = rng.uniform(-1, 1, (n, 2)), rng.uniform(-1, 1, (n, 3)) + (0, 1, 0)
+        foot = np.stack([feet[:, 0], np.zeros(n), feet[:, 1]], axis=1)
+        vertices = np.stack([foot, foot + (0.03, 0, 0.02), tips], axis=1).reshape(-1, 3)
+        yield rz.Mesh(vertices, np.arange(3 * n).reshape(-1, 3))
+
+    def walls():
+        angle, high = rng.uniform(0, 2 * math.pi), rng.uniform(0.05, 1)
+        x, z = math.cos(angle), math.sin(angle)
+        yield rz.Mesh([(0, 0, 0), (x, 0, z), (x, high, z), (0, high, 0)], [(0, 1, 2, 3)])
+        yield box((1, 0, 1), (1.2, 0.1, 1.3))
+
+    kinds = boxes, plates, spheres, spikes, walls, lambda: [soup(seed, int(rng.integers(4, 40)))]
+    turn, (up, axis) = rng.uniform(0, 2 * math.pi), list(AXIS.items())[seed % 6]
+    up_axis = np.array(axis, float)
+    right, front = rz.Camera.framing(CUBE, math.degrees(turn), 90, up=up, orthographic=True).view()[1:3]
+    basis = np.stack([right, up_axis, front])
+    return rz.Scene([replace(mesh, vertices=mesh.vertices @ basis) for mesh in kinds[seed // 6 % len(kinds)]()], up=up)
+
+
+SEEDS = [*(0, 7, 14), *(pytest.param(k, marks=pytest.mark.nightly) for k in range(15, 72))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_opacity_is_that_of_4096_points_of_the_light(seed):
+    """Each of which is drawn like a picture, in `draw_masks`."""
+    scene = random_scene(seed)
+    shadow = GroundShadow(scene, size=256)
+    exact = np.float32(0.6) * ground_shadow.draw_masks(scene, shadow.ground, 4096, None)
+    off = np.abs(shadow.opacity - exact)
+    assert exact.max() > 0.1 and off.mean() <= 0.003, f"{off.mean():.3g} > 0.003 on the mean"
+    assert off.max() <= 0.06, f"{off.max():.3g} > 0.06"
+
+
 def test_nothing_is_dark_at_the_rim():
     for seed, up in enumerate(AXIS):
         opacity = GroundShadow(rz.Scene(soup(seed), up=up), size=64, points=40).opacity
