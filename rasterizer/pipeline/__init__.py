@@ -31,6 +31,7 @@ What stage 6 uses:
     shade_once          one point for each polygon in a pixel, in the place of its samples
     a_buffer            lists of transparent fragments, and what is seen through them
     edges               drawn edges: how much of each sample they cover
+    ground              how many points of an area light each texel of the ground doesn't see
 
 And around it all: threads, the workspace that each draws a band in, and intrinsics, inner loops as vector instructions.
 """
