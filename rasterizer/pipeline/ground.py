@@ -48,10 +48,12 @@ class Layers(NamedTuple):
 
     bits: (
         np.ndarray
-    )  # (3, n_plane, n_row, n_word) uint64: a plane for each point of the lattice in a texel; see `place`
+    )  # (3, n_plane, n_row * n_word) uint64: a plane for each point of the lattice in a texel; see `place`
     rows: np.ndarray  # (n_layer, 2) int64: first and end of the rows in use
     bands: np.ndarray  # (n_band, 4) int64: log of the factor, first layer, layers, first plane
-    ground: np.ndarray  # (n_row, n_word) uint64: texels that are covered at t = 0
+    ground: np.ndarray  # (n_row * n_word,) uint64: texels that are covered at t = 0
+    n_row: int  # of texels
+    n_word: int  # a row, 64 texels each
 
 
 def make_layers(shape: tuple[int, int], highest: float) -> Layers:
@@ -70,10 +72,12 @@ def make_layers(shape: tuple[int, int], highest: float) -> Layers:
         n_layer, n_plane = n_layer + n, n_plane + n * 4**log
     n_row, n_word = shape[0], -(-shape[1] // 64)
     return Layers(
-        np.zeros((3, n_plane, n_row, n_word), np.uint64),
+        np.zeros((3, n_plane, n_row * n_word), np.uint64),
         np.tile(np.array([n_row, 0]), (n_layer, 1)),
         np.array(bands),
-        np.zeros((n_row, n_word), np.uint64),
+        np.zeros(n_row * n_word, np.uint64),
+        n_row,
+        n_word,
     )
 
 
@@ -86,7 +90,7 @@ def join(parts: list[Layers]) -> Layers:
             for layer in range(n_layer):
                 first, end = part.rows[first_layer + layer]
                 planes = slice(first_plane + (layer << 2 * log), first_plane + (layer + 1 << 2 * log))
-                at = slice(None), planes, slice(first, end)
+                at = slice(None), planes, slice(first * joined.n_word, end * joined.n_word)
                 np.bitwise_or(joined.bits[at], part.bits[at], out=joined.bits[at])
         joined.rows[:, 0] = np.minimum(joined.rows[:, 0], part.rows[:, 0])
         joined.rows[:, 1] = np.maximum(joined.rows[:, 1], part.rows[:, 1])
@@ -169,14 +173,14 @@ def set_bits(words, first, end):
 
 
 @helper
-def fill(a, b, c, mask):
-    """Cover the texels of a mask, (n_row, n_word), whose centres are inside of a triangle."""
+def fill(a, b, c, n_row, n_word, mask):
+    """Cover the texels of a mask, (n_row * n_word,), whose centres are inside of a triangle."""
     a, b, c = in_order(a, b, c, 1)
-    first, end = whole(a[1], c[1], len(mask))
+    first, end = whole(a[1], c[1], n_row)
     for row in range(first, end):
         u, v = cut(np.float64(row), a, b, c, 1, 0)
-        left, right = whole(min(u, v), max(u, v), 64 * mask.shape[1])
-        set_bits(mask[row], left, right)
+        left, right = whole(min(u, v), max(u, v), 64 * n_word)
+        set_bits(mask[row * n_word : (row + 1) * n_word], left, right)
 
 
 # ---------------------------------------------------------------- layers
@@ -194,7 +198,7 @@ def place(layers, band, layer, x, y):
 def mark(layers, kind, band, layer, x, y):
     """Set a bit of a layer."""
     plane, row, column = place(layers, band, layer, x, y)
-    layers.bits[kind, plane, row, column >> 6] |= np.uint64(1) << np.uint64(column & 63)
+    layers.bits[kind, plane, row * layers.n_word + (column >> 6)] |= np.uint64(1) << np.uint64(column & 63)
     rows = layers.rows[band[1] + layer]
     rows[0], rows[1] = min(rows[0], row), max(rows[1], row + 1)
 
@@ -202,7 +206,7 @@ def mark(layers, kind, band, layer, x, y):
 @helper
 def mark_upright(layers, band, a, b, c):
     """Mark where the uprights of a band meet a triangle; coordinates in units of its lattice."""
-    n_row, n_column = layers.ground.shape[0] << band[0], (64 * layers.ground.shape[1]) << band[0]
+    n_row, n_column = layers.n_row << band[0], (64 * layers.n_word) << band[0]
     low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
     a, b, c = in_order(a, b, c, 1)
     ux, uy, ut = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -223,7 +227,7 @@ def mark_upright(layers, band, a, b, c):
 @helper
 def mark_floors(layers, band, a, b, c):
     """Mark where the floors of a band's layers meet a triangle, between neighbouring points of the lattice."""
-    n_row, n_column = layers.ground.shape[0] << band[0], (64 * layers.ground.shape[1]) << band[0]
+    n_row, n_column = layers.n_row << band[0], (64 * layers.n_word) << band[0]
     a, b, c = in_order(a, b, c, 2)
     first, end = max(np.int64(math.ceil(a[2])) - FLOOR, 1), min(np.int64(math.ceil(c[2])) - FLOOR, band[2])
     for layer in range(first, end):
@@ -304,7 +308,7 @@ def draw_layers(points, faces, first, end, layers, out_near):
         if low < NEAR:
             a, b, c = scaled(points, i, 1.0), scaled(points, j, 1.0), scaled(points, k, 1.0)
             if high == 0.0:
-                fill(a, b, c, layers.ground)
+                fill(a, b, c, layers.n_row, layers.n_word, layers.ground)
             else:
                 n = put_near(a, b, c, out_near, n)
         for number in range(n_band):
@@ -411,17 +415,16 @@ def draw_near(near, lights, shape, scratch):
                 x, y = np.float64(lights[0, k]), np.float64(lights[1, k])
                 fill(
                     (a[0] - x * a[2], a[1] - y * a[2]), (b[0] - x * b[2], b[1] - y * b[2]),
-                    (c[0] - x * c[2], c[1] - y * c[2]), scratch.masks[k].reshape(shape),
+                    (c[0] - x * c[2], c[1] - y * c[2]), shape[0], shape[1], scratch.masks[k],
                 )  # fmt: skip
 
 
 @helper
-def shift_in(plane, rows, shift, mask):
+def shift_in(words, rows, n_word, shift, mask):
     """Set the bits p of a mask for which the bit p + shift of a plane is set; both have all rows one after another."""
-    words = plane.reshape(plane.size)
     skip, bit = shift >> 6, np.uint64(shift & 63)
-    first = max(rows[0] * plane.shape[1] - skip - 1, 0, -skip)
-    end = min(rows[1] * plane.shape[1] - skip, len(mask), len(words) - 1 - skip)
+    first = max(rows[0] * n_word - skip - 1, 0, -skip)
+    end = min(rows[1] * n_word - skip, len(mask), len(words) - 1 - skip)
     if first < end:
         out, low, high = mask[first:end], words[first + skip : end + skip], words[first + skip + 1 : end + skip + 1]
         back = np.uint64(63) - bit
@@ -432,7 +435,7 @@ def shift_in(plane, rows, shift, mask):
 @helper
 def follow(layers, x, y, mask):
     """Add to a mask what the layers hide from one point of the light."""
-    n_word = layers.ground.shape[1]
+    n_word = layers.n_word
     for number in range(len(layers.bands)):
         band = layers.bands[number]
         last_x, last_y = 0, 0
@@ -443,12 +446,12 @@ def follow(layers, x, y, mask):
             if rows[0] < rows[1]:
                 if layer > 0 and path_x != last_x:
                     plane, row, column = place(layers, band, layer, min(path_x, last_x), last_y)
-                    shift_in(layers.bits[ACROSS, plane], rows, 64 * n_word * row + column, mask)
+                    shift_in(layers.bits[ACROSS, plane], rows, n_word, 64 * n_word * row + column, mask)
                 if layer > 0 and path_y != last_y:
                     plane, row, column = place(layers, band, layer, path_x, min(path_y, last_y))
-                    shift_in(layers.bits[ALONG, plane], rows, 64 * n_word * row + column, mask)
+                    shift_in(layers.bits[ALONG, plane], rows, n_word, 64 * n_word * row + column, mask)
                 plane, row, column = place(layers, band, layer, path_x, path_y)
-                shift_in(layers.bits[UPRIGHT, plane], rows, 64 * n_word * row + column, mask)
+                shift_in(layers.bits[UPRIGHT, plane], rows, n_word, 64 * n_word * row + column, mask)
             last_x, last_y = path_x, path_y
 
 
@@ -475,7 +478,7 @@ def count_hidden(layers, near, lights, n_light, scratch, out_counts):
     scratch : see `make_scratch`
     out_counts : (n_row * n_word * 64,) uint8
     """
-    shape, ground = layers.ground.shape, layers.ground.reshape(layers.ground.size)
+    shape, ground = (layers.n_row, layers.n_word), layers.ground
     draw_near(near, lights, shape, scratch)
     for k in range(n_light):
         mask = scratch.masks[k]
