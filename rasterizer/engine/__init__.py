@@ -7,7 +7,8 @@
 
 What is known before the first stage, in the order in which it is made:
 
-    scene_tables        the scene as tables: materials, lights, textures, the tint
+    scene_tables        the scene as tables: materials, lights, the tint
+    texture_tables      textures: in 16 bits with mip levels, and those that are looked up in float64
     plan                what this scene needs, and nothing else: types, channels and paths of its materials
     plan_summary        the plan in words and counts
     kernels_of_plan     the kernels that the plan calls, each with its signature
