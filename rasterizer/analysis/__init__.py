@@ -6,7 +6,7 @@ In:  frames or arrays, scenes, meshes        Out: numbers in records, one pictur
     contact_sheet       several pictures on one sheet
     pixel               why a pixel has its value, as the reference explains it
     mach                how much the polygons show: Mach bands
-    mesh_topology       whether triangles close a volume, how many bodies they are, which axis is up
+    mesh_topology       whether triangles close a volume, how many bodies they are
     speed_error         what each method costs, and how far its picture is from the ground truth
     speed_error_plot    the plot of that, and what all plots share
     timing              calls that are timed in turns, and the machine they ran on

@@ -400,16 +400,17 @@ def advise(rows: Sequence[Row], samples: int = 4) -> str:
     numbers = sorted({row.method.samples for row in rows})
     samples = min(numbers, key=lambda n: abs(n - samples))
     alike = _alike(rows, samples)
-    of_each = [_choose([row for row in alike if row.method.name == name]) for name in {r.method.name for r in alike}]
+    names = dict.fromkeys(row.method.name for row in alike)
+    of_each = [_choose([row for row in alike if row.method.name == name]) for name in names]
     quickest = min(of_each, key=lambda row: row.ms)
     close = sorted((row for row in of_each if _is_tied(row, quickest)), key=lambda row: (row.error.rms, row.method))
     best, chosen = min(alike, key=lambda row: row.error.rms), close[0]
     others = [row for row in of_each if row is not chosen]
     text = f"Choose {chosen.method}: rms {_figure(chosen.error.rms)}"
     if len(close) > 1:
-        names = " and ".join(f"{row.method.name} with {_figure(row.error.rms)}" for row in close[1:])
-        spread = 100.0 * max(row.spread for row in close)
-        text += f". {names} is too close in time to call: times vary by {_figure(spread)} %."
+        rivals = " and ".join(f"{row.method.name} with {_figure(row.error.rms)}" for row in close[1:])
+        spread = 100.0 * max(_AS_QUICK - 1.0, *(row.spread for row in close))
+        text += f". The time of {rivals} is too close to call: times vary by {_figure(spread)} %."
     elif chosen.method.name != best.method.name:
         # Against the quickest row of that method: the least error may be that of tolerance 0, by a digit nobody sees.
         (rival,) = (row for row in others if row.method.name == best.method.name)

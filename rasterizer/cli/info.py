@@ -75,8 +75,9 @@ def run(arguments, messages) -> tuple[list, int]:
 
 def _describe(model, arguments, messages) -> dict:
     """Load a model, and return what is known of it: a record that JSON can say."""
-    from ..analysis.mesh_topology import compute_topology, guess_up
+    from ..analysis.mesh_topology import compute_topology
     from ..io.loader import load
+    from ..scene.up_axis import guess_up
     from .models import noted_warnings, source_of
 
     start = perf_counter()

@@ -100,7 +100,8 @@ def load(
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     if not isinstance(drop_bad_faces, (bool, np.bool_)):
         raise SceneError(f"drop_bad_faces must be True or False; given {shown(drop_bad_faces)}")
-    is_own_camera, camera = camera == "file", None if camera == "file" else camera
+    is_own_camera = isinstance(camera, str) and camera == "file"
+    camera = None if is_own_camera else camera
     settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)

@@ -14,6 +14,7 @@ computes normals that are given as 0, and subdivides; `io` reads and writes scen
     lights              the types of light, their shadows, and ready-made sets
     camera              Camera: view, projection, OpenCV, and one that goes round
     framing             the smallest view that shows every vertex
+    up_axis             which axis of a model points upwards, by its shape
     color               what a person writes becomes linear RGB
     spectrum            Spectrum, with the standard observer and daylight
     arrays              arrays as callers give them, and as a scene keeps them

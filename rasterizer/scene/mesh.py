@@ -43,7 +43,7 @@ class HasFaces(Protocol):
 
 
 class HasPoints(Protocol):
-    """What is taken for a mesh, too: `pyvista.PolyData`, `meshio.Mesh`."""
+    """What is taken for a mesh, too: PyVista's PolyData, and the Mesh of meshio."""
 
     @property
     def points(self) -> Any:

@@ -151,7 +151,7 @@ def test_advice_says_what_is_too_close_to_call_and_stays_the_same():
         methods = phong, gouraud, phong._replace(tolerance=0.0), gouraud._replace(tolerance=1 / 64)
         rows = [make_row(ms, rms, each) for ms, rms, each in zip(times, (0.01, 0.0105) * 2, methods, strict=True)]
         texts.append(advise([row._replace(spread=0.2) for row in rows]))
-        said = "Gouraud, subdivided once with 0.011 is too close in time to call: times vary by 20 %."
+        said = "The time of Gouraud, subdivided once with 0.011 is too close to call: times vary by 20 %."
         assert texts[-1].startswith("Choose Phong, 4 samples, tolerance 1/4096: rms 0.01. ") and said in texts[-1]
 
 
