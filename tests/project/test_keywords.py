@@ -5,6 +5,7 @@ import traceback
 
 import numpy as np
 import pytest
+from helpers.odd_format import odd_format
 
 import rasterizer as rz
 
@@ -76,7 +77,7 @@ def test_it_is_an_error_of_the_package_and_one_of_python():
         rz.Material(colour="red")
 
 
-def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(monkeypatch):
+def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(tmp_path):
     holed = ([[0, 0, 0], [1, 0, 0], [0, float("nan"), 0]], [[0, 1, 2]])
     frame = rz.render(TRIANGLE, 8)
     calls = (
@@ -99,13 +100,10 @@ def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(monkeypatch):
         files = [each.filename for each in traceback.extract_tb(caught.tb)]
         assert files[:2] == [__file__] * 2 and len(files) == 3, f"{caught.value}: {files}"
 
-    def odd(*_):
-        raise ZeroDivisionError("of ours")
-
-    monkeypatch.setattr("rasterizer.io.loader.read_source", odd)
-    with pytest.raises(rz.ModelError, match="internal error") as caught:
-        rz.load("any.obj")
-    assert any(each.name == "odd" for each in traceback.extract_tb(caught.value.__cause__.__traceback__))
+    (tmp_path / "a.odd").write_bytes(b"any")
+    with odd_format(ZeroDivisionError("of ours")), pytest.raises(rz.ModelError, match="internal error") as caught:
+        rz.load(tmp_path / "a.odd")
+    assert len(traceback.extract_tb(caught.value.__cause__.__traceback__)) > 1, "a fault of ours keeps all of it"
 
 
 def test_signatures_name_types_as_they_are_written():
