@@ -127,7 +127,7 @@ PATHS = (
     ),
     Variant(
         "busiest bands first",
-        (("engine/draw.py", 'np.argsort(-n_in_band, kind="stable").tolist()', "list(range(len(n_in_band)))"),),
+        (("engine/draw.py", 'sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)', "range(len(n_in_band))"),),
     ),
     Variant(
         "polynomials of powers",

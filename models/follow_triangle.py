@@ -96,6 +96,7 @@ def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
         plan=plan,
         screen=screen,
         encoding=make_encoding(plan, scene.background, OPTIONS.color_range),
+        textures=None,
         picture=make_picture(OPTIONS.size, with_color=False),
     )
 

@@ -120,10 +120,11 @@ def _store_in(folder):
 
 def list_all_kernels() -> list:
     """List the kernels of all pictures, each once: those of every option on a table of small scenes."""
+    from ..engine.ground_shadow import list_kernels as list_ground_kernels
     from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
     from ..engine.scene_tables import SceneTables
 
-    found = dict.fromkeys(list_mesh_kernels())
+    found = dict.fromkeys([*list_mesh_kernels(), *list_ground_kernels()])
     for scene, settings in _pictures():
         for tolerance in (0.0, DEFAULT_TOLERANCE):
             options = Options(size=4, tolerance=tolerance, threads=1, **settings)
@@ -168,7 +169,7 @@ def _scenes() -> list:
     plain, clear = surface(), surface(opacity=0.5)
     normals = replace(plain, normals=np.tile((0.0, 0.0, 1.0), (len(points), 1)))
     colored = surface(colors=np.linspace(0.0, 1.0, 15).reshape(5, 3))
-    checks, brushed = np.eye(4), papered(reflection="cook-torrance", roughness=(0.2, 0.5))
+    checks, brushed = np.eye(4, dtype=np.uint8), papered(reflection="cook-torrance", roughness=(0.2, 0.5))
     models = [surface(reflection=name, **more) for name in REFLECTIONS for more in ({}, {"fresnel": 0.1})]
     models += [surface(reflection="cook-torrance", distribution="beckmann")]
     models += [surface(reflection=name, fresnel=(0.9, 0.5, 0.1), roughness=0.5) for name in ("phong", "cook-torrance")]

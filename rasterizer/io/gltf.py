@@ -529,7 +529,8 @@ class Pictures:
     def _sampled(self, pixels, sampling, image, make=Texture) -> Texture:
         """Make a texture of an image's pixels; `sampling` is its filter and its wrap."""
         self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
-        return make(pixels, *sampling, name=self._label(image))
+        filter, wrap = sampling
+        return make(pixels, filter=filter, wrap=wrap, name=self._label(image))
 
     def numbers(self, use: dict) -> Texture | None:
         """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
