@@ -127,7 +127,13 @@ PATHS = (
     ),
     Variant(
         "busiest bands first",
-        (("engine/draw.py", 'sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)', "range(len(n_in_band))"),),
+        (
+            (
+                "engine/draw.py",
+                "sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)",
+                "range(len(n_in_band))",
+            ),
+        ),
     ),
     Variant(
         "polynomials of powers",

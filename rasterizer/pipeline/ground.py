@@ -33,10 +33,10 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 
 UPRIGHT, ACROSS, ALONG = 0, 1, 2
-FLOOR = 4  # of a band, in units of its lattice: half a unit beside the line moves an edge by at most a 16th of its blur
+FLOOR = 8  # of a band, in units of its lattice: half a unit beside the line moves an edge by at most a 32nd of its blur
 OVERLAP = 2  # layers of a band that the next one has, too
 LOG_FACTORS = 2, 1, 0  # of the bands: binary logarithm of the lattice's points in a texel, along each axis
-NEAR, NEAR_END = 1.0, 1.5  # t below which triangles are drawn exactly: FLOOR of the first band in texels; with overlap
+NEAR, NEAR_END = 2.0, 3.0  # t below which triangles are drawn exactly: FLOOR of the first band in texels; with overlap
 SUBTEXEL = 256.0  # places of vertices in a texel, along each axis
 CHUNK = 64  # points of the light that are worked on together
 SMALL = 4  # texels along each axis that a small triangle may reach over

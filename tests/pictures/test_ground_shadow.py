@@ -100,6 +100,9 @@ def box(low, high):
     return rz.Mesh(low + unit * np.subtract(high, low), faces)
 
 
+KINDS = "boxes", "plates", "spheres", "spikes", "walls", "soup"
+
+
 def random_scene(seed):
     """Of several kinds: what lies flat, stands on the ground with edges or a point, floats, is thin or open."""
     rng = np.random.default_rng(seed)
@@ -140,18 +143,20 @@ def random_scene(seed):
     return rz.Scene([replace(mesh, vertices=mesh.vertices @ basis) for mesh in kinds[seed // 6 % len(kinds)]()], up=up)
 
 
-SEEDS = [*(0, 7, 14), *(pytest.param(k, marks=pytest.mark.nightly) for k in range(15, 72))]
+SEEDS = [*(0, 7, 14, 20), *(pytest.param(k, marks=pytest.mark.nightly) for k in (*range(15, 20), *range(21, 72)))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_opacity_is_that_of_4096_points_of_the_light(seed):
-    """Each of which is drawn like a picture, in `draw_masks`."""
+    """Each of which is drawn like a picture, in `draw_masks`. At a few texels more is allowed for spikes, which are
+    thinner than a texel: whole points of the light miss them."""
     scene = random_scene(seed)
     shadow = GroundShadow(scene, size=256)
     exact = np.float32(0.6) * ground_shadow.draw_masks(scene, shadow.ground, 4096, None)
     off = np.abs(shadow.opacity - exact)
     assert exact.max() > 0.1 and off.mean() <= 0.003, f"{off.mean():.3g} > 0.003 on the mean"
-    assert off.max() <= 0.06, f"{off.max():.3g} > 0.06"
+    assert off.max() <= 0.08 and (off > 0.06).mean() <= 2e-4, f"{off.max():.3g}, {(off > 0.06).sum()} texels > 0.06"
+    assert off.max() <= 0.06 or KINDS[seed // 6 % len(KINDS)] == "spikes", f"{off.max():.3g} > 0.06"
 
 
 def test_nothing_is_dark_at_the_rim():
