@@ -1,7 +1,8 @@
 """Random meshes of closed bodies, some of them damaged: what the rule of `cull="auto"` has to tell apart."""
 
+from itertools import combinations
+
 import numpy as np
-from scipy.spatial import ConvexHull
 
 import rasterizer as rz
 from helpers.pinhole import octasphere, torus
@@ -9,12 +10,11 @@ from helpers.pinhole import octasphere, torus
 
 def hull(rng, n):
     """The convex hull of random points, counter-clockwise seen from outside."""
-    points = rng.normal(size=(n, 3))
-    found = ConvexHull(points)
-    faces, (a, b, c) = found.simplices.copy(), points[found.simplices].transpose(1, 0, 2)
-    is_turned = (np.cross(b - a, c - a) * found.equations[:, :3]).sum(axis=1) < 0
-    faces[is_turned] = faces[is_turned][:, ::-1]
-    return points, faces
+    points, corners = rng.normal(size=(n, 3)), np.array(list(combinations(range(n), 3)))
+    a, b, c = points[corners].transpose(1, 0, 2)
+    heights = ((points - a[:, None]) * np.cross(b - a, c - a)[:, None]).sum(axis=2)  # of all points over each triangle
+    is_front, is_back = (heights < 1e-12).all(axis=1), (heights > -1e-12).all(axis=1)
+    return points, np.concatenate([corners[is_front], corners[is_back][:, ::-1]])
 
 
 def hole(rng, vertices, faces):
