@@ -187,12 +187,14 @@ def frozen(case, rng, folder):
 
 
 def split(case, rng, folder):
-    """Every mesh as two. Shadow maps are fitted to the meshes' boxes, and tangents are means over a mesh."""
+    """Every mesh as two. Shadow maps are fitted to the meshes' boxes, tangents are means over a mesh, and of halves no
+    body is closed."""
     if not can_freeze(case) or case.options["edges"] or has_tangents(case) or has_shadows(case.scene):
         return None
     meshes = [*map(freeze, case.scene.meshes), corners_of(case.scene)]
-    frame = draw(with_meshes(case, [part for mesh in meshes for part in halves(mesh, rng)]))
-    return Twin(arrays_of(frame, without("object", "material")), frame, of=draw(with_meshes(case, meshes)))
+    cull = {"cull": "none"} if case.options["cull"] == "auto" else {}
+    frame = draw(with_meshes(case, [part for mesh in meshes for part in halves(mesh, rng)]), **cull)
+    return Twin(arrays_of(frame, without("object", "material")), frame, of=draw(with_meshes(case, meshes), **cull))
 
 
 def corners_of(scene) -> rz.Mesh:
