@@ -23,18 +23,18 @@ def pictures(scene, size=SIZE, **options):
 
 
 def check_same(scene, **options):
-    """Both pictures cover the same samples, and the rule shows nothing nearer. Where both show one face, they are the
-    same; else they show two sides of an outline, which may lie behind glass. Return how many faces were left out, and
-    how many pixels differ."""
+    """Both pictures cover the same samples. Where both show one face, they are the same; else they show two sides of an
+    outline, which may lie behind glass. There a back may hide its front, within 1/512 px (see `ErrorBounds.face`): so
+    the rule may show what is nearer, too. Return how many faces were left out, and how many pixels differ."""
     found, whole = pictures(scene, samples=1, **options)
     assert (found.mask == whole.mask).all() and (found.alpha == whole.alpha).all()
-    assert (found.depth >= whole.depth).all()
     is_other, is_same = found.face != whole.face, (found.rgba == whole.rgba).all(axis=2)
+    assert (found.depth == whole.depth)[~is_other].all()
     if all(material.is_opaque for mesh in scene.meshes for material in mesh.palette):
         assert is_same[~is_other].all()
     is_other |= ~is_same
     assert is_other.sum() <= 2, f"{is_other.sum()} pixels differ"
-    assert (found.depth[is_other] - whole.depth[is_other] <= 0.01 * whole.depth[is_other]).all()
+    assert (np.abs(found.depth[is_other] - whole.depth[is_other]) <= 0.01 * whole.depth[is_other]).all()
     assert whole.stats.culled == 0
     return found.stats.culled, is_other.sum()
 
