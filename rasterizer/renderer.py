@@ -357,7 +357,7 @@ class Renderer:
             self._prepared.edges.draw_over(camera, picture.rgba, *linear)
             clock.lap("edges")
         if self._ground is not None:
-            self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background)
+            self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background, self._prepared.threads)
             clock.lap("ground")
         return picture
 

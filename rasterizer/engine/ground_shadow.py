@@ -2,7 +2,7 @@
 
     scene ─ masks ─ opacity of the ground ─ under a picture
             what each point of an area light      over a square, once    pixels that show the ground
-            can't see of the ground               for all pictures
+            can't see of the ground               for all pictures       (pipeline/ground_picture.py)
 
 The ground is the plane through the scene's lowest point. It shows nothing but the shadow, so a picture with it lies on
 any page. The light is round, far above the scene, and has the same intensity everywhere on the ground. The scene as one
@@ -12,9 +12,6 @@ projected shadow (Blinn 1988, "Me and My (Fake) Shadow"). The mean over the poin
 Masks of what is opaque are made of bits (pipeline/ground.py): each triangle is drawn once, whatever the number of
 points. What is transparent lets a share of the light through: such scenes are drawn from each point of the light, as
 pictures are.
-
-The camera is above the ground and the scene, too: so a ray meets the scene before the ground, and the shadow lies under
-the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 """
 
 import math
@@ -27,9 +24,9 @@ from numpy.typing import NDArray
 from ..compiler.kernels import Job, compiling_ahead
 from ..options import Options
 from ..pipeline import ground as bits
+from ..pipeline.ground_picture import lay_under
 from ..pipeline.threads import Workers
 from ..scene.camera import Camera
-from ..scene.color import LINEAR_OF_BYTE, srgb_from_linear
 from ..scene.framing import orbit_axes
 from ..scene.lights import AmbientLight
 from ..scene.mesh import Mesh
@@ -50,6 +47,10 @@ MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
 MIN_FACES, PASS_FACES = 2**15, 2**15  # that are worth layers of their own; that are drawn into them in one go
 # Prepared scenes whose masks are drawn side by side, and triangles of a scene of which there are several.
 MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
+
+
+MIN_PIXELS = 2**15  # that are worth a thread of their own
+NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 
 
 class Ground(NamedTuple):
@@ -99,6 +100,7 @@ class GroundShadow:
             if points is None:
                 points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
             self.opacity = np.float32(strength) * draw_masks(scene, self.ground, points, threads)
+        self._rimmed = np.pad(self.opacity, 1)  # no shadow beyond the last texel
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
         """Return points round the part of the shadow that a picture should show.
@@ -121,35 +123,6 @@ class GroundShadow:
         along = np.concatenate([rows, rows])[:, None] - middle[0]
         return ground.center + ground.texel * (across * ground.right + along * ground.front)
 
-    def opacity_at(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return the opacity of the ground at the centres of a picture's pixels.
-
-        Parameters
-        ----------
-        camera : Camera that the picture is taken with
-        size : (width, height) of the picture, pixels
-
-        Returns
-        -------
-        (height, width) float32, 0 where the camera doesn't see the ground, or sees it from below
-        """
-        opacity = np.zeros((size[1], size[0]), np.float32)
-        planes = None if self.ground is None else _texel_planes(self.ground, camera, size)
-        if planes is None:
-            return opacity
-        x = np.arange(size[0]) + 0.5
-        padded = np.pad(self.opacity, 1)  # no shadow beyond the last texel
-        n_line, n_column = self.opacity.shape
-        for k in range(len(opacity)):
-            column, line, w = (plane[0] * x + (plane[1] * (k + 0.5) + plane[2]) for plane in planes)
-            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                column, line = column / w + 0.5, line / w + 0.5  # of `padded`, from the centre of its first texel
-            is_seen = (w > 0) & (column > 0) & (column < n_column + 1) & (line > 0) & (line < n_line + 1)
-            seen = np.flatnonzero(is_seen)
-            if len(seen):
-                opacity[k, seen] = _interpolated(padded, column[seen], line[seen])
-        return opacity
-
     def lay_under(
         self,
         camera: Camera,
@@ -157,6 +130,7 @@ class GroundShadow:
         color: NDArray[np.float32] | None,
         alpha: NDArray[np.float32] | None,
         background: tuple[float, float, float] | None,
+        threads: Workers,
     ) -> None:
         """Lay the shadow under a picture.
 
@@ -168,31 +142,20 @@ class GroundShadow:
             nobody needs them
         background : linear colour of what lies behind; None = the picture stays transparent
         """
-        size = rgba.shape[1], rgba.shape[0]
-        opacity = self.opacity_at(camera, size) * faded(size)
-        is_behind = (opacity > 0) | (background is not None)
-        at = np.nonzero((rgba[..., 3] < 255) & is_behind)
-        levels = rgba[at]
-        linear = LINEAR_OF_BYTE[levels[:, :3]].astype(np.float32)
-        colors, alphas = _over(linear, levels[:, 3] / np.float32(255), opacity[at], background)
-        rgba[at] = np.rint(255 * np.column_stack([srgb_from_linear(np.minimum(colors, 1)), alphas]))
-        if color is not None and alpha is not None:
-            at = np.nonzero((alpha < 1) & is_behind)
-            color[at], alpha[at] = _over(color[at], alpha[at], opacity[at], background)
+        height, width = rgba.shape[:2]
+        planes = None if self.ground is None else _texel_planes(self.ground, camera, (width, height))
+        if planes is None and background is None:
+            return
+        planes = np.zeros((3, 3)) if planes is None else planes  # the ground is seen nowhere
+        behind = np.array([0, 0, 0, 0] if background is None else [*background, 1], np.float32)
+        color, alpha = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
+        words, fades = rgba.view(np.uint32)[..., 0], faded((width, height))
 
+        def lay(rows: tuple[int, int]) -> None:
+            lay_under(self._rimmed, planes, fades, behind, rows, words, color, alpha)
 
-def _over(
-    color: NDArray[np.float32],
-    alpha: NDArray[np.float32],
-    opacity: NDArray[np.float32],
-    background: tuple[float, float, float] | None,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the linear colours (n, 3), not premultiplied, and alphas (n,) of pixels with black shadow under them."""
-    color, shadow = color * alpha[:, None], (1 - alpha) * opacity
-    if background is None:
-        alpha = alpha + shadow
-        return color / np.maximum(alpha, np.float32(1e-30))[:, None], alpha
-    return color + (1 - alpha - shadow)[:, None] * np.asarray(background, np.float32), np.ones_like(alpha)
+        with compiling_ahead(list_picture_kernels):
+            threads.map(lay, threads.ranges(height, -(-MIN_PIXELS // width)))
 
 
 def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[SceneTables, Options]:
@@ -202,13 +165,13 @@ def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None =
     return SceneTables(casters, options), options
 
 
-def faded(size: tuple[int, int]) -> NDArray[np.float32]:
-    """Return what the shadow is multiplied by at each pixel, (height, width): smoothly from 1 to exactly 0 at the
-    picture's border, over an eighth of its shorter side."""
+def faded(size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return what the shadow is multiplied by in each column and in each row, (width,) and (height,): smoothly from 1
+    to exactly 0 at the picture's border, over an eighth of its shorter side."""
     wide = max(min(size) / 8.0, 1.0)
     x, y = (np.minimum(np.minimum(np.arange(n), np.arange(n)[::-1]) / wide, 1.0) for n in size)
-    across, along = (t * t * (3.0 - 2.0 * t) for t in (x, y))
-    return (along[:, None] * across).astype(np.float32)
+    across, along = ((t * t * (3.0 - 2.0 * t)).astype(np.float32) for t in (x, y))
+    return across, along
 
 
 def _ground_under(scene: Scene, size: int) -> Ground | None:
@@ -312,6 +275,14 @@ def list_kernels() -> list[Job]:
     return list(found.jobs)
 
 
+def list_picture_kernels() -> list[Job]:
+    """List the kernel that lays the shadow under a picture."""
+    found, line = KernelList(), np.empty(0, np.float32)
+    words, shadow = np.empty((0, 0), np.uint32), np.empty((0, 0), np.float32)
+    found.add(lay_under, shadow, np.empty((3, 3)), (line, line), line, (0, 0), words, NO_COLOR, NO_ALPHA)
+    return list(found.jobs)
+
+
 def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
     """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get.
 
@@ -383,14 +354,3 @@ def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDAr
     heights = across @ ground.up + height * one
     hits = axes @ (across + np.outer(one, eye - ground.center) + np.outer(heights / sinks, forward)).T
     return np.stack([hits[0] + middle[0] * one, hits[1] + middle[1] * one, one])
-
-
-def _interpolated(values: NDArray[np.float32], x: NDArray, y: NDArray) -> NDArray[np.float32]:
-    """Interpolate between the four values round each point, bilinearly; coordinates from the first value's."""
-    column, row = x.astype(np.intp), y.astype(np.intp)
-    share_x, share_y = (x - column).astype(np.float32), (y - row).astype(np.float32)
-    first, pitch = row * values.shape[1] + column, values.shape[1]
-    flat = values.ravel()
-    upper = flat[first] + share_x * (flat[first + 1] - flat[first])
-    lower = flat[first + pitch] + share_x * (flat[first + pitch + 1] - flat[first + pitch])
-    return upper + share_y * (lower - upper)

@@ -32,6 +32,7 @@ What stage 6 uses:
     a_buffer            lists of transparent fragments, and what is seen through them
     edges               drawn edges: how much of each sample they cover
     ground              how many points of an area light each texel of the ground doesn't see
+    ground_picture      the shadow of the ground, laid under a picture
 
 And around it all: threads, the workspace that each draws a band in, and intrinsics, inner loops as vector instructions.
 """

@@ -940,9 +940,9 @@ HELD_OUT = (
     ),
     Fault(
         "ground shadow: it is seen through what covers a part of a pixel",
-        "engine/ground_shadow.py",
-        "color * alpha[:, None], (1 - alpha) * opacity",
-        "color * alpha[:, None], opacity",
+        "pipeline/ground_picture.py",
+        "shadow = (np.float32(1) - alpha) * opacity",
+        "shadow = opacity",
         "pictures cli",
     ),
     Fault(

@@ -12,6 +12,7 @@ from helpers.pixels import AXIS, skewed
 import rasterizer as rz
 from rasterizer.engine import ground_shadow
 from rasterizer.engine.ground_shadow import GroundShadow
+from rasterizer.pipeline.threads import Workers
 
 CUBE = rz.Mesh(*solids.cube())
 SIZE = (40, 30)
@@ -69,6 +70,16 @@ def ground_at(camera, level, up):
     return np.where(far[..., None] > 0, start + far[..., None] * way, np.nan)
 
 
+def opacity_at(shadow, camera, size):
+    """The opacity of the ground in a picture of nothing, and what it is multiplied by towards the border, (h, w)."""
+    shape, workers = size[::-1], Workers(1)
+    alpha = np.zeros(shape, np.float32)
+    blank = np.zeros((*shape, 4), np.uint8), np.zeros((*shape, 3), np.float32), alpha
+    shadow.lay_under(camera, *blank, None, workers)
+    across, along = ground_shadow.faded(size)
+    return alpha, along[:, None] * across
+
+
 def test_each_pixel_has_the_share_of_the_light_that_rays_do_not_reach():
     """Also far from the scene, where nothing is dark. Texels and the change between them may move an edge."""
     n = 48  # each as exact as half a texel: enough for these to cancel
@@ -81,11 +92,11 @@ def test_each_pixel_has_the_share_of_the_light_that_rays_do_not_reach():
                 scene, azimuth, elevation, up=up, orthographic=lens == "orthographic", margin=0.2
             )
             camera = skewed(camera, SIZE, 0.4) if lens == "skew" else camera
-            places, found = ground_at(camera, level, axis), shadow.opacity_at(camera, SIZE)
+            places, (found, faded) = ground_at(camera, level, axis), opacity_at(shadow, camera, SIZE)
             is_ground = np.isfinite(places).all(axis=-1)
             at = places[is_ground]
             hidden = np.mean([~lit_by_rays(*mesh_of(scene), at, eye) for eye in points], axis=0)
-            off = np.abs(hidden - found[is_ground])
+            off = np.abs(hidden * faded[is_ground] - found[is_ground])
             assert (hidden > 0.3).sum() > 20 and not differences(found[~is_ground], 0)
             assert off.mean() < 0.012 and (off > 0.25).mean() < 0.01, f"{up}, {lens}: {off.mean():.3g} on the mean"
 
@@ -170,9 +181,9 @@ def test_the_ground_is_not_seen_from_below_or_beyond_the_horizon():
     shadow = GroundShadow(scene, size=32, points=8)
     for orthographic in (False, True):
         below = rz.Camera.framing(scene, 10, -20, orthographic=orthographic)
-        assert not differences(shadow.opacity_at(below, (32, 24)), 0)
+        assert not differences(opacity_at(shadow, below, (32, 24))[0], 0)
     level = rz.Camera.perspective((0, 0.5, 9), (0, 0.5, 0))
-    assert not differences(shadow.opacity_at(level, (32, 24))[:12], 0)
+    assert not differences(opacity_at(shadow, level, (32, 24))[0][:12], 0)
 
 
 @pytest.mark.parametrize("background", [None, "white", (0.2, 0.4, 0.9)])
@@ -183,8 +194,8 @@ def test_the_shadow_lies_under_the_picture(background):
     shadow = GroundShadow(scene, size=64, points=16)
     behind = rz.Scene(CUBE, background=background).background
     below = frame.rgba.copy(), frame.color.copy(), frame.alpha.copy()
-    shadow.lay_under(camera, *below, behind)
-    opacity = (shadow.opacity_at(camera, (96, 72)) * ground_shadow.faded((96, 72)))[..., None]
+    shadow.lay_under(camera, *below, behind, Workers(2))
+    opacity = opacity_at(shadow, camera, (96, 72))[0][..., None]
     alpha, color = frame.alpha[..., None], frame.color * frame.alpha[..., None]  # premultiplied
     dark = (1 - alpha) * opacity
     if background is None:
@@ -229,7 +240,7 @@ def test_what_has_no_height_or_no_size_is_legal():
     point = rz.Mesh(np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]]) * 1e-4 + 1e9, [[0, 1, 2]])
     shadow = GroundShadow(rz.Scene(point), size=32, points=4)
     camera = rz.Camera.perspective((9, 9, 9))
-    assert not differences(shadow.opacity, 0) and not differences(shadow.opacity_at(camera, (8, 8)), 0)
+    assert not differences(shadow.opacity, 0) and not differences(opacity_at(shadow, camera, (8, 8))[0], 0)
     assert shadow.outline().shape == (0, 3)
 
 
@@ -238,8 +249,8 @@ def test_the_outline_holds_what_is_dark():
     shadow = GroundShadow(scene, size=64, points=16)
     outline, level = shadow.outline(0.5), scene.bounds[0, 1]
     camera = rz.Camera.framing(scene, 0, 90, orthographic=True, margin=0.2)
-    dark, at = shadow.opacity_at(camera, SIZE), ground_at(camera, level, np.array([0, 1, 0]))
-    is_dark = dark > 0.55 * shadow.opacity.max()
+    (dark, faded), at = opacity_at(shadow, camera, SIZE), ground_at(camera, level, np.array([0, 1, 0]))
+    is_dark = dark > 0.55 * faded * shadow.opacity.max()
     texel = 2 * np.ptp(at[..., 0]) / 64
     assert is_dark.sum() > 20 and len(outline) > 4 and np.abs(outline[:, 1] - level).max() < 1e-9
     assert not differences(at[is_dark] >= outline.min(axis=0) - texel, True)
@@ -271,7 +282,7 @@ def test_ground_lays_the_shadow_under_the_picture_alone():
         lit = replace(scene, lights=rz.tabletop(), camera=camera)
         bare = rz.render(lit, SIZE, outputs=outputs)
         rgba, color, alpha = bare.rgba.copy(), bare.color.copy(), bare.alpha.copy()
-        GroundShadow(scene).lay_under(camera, rgba, color, alpha, None)
+        GroundShadow(scene).lay_under(camera, rgba, color, alpha, None, Workers(1))
         expected = {"rgba": rgba, "color": color, "alpha": alpha, "depth": bare.depth, "mask": bare.mask}
         for name, values in expected.items():
             assert not differences(getattr(found, name), values), name

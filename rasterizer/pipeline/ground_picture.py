@@ -1,0 +1,97 @@
+"""The shadow of the ground under a picture: for each pixel that shows the ground, how dark it is there.
+
+The camera is above the ground and the scene, too: so a ray meets the scene before the ground, and the shadow lies under
+the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
+"""
+
+import numpy as np
+
+from ..compiler.kernels import helper, index, kernel
+from ..scene.color import LINEAR_OF_BYTE
+from .resolve import encode_alpha, encode_channel, pack_bytes
+
+LINEAR = LINEAR_OF_BYTE.astype(np.float32)
+LOWEST = np.float32(1e-30)  # alpha that colours are divided by
+
+
+@kernel
+def lay_under(shadow, planes, faded, background, rows, rgba, color, alpha):
+    """Lay the shadow under rows of a picture.
+
+    Parameters
+    ----------
+    shadow : (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
+    planes : (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the
+        ground in column first/third and row second/third of texels, before the camera where the third is above 0
+    faded : ((width,), (height,)) float32, what the opacity is multiplied by, along rows and columns
+    background : (4,) float32, linear colour and 1; or 0 each, where the picture stays transparent
+    rows : (first, end)
+    rgba : (height, width) uint32, see resolve.Picture, drawn without a background; changed
+    color, alpha : (height, width, 3) and (height, width) float32, linear, of the same picture, changed; without rows
+        where nobody needs them
+    """
+    has_linear, has_background, (across, along) = len(alpha) > 0, background[3] > 0, faded
+    for j in range(index(rows[0]), index(rows[1])):
+        of_row = rgba[j]
+        for i in range(index(len(of_row))):
+            word = of_row[i]
+            dark = along[j] * across[i]
+            is_clear = word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)
+            if not is_clear or (not has_background and dark == 0):
+                continue
+            x, y = np.float64(i) + 0.5, np.float64(j) + 0.5
+            dark *= opacity_at(shadow, planes, x, y)
+            if not has_background and dark == 0:
+                continue
+            if word < np.uint32(0xFF000000):
+                red, green, blue = LINEAR[word & 0xFF], LINEAR[word >> 8 & 0xFF], LINEAR[word >> 16 & 0xFF]
+                share = np.float32(word >> 24) / np.float32(255)
+                red, green, blue, share = over(red, green, blue, share, dark, background)
+                of_row[i] = pack_bytes(
+                    encode_channel(red), encode_channel(green), encode_channel(blue), encode_alpha(share)
+                )
+            if has_linear and alpha[j, i] < 1:
+                pixel = color[j, i]
+                pixel[0], pixel[1], pixel[2], alpha[j, i] = over(
+                    pixel[0], pixel[1], pixel[2], alpha[j, i], dark, background
+                )
+
+
+@helper
+def opacity_at(shadow, planes, x, y):
+    """Return the opacity of the ground that is seen at (x, y) of the picture, bilinearly between four texels; 0 where
+    it isn't seen."""
+    w = planes[2, 0] * x + planes[2, 1] * y + planes[2, 2]
+    if not w > 0:
+        return np.float32(0)
+    # From the centre of the rim's first texel.
+    column = (planes[0, 0] * x + planes[0, 1] * y + planes[0, 2]) / w + 0.5
+    row = (planes[1, 0] * x + planes[1, 1] * y + planes[1, 2]) / w + 0.5
+    if not (0 < column < shadow.shape[1] - 1 and 0 < row < shadow.shape[0] - 1):
+        return np.float32(0)
+    left, top = index(column), index(row)
+    share_x, share_y = np.float32(column - left), np.float32(row - top)
+    upper, lower = shadow[top], shadow[top + index(1)]
+    right = left + index(1)
+    above = upper[left] + share_x * (upper[right] - upper[left])
+    below = lower[left] + share_x * (lower[right] - lower[left])
+    return above + share_y * (below - above)
+
+
+@helper
+def over(red, green, blue, alpha, opacity, background):
+    """Return the linear colour, not premultiplied, and the alpha of a pixel with black shadow under it, and the
+    background under that."""
+    shadow = (np.float32(1) - alpha) * opacity
+    seen = background[3] * (np.float32(1) - alpha - shadow)
+    total = alpha + shadow + seen
+    scale = np.float32(1) / max(total, LOWEST)
+    if background[3] > 0:
+        total = scale = np.float32(1)
+    red, green, blue = red * alpha, green * alpha, blue * alpha
+    return (
+        (red + seen * background[0]) * scale,
+        (green + seen * background[1]) * scale,
+        (blue + seen * background[2]) * scale,
+        total,
+    )
