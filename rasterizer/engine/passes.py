@@ -366,14 +366,21 @@ class ShadowMapPass(Pass):
         return 0
 
 
-def shadow_map_pass(coding, screen, texels) -> ShadowMapPass:
-    """Return the pass that draws a shadow map; `texels` is (n, n) float32 or float64, written."""
+def shadow_map_pass(coding, screen, texels, hidden_sides=None) -> ShadowMapPass:
+    """Return the pass that draws a shadow map; `texels` is (n, n) float32 or float64, written; `hidden_sides` are those
+    of `Pass`."""
     depths = coding.depths
     depth = (depths.inv_w_offset, depths.inv_w_scale)
     if not screen.is_perspective:
         depth = (-depths.depth_offset, -depths.depth_scale)
     return ShadowMapPass(
-        attributes=NONE, coding=coding, size=texels.shape[::-1], depth=depth, texels=texels, is_filled=True
+        attributes=NONE,
+        coding=coding,
+        size=texels.shape[::-1],
+        hidden_sides=hidden_sides,
+        depth=depth,
+        texels=texels,
+        is_filled=True,
     )
 
 

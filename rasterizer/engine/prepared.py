@@ -109,7 +109,8 @@ class PreparedScene:
         """The shadow maps of a scene that has some."""
         from .shadow_maps import Shadows
 
-        return Shadows(self.geometry, self.tables.bounds, self.view_plans.plan)
+        inner_sides = self._inner_sides if self.options.cull == "auto" else None
+        return Shadows(self.geometry, self.tables.bounds, self.view_plans.plan, inner_sides)
 
     @cached_property
     def edges(self) -> Any:

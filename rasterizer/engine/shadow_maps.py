@@ -30,7 +30,7 @@ from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
 from .attributes import make_map_coding
 from .bounds import NORMALS, ShadowBound
-from .depth_range import NEAREST, fit_screen
+from .depth_range import NEAREST, are_seen_from_outside, fit_screen
 from .draw import NO_CLOCK, draw
 from .lights import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
@@ -52,8 +52,10 @@ BEYOND_RANGE = 1.0 + 2.0**-10  # times the range of a light: no rounding brings 
 class Shadows:
     """The shadow maps of a scene, kept from picture to picture, and what looking them up needs of the surfaces."""
 
-    def __init__(self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan):
-        self._casters = gather_casters(geometry, bounds, plan.opacity)
+    def __init__(
+        self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan, inner_sides: NDArray[np.int8] | None = None
+    ):
+        self._casters = gather_casters(geometry, bounds, plan.opacity, inner_sides)
         self._geometry, self._bounds, self._plan = geometry, bounds, plan
         # By the index of the light, and by the type of the maps: where the light was (`place_of`), and its maps.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
@@ -139,23 +141,32 @@ class Casters(NamedTuple):
 
     geometry: Geometry  # of the opaque faces
     corners: NDArray[np.float64]  # (n_mesh, 8, 3) of boxes round them, and what they fall on, world space
+    bounds: NDArray[np.float64]  # (n_mesh, 2, 3) of the same boxes
+    inner_sides: NDArray[np.int8] | None  # (n_face,) of closed bodies, see geometry/closed.py; None where they count
 
 
-def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opacity | None) -> Casters | None:
+def gather_casters(
+    geometry: Geometry,
+    bounds: NDArray[np.float64],
+    opacity: Opacity | None,
+    inner_sides: NDArray[np.int8] | None = None,
+) -> Casters | None:
     """Return the opaque faces of a scene; None if there are none.
 
     Parameters
     ----------
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes
     opacity : None where all is opaque
+    inner_sides : (n_face,) int8, which a light that is outside of all boxes doesn't see; None = all are drawn
     """
     if opacity is not None:
         faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
         if len(faces) == 0:
             return None
         geometry = _some_faces(geometry, faces)
+        inner_sides = None if inner_sides is None else inner_sides[faces]
     geometry = geometry._replace(corner=geometry.vertex, face_material=np.empty(0, np.uint32))
-    return Casters(geometry, corners_of(bounds))
+    return Casters(geometry, corners_of(bounds), bounds, inner_sides)
 
 
 def _some_faces(geometry: Geometry, faces: NDArray) -> Geometry:
@@ -220,14 +231,16 @@ def draw_shadow_map(
         if not is_needed:
             row[lookup.LAYER] = -1
             continue
-        geometry = casters.geometry
+        geometry, sides = casters.geometry, casters.inner_sides
         planes = _borders_of(light_view, projection, size, casters.corners)
         if planes is not None:
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
-            geometry = _some_faces(geometry, seen)
+            geometry, sides = _some_faces(geometry, seen), None if sides is None else sides[seen]
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
         coding = make_map_coding(screen)
-        render_pass = shadow_map_pass(coding, screen, texels[layer])
+        if not are_seen_from_outside(light_view, screen, (size, size), casters.bounds).all():
+            sides = None
+        render_pass = shadow_map_pass(coding, screen, texels[layer], sides)
         draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
         _write_view(row, light_view, projection, _value_rounding(screen, coding, size))
         row[lookup.SLACK] = _slack(projection, size, dtype)

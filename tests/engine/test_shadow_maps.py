@@ -7,13 +7,15 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from helpers.arrays import deviations
+from helpers.arrays import deviations, differences
+from helpers.bodies import random_scene
 from helpers.pinhole import QUAD, octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
+from rasterizer.geometry.closed import gather_inner_sides
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.threads import Workers
@@ -27,11 +29,34 @@ VIEW = View(np.array([0.0, 0.0, 5.0]), *np.eye(3))
 DOUBLE = np.dtype(float)
 
 
-def drawn_map(light, meshes, view=VIEW):
+def drawn_map(light, meshes, view=VIEW, inner_sides=None):
     """The maps of a light, in float64; None where none is drawn."""
     bounds = np.stack([mesh.bounds for mesh in meshes])
-    casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None)
+    casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None, inner_sides)
     return draw_shadow_map(light, view, casters, DOUBLE, WorkspacePool(), Workers(1))
+
+
+def test_inner_sides_of_closed_bodies_change_no_texel():
+    """Also of bodies that are inside out, torn, or hollow; a light within the box of one draws all of it."""
+    n_inner = 0
+    for seed in range(40):
+        rng, meshes = np.random.default_rng(seed), random_scene(seed).meshes
+        sides = gather_inner_sides(meshes)
+        n_inner += np.count_nonzero(sides)
+        box = np.array([mesh.bounds for mesh in meshes])
+        middle, extent = box.mean(axis=(0, 1)), np.ptp(box.reshape(-1, 3), axis=0).max()
+        place = middle + unit(rng.normal(size=3)) * extent * rng.choice([0.1, 0.6, 1.0, 3.0])
+        shadow = rz.Shadow(size=int(rng.choice([16, 50, 128])), filter=int(rng.choice([1, 5])))
+        toward = middle - place
+        for light in (
+            rz.PointLight(place, shadow=shadow),
+            rz.SpotLight(place, direction=toward, shadow=shadow),
+            rz.DirectionalLight(toward, shadow=shadow),
+        ):
+            every, some = drawn_map(light, meshes), drawn_map(light, meshes, inner_sides=sides)
+            texels = slice(lookup.HEADER, -lookup.TAPS)
+            assert not differences(some.block[texels], every.block[texels]), f"scene {seed}, {light!r}"
+    assert n_inner > 500
 
 
 # ---------------------------------------------------------------- against rays
@@ -225,7 +250,7 @@ def worst_error(corners, light, size, rng):
     The map is fitted to 2 x 2 x RANGE.
     """
     box = np.array([[(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in RANGE]])
-    casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box)
+    casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box, box[:, [0, 7]], None)
     found = draw_shadow_map(light, View(np.zeros(3), *np.eye(3)), casters, DOUBLE, WorkspacePool(), Workers(1))
     row = found.block[lookup.MAPS : lookup.MAPS + lookup.N_MAP_COLUMN]
     texels = found.block[lookup.HEADER : -lookup.TAPS].reshape(size, size)
