@@ -27,6 +27,7 @@ from ..pipeline import ground as bits
 from ..pipeline.ground_picture import lay_under
 from ..pipeline.threads import Workers
 from ..scene.camera import Camera
+from ..scene.color import LINEAR_OF_BYTE
 from ..scene.framing import orbit_axes
 from ..scene.lights import AmbientLight
 from ..scene.mesh import Mesh
@@ -50,6 +51,7 @@ MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
 
 
 MIN_PIXELS = 2**15  # that are worth a thread of their own
+DECODED = LINEAR_OF_BYTE.astype(np.float32)
 NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 
 
@@ -152,7 +154,7 @@ class GroundShadow:
         words, fades = rgba.view(np.uint32)[..., 0], faded((width, height))
 
         def lay(rows: tuple[int, int]) -> None:
-            lay_under(self._rimmed, planes, fades, behind, rows, words, color, alpha)
+            lay_under(self._rimmed, planes, fades, behind, DECODED, rows, words, color, alpha)
 
         with compiling_ahead(list_picture_kernels):
             threads.map(lay, threads.ranges(height, -(-MIN_PIXELS // width)))
@@ -279,7 +281,7 @@ def list_picture_kernels() -> list[Job]:
     """List the kernel that lays the shadow under a picture."""
     found, line = KernelList(), np.empty(0, np.float32)
     words, shadow = np.empty((0, 0), np.uint32), np.empty((0, 0), np.float32)
-    found.add(lay_under, shadow, np.empty((3, 3)), (line, line), line, (0, 0), words, NO_COLOR, NO_ALPHA)
+    found.add(lay_under, shadow, np.empty((3, 3)), (line, line), line, DECODED, (0, 0), words, NO_COLOR, NO_ALPHA)
     return list(found.jobs)
 
 

@@ -7,15 +7,13 @@ the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from ..scene.color import LINEAR_OF_BYTE
 from .resolve import encode_alpha, encode_channel, pack_bytes
 
-LINEAR = LINEAR_OF_BYTE.astype(np.float32)
 LOWEST = np.float32(1e-30)  # alpha that colours are divided by
 
 
 @kernel
-def lay_under(shadow, planes, faded, background, rows, rgba, color, alpha):
+def lay_under(shadow, planes, faded, background, decoded, rows, rgba, color, alpha):
     """Lay the shadow under rows of a picture.
 
     Parameters
@@ -25,6 +23,7 @@ def lay_under(shadow, planes, faded, background, rows, rgba, color, alpha):
         ground in column first/third and row second/third of texels, before the camera where the third is above 0
     faded : ((width,), (height,)) float32, what the opacity is multiplied by, along rows and columns
     background : (4,) float32, linear colour and 1; or 0 each, where the picture stays transparent
+    decoded : (256,) float32, the linear value of each level of the sRGB curve
     rows : (first, end)
     rgba : (height, width) uint32, see resolve.Picture, drawn without a background; changed
     color, alpha : (height, width, 3) and (height, width) float32, linear, of the same picture, changed; without rows
@@ -44,7 +43,7 @@ def lay_under(shadow, planes, faded, background, rows, rgba, color, alpha):
             if not has_background and dark == 0:
                 continue
             if word < np.uint32(0xFF000000):
-                red, green, blue = LINEAR[word & 0xFF], LINEAR[word >> 8 & 0xFF], LINEAR[word >> 16 & 0xFF]
+                red, green, blue = decoded[word & 0xFF], decoded[word >> 8 & 0xFF], decoded[word >> 16 & 0xFF]
                 share = np.float32(word >> 24) / np.float32(255)
                 red, green, blue, share = over(red, green, blue, share, dark, background)
                 of_row[i] = pack_bytes(
