@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ..compiler.kernels import Job, compiling_ahead
 from ..options import Options
 from ..pipeline import ground as bits
-from ..pipeline.ground_picture import lay_under
+from ..pipeline.ground_picture import SeenGround, lay_under
 from ..pipeline.threads import Workers
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE
@@ -151,10 +151,10 @@ class GroundShadow:
         planes = np.zeros((3, 3)) if planes is None else planes  # the ground is seen nowhere
         behind = np.array([0, 0, 0, 0] if background is None else [*background, 1], np.float32)
         color, alpha = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
-        words, fades = rgba.view(np.uint32)[..., 0], faded((width, height))
+        words, ground = rgba.view(np.uint32)[..., 0], SeenGround(self._rimmed, planes, *faded((width, height)))
 
         def lay(rows: tuple[int, int]) -> None:
-            lay_under(self._rimmed, planes, fades, behind, DECODED, rows, words, color, alpha)
+            lay_under(ground, behind, DECODED, rows, words, color, alpha)
 
         with compiling_ahead(list_picture_kernels):
             threads.map(lay, threads.ranges(height, -(-MIN_PIXELS // width)))
@@ -280,8 +280,8 @@ def list_kernels() -> list[Job]:
 def list_picture_kernels() -> list[Job]:
     """List the kernel that lays the shadow under a picture."""
     found, line = KernelList(), np.empty(0, np.float32)
-    words, shadow = np.empty((0, 0), np.uint32), np.empty((0, 0), np.float32)
-    found.add(lay_under, shadow, np.empty((3, 3)), (line, line), line, DECODED, (0, 0), words, NO_COLOR, NO_ALPHA)
+    words, ground = np.empty((0, 0), np.uint32), SeenGround(NO_ALPHA, np.empty((3, 3)), line, line)
+    found.add(lay_under, ground, line, DECODED, (0, 0), words, NO_COLOR, NO_ALPHA)
     return list(found.jobs)
 
 

@@ -4,6 +4,8 @@ The camera is above the ground and the scene, too: so a ray meets the scene befo
 the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
@@ -12,16 +14,26 @@ from .resolve import encode_alpha, encode_channel, pack_bytes
 LOWEST = np.float32(1e-30)  # alpha that colours are divided by
 
 
+class SeenGround(NamedTuple):
+    """The shadow, and where a picture shows it."""
+
+    shadow: (
+        np.ndarray
+    )  # (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
+    # (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the ground in
+    # column first/third and row second/third of texels, before the camera where the third is above 0.
+    planes: np.ndarray
+    across: np.ndarray  # (width,) float32, what the opacity is multiplied by in each column
+    along: np.ndarray  # (height,) float32, likewise in each row
+
+
 @kernel
-def lay_under(shadow, planes, faded, background, decoded, rows, rgba, color, alpha):
+def lay_under(ground, background, decoded, rows, rgba, color, alpha):
     """Lay the shadow under rows of a picture.
 
     Parameters
     ----------
-    shadow : (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
-    planes : (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the
-        ground in column first/third and row second/third of texels, before the camera where the third is above 0
-    faded : ((width,), (height,)) float32, what the opacity is multiplied by, along rows and columns
+    ground : SeenGround
     background : (4,) float32, linear colour and 1; or 0 each, where the picture stays transparent
     decoded : (256,) float32, the linear value of each level of the sRGB curve
     rows : (first, end)
@@ -29,17 +41,17 @@ def lay_under(shadow, planes, faded, background, decoded, rows, rgba, color, alp
     color, alpha : (height, width, 3) and (height, width) float32, linear, of the same picture, changed; without rows
         where nobody needs them
     """
-    has_linear, has_background, (across, along) = len(alpha) > 0, background[3] > 0, faded
+    has_linear, has_background = len(alpha) > 0, background[3] > 0
     for j in range(index(rows[0]), index(rows[1])):
         of_row = rgba[j]
         for i in range(index(len(of_row))):
             word = of_row[i]
-            dark = along[j] * across[i]
+            dark = ground.along[j] * ground.across[i]
             is_clear = word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)
             if not is_clear or (not has_background and dark == 0):
                 continue
             x, y = np.float64(i) + 0.5, np.float64(j) + 0.5
-            dark *= opacity_at(shadow, planes, x, y)
+            dark *= opacity_at(ground.shadow, ground.planes, x, y)
             if not has_background and dark == 0:
                 continue
             if word < np.uint32(0xFF000000):
