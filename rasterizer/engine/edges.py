@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from .prepared import PreparedScene
 
 
+MIN_ROWS = 64  # of samples, that are worth a thread of their own
+
+
 class EdgeOverlay:
     """The edges of one scene.
 
@@ -66,7 +69,11 @@ class EdgeOverlay:
         segments, is_left = project(ends, screen)
         width = options.edge_width * factor
         lines = place_lines(segments, sides[is_left], width)
-        draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, depth, share)
+
+        def draw(rows: tuple[int, int]) -> None:
+            draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, rows, depth, share)
+
+        prepared.threads.map(draw, prepared.threads.ranges(len(depth), MIN_ROWS))
         share = average(share, factor)
         has_background = prepared.tables.background is not None
         return share, np.ones(share.shape) if has_background else average(depth < np.inf, factor)

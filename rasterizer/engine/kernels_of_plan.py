@@ -425,4 +425,4 @@ class PictureKernels(KernelList):
         self.add_equal_rows()
         self.add_buffers(("depth",), is_shared=False)
         samples = np.empty((0, 0), np.float32)
-        self.add(draw_edges, np.empty((0, 6)), ROWS, float(self.options.edge_width), True, samples, samples)
+        self.add(draw_edges, np.empty((0, 6)), ROWS, float(self.options.edge_width), True, (0, 0), samples, samples)

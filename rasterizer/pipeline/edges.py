@@ -53,8 +53,8 @@ def place_lines(segments, sides, width):
 
 
 @kernel
-def draw_edges(segments, lines, max_share, is_perspective, depth, out):
-    """Find the share of each sample that lines along edges cover.
+def draw_edges(segments, lines, max_share, is_perspective, rows, depth, out):
+    """Find the share of each sample of some rows that lines along edges cover.
 
     Parameters
     ----------
@@ -63,10 +63,11 @@ def draw_edges(segments, lines, max_share, is_perspective, depth, out):
     lines : (n, 3) float64, see `place_lines`
     max_share : the largest share, 0..1
     is_perspective : whether nearness is 1/depth
+    rows : (first, end)
     depth : (height, width) float32, inf where nothing is seen
     out : the same, comes in as 0
     """
-    n_row, n_column = depth.shape
+    n_column, (top, bottom) = depth.shape[1], rows
     for k in range(index(len(segments))):
         aside_x, aside_y, half_width = lines[k, 0], lines[k, 1], lines[k, 2]
         x0, y0, near0 = segments[k, 0] + aside_x, segments[k, 1] + aside_y, segments[k, 2]
@@ -76,7 +77,8 @@ def draw_edges(segments, lines, max_share, is_perspective, depth, out):
         around = half_width + 1.0  # where no more than nothing is covered
         low, high = min(x0, x0 + dx) - around, max(x0, x0 + dx) + around
         half = around * np.sqrt(square) / abs(dy) if dy != 0.0 else np.inf  # along a row
-        first, end = max(min(y0, y0 + dy) - around, 0.0), min(max(y0, y0 + dy) + around, float(n_row))
+        first = min(max(min(y0, y0 + dy) - around, float(top)), float(bottom))
+        end = min(max(y0, y0 + dy) + around, float(bottom))
         for row in range(int(first), int(max(end, 0.0))):
             y, left, right = row + 0.5, low, high
             if half < np.inf:
