@@ -9,6 +9,7 @@ import os
 from dataclasses import asdict
 from time import perf_counter
 
+from ..choices import install_command
 from ..errors import counted
 from ..io import formats
 from .flags import add_json, add_messages, add_models
@@ -54,7 +55,7 @@ class _ListFormats(argparse.Action):
         for entry in formats.formats():
             suffixes, packages = " ".join(entry["suffixes"]), ", ".join(entry["needs"])
             line = f"{entry['name']:<6} {suffixes:<14} {entry['reads']:<6} read by {entry['by']}"
-            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n")
+            print_text(line + (f"; needs {packages}: {install_command('formats')}" if packages else "") + "\n")
         parser.exit()
 
 

@@ -27,7 +27,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS
+from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS, install_command
 from ..errors import OutputError, SceneError, shown
 from ..scene.validate import number
 from .png import encode_png
@@ -238,5 +238,5 @@ def import_exr():
     try:
         import OpenEXR
     except ImportError as error:
-        raise OutputError("EXR files need the extra exr (pip install '.[exr]'), the library OpenEXR") from error
+        raise OutputError(f"EXR files need the library OpenEXR: {install_command('exr')}") from error
     return OpenEXR

@@ -191,7 +191,8 @@ def test_whole_numbers_that_float32_does_not_hold_are_refused_in_exr_files():
 
 def test_a_missing_library_is_told_with_its_extra(frame, monkeypatch):
     monkeypatch.setitem(sys.modules, "OpenEXR", None)  # the extra is not installed
-    with pytest.raises(rz.OutputError, match=r"EXR files need the extra exr \(pip install '\.\[exr\]'\)") as fault:
+    command = r"pip install 'scanline-rasterizer\[exr\]'"
+    with pytest.raises(rz.OutputError, match=f"EXR files need the library OpenEXR: {command}") as fault:
         encode_arrays({"depth": frame.depth}, "exr")
     assert "\n" not in str(fault.value)
 
