@@ -260,7 +260,7 @@ def test_a_wheel_with_kernels_is_for_its_platform_and_draws_its_first_picture_wi
     for level in ("", *levels[: levels.index(best) + 1]):  # "" is this processor
         for version in ("", "0.61.0", "0.99.0"):
             told = run(
-                [sys.executable, "-c", FIRST_PICTURES, without_numba, level, version], tmp_path / "site",
+                [sys.executable, "-S", "-c", FIRST_PICTURES, without_numba, level, version], tmp_path / "site",
                 XDG_CACHE_HOME=str(tmp_path / "cache"), RASTER_STORE="", NUMBA_CACHE_DIR="", NUMBA_CPU_NAME="",
             )  # fmt: skip
             assert told.strip() == (level or best), (level, version)
