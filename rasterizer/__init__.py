@@ -25,7 +25,7 @@ module is imported when one of its names is first used, so that the command line
 
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __docformat__ = "numpy"  # for pdoc
 
 with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _stub:

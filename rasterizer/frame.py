@@ -344,13 +344,13 @@ class Frame:
         Parameters
         ----------
         path : where to; the suffix chooses the format: whatever Pillow writes (transparency is laid on white
-            where a format has none), or for arrays `.npy` (one), `.npz`, `.exr` (several) and `.png` (one that whole
-            numbers can hold: mask, indices, depth, normals, alpha), see io/array_files.py
+            where a format has none), or for arrays `.npy` (one), `.npz`, `.exr` (several) and `.png` (one: mask,
+            alpha, and normals in 8 bits, depth and indices in 16), see io/array_files.py
         array : which array, or which ones: names of the attributes. None = the picture; in a `.npy` file "color"; in
             `.npz` and `.exr` files all that the frame has
         format : overrides the suffix: "npy", "npz", "exr" or a name of Pillow's: "PNG", "JPEG", ...
         scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001. The file says it in a text
-            field, and that 0 is nothing. Normals have 16 bits a channel, of which Pillow reads 8
+            field, and that 0 is nothing
         options : passed to Pillow, e.g. quality=95 for a JPEG file; without options a PNG file is written by `io.png`,
             which is faster; a TIFF file has a profile of sRGB
 

@@ -14,6 +14,7 @@ from queue import SimpleQueue
 from time import monotonic
 from typing import Any, Protocol
 
+from ..choices import install_command
 from ..compiler.kernels import STORE
 from ..cores import n_core
 from ..errors import RasterizerError, SceneError, shown
@@ -326,8 +327,7 @@ def connect(address: str) -> Any:
     try:
         from dask.distributed import Client
     except ImportError as fault:
-        message = "a scheduler needs Dask: install the extra distributed, as in pip install '.[distributed]'"
-        raise RasterizerError(f"{message} ({fault})") from fault
+        raise RasterizerError(f"a scheduler needs Dask: {install_command('distributed')} ({fault})") from fault
     try:
         return Client(address, timeout=_ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TypeError) as fault:  # TimeoutError is an OSError

@@ -1,6 +1,7 @@
 """`raster completion`: the script by which a shell completes commands, flags, their words and names of files; made of
 the parsers by shtab."""
 
+from ..choices import install_command
 from ..errors import RasterizerError
 from .flags import add_messages
 from .messages import print_text
@@ -15,7 +16,7 @@ examples:
   raster completion fish > ~/.config/fish/completions/raster.fish
   source <(raster completion bash)              for this shell alone
 
-It takes the extra completion: pip install '.[completion]'
+It takes the extra completion: pip install 'scanline-rasterizer[completion]'
 """
 
 
@@ -33,8 +34,7 @@ def run(arguments, _messages) -> tuple[list, int]:
     try:
         import shtab
     except ImportError as fault:
-        message = "completion needs shtab: install the extra completion, as in pip install '.[completion]'"
-        raise RasterizerError(f"{message} ({fault})") from fault
+        raise RasterizerError(f"completion needs shtab: {install_command('completion')} ({fault})") from fault
     parser = make_parser(is_whole=True)
     for command in parser.commands.values():
         for action in command._actions:

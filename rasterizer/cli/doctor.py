@@ -3,6 +3,8 @@
 What can't be imported is a finding, so nothing but the standard library is imported before it has been looked for.
 """
 
+import ast
+import operator
 import os
 import platform
 import re
@@ -12,6 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from .. import __version__
+from ..choices import DISTRIBUTION, EXTRAS, install_command
 from ..cores import n_core
 from ..errors import OutputError, SceneError
 from .flags import add_json, add_messages
@@ -39,6 +42,10 @@ variables of the environment:
 {"".join(f"  {name:<20}{text}" + chr(10) for name, text in ENVIRONMENT.items())}"""
 
 _NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
+_COMPARISONS = {
+    ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
+    ast.GtE: operator.ge, ast.In: lambda a, b: a in b,
+}  # fmt: skip
 _MB = 1e6
 _LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
 
@@ -48,7 +55,8 @@ def add_flags(parser) -> None:
     parser.usage = "raster doctor [options]"
     parser.description = (
         "Say what a report of a fault should say: versions, processor, threads, where compiled kernels are kept and "
-        "how large they are, which optional packages are there, which settings the environment has. Nothing is drawn."
+        "how large they are, what extras give and which of their packages are missing, which settings the environment "
+        "has. Nothing is drawn."
     )
     parser.epilog = _EXAMPLES
     parser.add_argument("--clear", action="store_true", help="remove all compiled kernels, of other versions, too")
@@ -112,24 +120,60 @@ def _cpu_name() -> str | None:
         return platform.processor() or platform.machine()
 
 
-def _list_extras() -> dict[str, dict[str, str | None]]:
-    """The extras of the package as it is installed: for each the version of every package of it, None = missing."""
+def _list_extras() -> dict[str, dict]:
+    """The extras of the package as it is installed: what each gives, the version of every package of it (None =
+    missing), whether all are there, and the command that installs it."""
     found = {}
-    for text in _requirements():
-        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", text)
-        limit = re.search(r"python_version < ['\"](\d+)\.(\d+)['\"]", text)
-        if extra and not (limit and sys.version_info >= (int(limit[1]), int(limit[2]))):
-            name = re.match(r"[\w.-]+", text)[0]
-            found.setdefault(extra[1], {})[name] = _version_of(name)
+    for extra, what in EXTRAS.items():
+        packages = {name: _version_of(name) for name in _requirements_of(DISTRIBUTION, extra) if name != DISTRIBUTION}
+        if packages:
+            found[extra] = {
+                "gives": what,
+                "packages": packages,
+                "installed": None not in packages.values(),
+                "command": install_command(extra),
+            }
     return found
 
 
-def _requirements() -> list[str]:
-    """The requirements in the metadata of whichever distribution has this package; none where it isn't installed."""
-    for name in dict.fromkeys(metadata.packages_distributions().get(__package__.partition(".")[0], ())):
-        if (requirements := metadata.requires(name)) is not None:
-            return requirements
-    return []
+def _requirements_of(name, extra) -> list[str]:
+    """The distributions that an extra of an installed one needs on this machine, and those of the extras that it asks
+    of them."""
+    try:
+        requirements = metadata.requires(name) or []
+    except metadata.PackageNotFoundError:
+        return []
+    found = []
+    for text in requirements:
+        needed, inner, marker = re.fullmatch(r"([\w.-]+) *(?:\[([^]]*)\])?[^;]*;?(.*)", text).groups()
+        if "extra" in marker and _holds(marker, extra):
+            found.append(needed)
+            found += [each for part in re.findall(r"[\w-]+", inner or "") for each in _requirements_of(needed, part)]
+    return found
+
+
+def _holds(marker, extra) -> bool:
+    """Tell whether the marker of a requirement holds here, for an extra: comparisons of texts or versions, `and`, `or`
+    and brackets, as Python writes them but for ~= and ===.
+
+    Source: PyPA specifications, Dependency specifiers.
+    """
+    known = {
+        "extra": extra, "os_name": os.name, "sys_platform": sys.platform, "platform_machine": platform.machine(),
+        "platform_system": platform.system(), "python_full_version": platform.python_version(),
+        "python_version": ".".join(platform.python_version_tuple()[:2]), "implementation_name": sys.implementation.name,
+    }  # fmt: skip
+
+    def is_true(node) -> bool:
+        if isinstance(node, ast.BoolOp):
+            return (all if isinstance(node.op, ast.And) else any)(map(is_true, node.values))
+        sides = [known.get(side.id, "") if isinstance(side, ast.Name) else side.value
+                 for side in (node.left, node.comparators[0])]  # fmt: skip
+        if all(re.fullmatch(r"\d+(\.\d+)*", side) for side in sides):
+            sides = [[int(number) for number in side.split(".")] for side in sides]
+        return _COMPARISONS[type(node.ops[0])](*sides)
+
+    return is_true(ast.parse(marker.strip().replace("~=", ">=").replace("===", "=="), mode="eval").body)
 
 
 # --- compiled kernels -----------------------------------------------------------------------------------------------
@@ -203,16 +247,21 @@ def _text(facts) -> str:
         ("threads", f"{facts['threads']}"),
         *((name, version or "MISSING") for name, version in facts["packages"].items()),
         *_kernel_lines(facts["kernels"]),
-        *(
-            (f"[{extra}]", ", ".join(f"{name} {version or 'missing'}" for name, version in packages.items()))
-            for extra, packages in facts["extras"].items()
-        ),
+        *((f"[{extra}]", _extra_words(found)) for extra, found in facts["extras"].items()),
         *(("setting", f"{name}={value}") for name, value in facts["settings"].items()),
     ]
     if "cleared" in facts:
         lines.append(("cleared", _kernel_words(facts["cleared"])))
     width = 2 + max(len(name) for name, _ in lines)
     return "".join(f"{name:<{width}}{' '.join(value.split())}\n" for name, value in lines)
+
+
+def _extra_words(extra) -> str:
+    """What an extra gives, what is there of it, and how to get the rest."""
+    missing = [name for name, version in extra["packages"].items() if version is None]
+    if missing:
+        return f"{extra['gives']}: {', '.join(missing)} missing; {extra['command']}"
+    return f"{extra['gives']}: {', '.join(f'{name} {version}' for name, version in extra['packages'].items())}"
 
 
 def _kernel_lines(kernels):

@@ -6,8 +6,10 @@ load ─ facts ─┬─ lines on stdout
 
 import argparse
 import os
+from dataclasses import asdict
 from time import perf_counter
 
+from ..choices import install_command
 from ..errors import counted
 from ..io import formats
 from .flags import add_json, add_messages, add_models
@@ -53,7 +55,7 @@ class _ListFormats(argparse.Action):
         for entry in formats.formats():
             suffixes, packages = " ".join(entry["suffixes"]), ", ".join(entry["needs"])
             line = f"{entry['name']:<6} {suffixes:<14} {entry['reads']:<6} read by {entry['by']}"
-            print_text(line + (f"; needs {packages}: {formats.EXTRA}" if packages else "") + "\n")
+            print_text(line + (f"; needs {packages}: {install_command('formats')}" if packages else "") + "\n")
         parser.exit()
 
 
@@ -127,7 +129,7 @@ def _describe(model, arguments, messages) -> dict:
         "materials": [_material(material) for material in materials],
         "textures": [_texture(texture) for texture in textures],
         "lights": [type(light).__name__ for light in scene.lights],
-        "camera": scene.camera is not None,
+        "camera": None if scene.camera is None else asdict(scene.camera),
         "files_read": list(dict.fromkeys(files_read)),
         "not_drawn": _list_not_drawn(scene, said),
         "warnings": texts,
@@ -216,10 +218,15 @@ def _text(facts) -> str:
         ("not used", ", ".join(facts["not_drawn"]) or "nothing is left out"),
     ]
     lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
-    lines += [("camera", "one of the file")] if facts["camera"] else []
+    lines += [("camera", _camera(facts["camera"]))] if facts["camera"] else []
     lines += [("warning", text) for text in facts["warnings"]]
     name = "stdin" if facts["path"] == STDIO else " ".join(facts["path"].split())
     return "\n".join([name, *(f"  {fact:<{_FIRST}}{' '.join(value.split())}" for fact, value in lines)]) + "\n"
+
+
+def _camera(camera) -> str:
+    lens = {name: camera[name] for name in ("fov", "height", "aspect") if camera[name] is not None}
+    return ", ".join(["one of the file", *(f"{name} {value:.4g}" for name, value in lens.items())])
 
 
 def _faces(facts) -> str:

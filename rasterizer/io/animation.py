@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import install_command
 from ..errors import OutputError, SceneError
 
 if TYPE_CHECKING:
@@ -237,7 +238,7 @@ def _import_av(suffix: str) -> Any:
     try:
         import av
     except ImportError:
-        raise OutputError(f"{suffix} files need the package av: pip install '.[video]'") from None
+        raise OutputError(f"{suffix} files need the package av: {install_command('video')}") from None
     return av
 
 

@@ -2,15 +2,19 @@
 
     .npy   one array as it is
     .npz   arrays by name, deflated
-    .png   whole numbers of 8 or 16 bits: mask, indices, depth, normals; how to read them stands in text fields
-    .exr   channels of float32 and uint32, lossless; by the library OpenEXR (extra `exr`)
+    .png   whole numbers: mask, alpha, normals in 8 bits, depth and indices in 16; text fields say how to read them
+    .exr   channels of float32, lossless; by the library OpenEXR (extra `exr`)
 
 In: arrays by name, as `Frame` has them. Out: the bytes of a file.
 
 What a PNG file holds is stored·scale + offset; the text fields "array", "scale", "offset" and "nothing" say it. What is
-out of range is an error: nothing is limited in silence. Normals have 16 bits a channel, of which Pillow reads 8. In an
-EXR file colours are multiplied by alpha, as is the custom there; indices are 1 more than those of the arrays, so that 0
-is nothing, as in PNG files.
+out of range is an error: nothing is limited in silence. Normals have 8 bits a channel, as normal maps have: of 16 bits
+in three channels Pillow, and imageio with it, reads 8 without a word.
+
+An EXR file of one array has the channels that every program looks for: Y, or R, G and B (B is 0 with texture
+coordinates). One of several has a name for each, see CHANNELS; programs that know no names read its colours alone. Its
+numbers are those of the arrays, indices too, which float32 holds up to 2^24. Colours beside alpha are multiplied by it,
+as is the custom there.
 """
 
 import io
@@ -23,17 +27,18 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS
+from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS, install_command
 from ..errors import OutputError, SceneError, shown
 from ..scene.validate import number
 from .png import encode_png
 
 DEFAULT_SCALE = 0.001  # of depths in PNG files: millimetres, where a scene unit is a metre
-MAX_U16 = 65535  # the largest number of 16 bits
+MAX_U8, MAX_U16 = 255, 65535  # the largest numbers of 8 and 16 bits
+MAX_WHOLE = 1 << 24  # float32 holds all whole numbers up to it
 INDICES = ("face", "object", "material")
 NORMALS = ("normal", "normal_camera")
 IN_PNG = ("rgb", "rgba", "alpha", "depth", "mask", *INDICES, *NORMALS)
-CHANNELS = {  # of EXR files
+CHANNELS = {  # of EXR files that hold several arrays
     "color": ("R", "G", "B"),
     "alpha": ("A",),
     "depth": ("Z",),
@@ -128,18 +133,18 @@ def encode_array_png(
     if name == "depth":
         stored, text = _stored_depths(array, DEFAULT_SCALE if scale is None else number(scale, "scale"))
     elif name == "mask":
-        stored, text = np.where(array, np.uint8(255), np.uint8(0)), _text(1 / 255, 0, "0 or 1")
+        stored, text = np.where(array, np.uint8(MAX_U8), np.uint8(0)), _text(1 / MAX_U8, 0, "0 or 1")
     elif name == "alpha":
-        stored, text = np.rint(array * 255).astype(np.uint8), _text(1 / 255, 0, "covered share")
+        stored, text = np.rint(array * MAX_U8).astype(np.uint8), _text(1 / MAX_U8, 0, "covered share")
     elif name in INDICES:
         if array.max(initial=-1) >= MAX_U16:
             legal = f"a PNG file holds indices up to {MAX_U16 - 1}"
             raise OutputError(f"{legal}; given {name} {array.max()}: write it as .npy, .npz or .exr")
         stored, text = (array + 1).astype(np.uint16), _text(1, -1, "index")
     elif name in NORMALS:
-        stored = np.rint((array.astype(np.float64) + 1) * (MAX_U16 / 2)).astype(np.uint16)
-        stored[(array == 0).all(axis=-1)] = 0
-        text = _text(2 / MAX_U16, -1, "unit vector")
+        stored = np.rint((array.astype(np.float64) + 1) * (MAX_U8 / 2)).astype(np.uint8)
+        stored[(array == 0).all(axis=-1)] = 0  # which no unit vector is
+        text = _text(2 / MAX_U8, -1, "unit vector")
     else:
         raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {name!r}: write it as .npy, .npz or .exr")
     return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text})
@@ -184,33 +189,39 @@ def _text(scale: float, offset: float, unit: str) -> dict[str, str]:
 
 
 def encode_exr(arrays: dict[str, NDArray]) -> bytes:
-    """Return arrays by name as the bytes of an EXR file; buffers of one's own have channels of their own names.
+    """Return arrays by name as the bytes of an EXR file: its channels are told at the top of this file.
 
-    Colours are multiplied by the array "alpha", where there is one.
+    Colours are multiplied by the array "alpha", where there is one. Buffers of one's own have channels of their names.
 
     Raises
     ------
-    OutputError : the library OpenEXR is missing, or can't write the file
+    OutputError : the library OpenEXR is missing, or can't write the file; a whole number that float32 doesn't hold
     SceneError : an array of 8-bit colours
     """
     exr = import_exr()
-    channels: dict[str, NDArray] = {}
+    channels: dict[str, NDArray[np.float32]] = {}
     for name, array in arrays.items():
         if name in ("rgb", "rgba"):
             raise SceneError(f"an EXR file holds linear colours: give 'color', not {name!r}")
+        if array.dtype.kind in "iu" and array.max(initial=0) > MAX_WHOLE:
+            legal = f"an EXR file holds whole numbers up to {MAX_WHOLE}"
+            raise OutputError(f"{legal}; given {name} {array.max()}: write it as .npy or .npz")
         if name == "color" and "alpha" in arrays:
             array = array * arrays["alpha"][..., None]
-        if array.dtype.kind in "bui":
-            array = (array.astype(np.int64) + (name in INDICES)).astype(np.uint32)
         columns = array.reshape(*array.shape[:2], -1)
-        own = [name] if columns.shape[2] == 1 else [f"{name}.{k}" for k in range(columns.shape[2])]
-        for k, channel in enumerate(CHANNELS.get(name, own)):
-            plane = columns[..., k]
-            channels[channel] = np.ascontiguousarray(plane, np.uint32 if plane.dtype == np.uint32 else np.float32)
+        n_column = columns.shape[2]
+        if len(arrays) == 1 and n_column == 2:
+            columns = np.concatenate([columns, np.zeros_like(columns[..., :1])], axis=2)
+        if len(arrays) == 1 and n_column <= 3:
+            names = ("Y",) if n_column == 1 else ("R", "G", "B")
+        else:
+            names = CHANNELS.get(name, (name,) if n_column == 1 else tuple(f"{name}.{k}" for k in range(n_column)))
+        for k, channel in enumerate(names):
+            channels[channel] = np.ascontiguousarray(columns[..., k], np.float32)
     header = {
         "compression": exr.ZIP_COMPRESSION,
         "type": exr.scanlineimage,
-        "comments": "Colours are multiplied by alpha. Indices are 1 more than in the arrays: 0 = nothing.",
+        "comments": f"{', '.join(arrays)}: numbers as in the arrays; colours beside alpha are multiplied by it",
     }
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "arrays.exr")
@@ -227,5 +238,5 @@ def import_exr():
     try:
         import OpenEXR
     except ImportError as error:
-        raise OutputError("EXR files need the extra exr (pip install '.[exr]'), the library OpenEXR") from error
+        raise OutputError(f"EXR files need the library OpenEXR: {install_command('exr')}") from error
     return OpenEXR

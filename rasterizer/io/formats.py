@@ -181,9 +181,6 @@ def register(entry: Format) -> None:
     FORMATS[entry.name] = entry
 
 
-EXTRA = "pip install 'scanline-rasterizer[formats]'"
-
-
 def formats() -> list[dict[str, Any]]:
     """Return what is known of each format that can be loaded, one after the other.
 

@@ -850,8 +850,8 @@ def _numbers(values, n) -> tuple[float, ...]:
 #     point, spot           get weaker with 1/d², also nearer than 1 (`amplify`), and end at `range` where the file has
 #                           one
 #     spot                  innerConeAngle and outerConeAngle in radians, half angles
-#     camera                perspective: yfov (radians, vertical), znear, zfar; orthographic: the picture is 2·ymag
-#                           high; aspectRatio and xmag are those of the picture that is asked for
+#     camera                perspective: yfov (radians, vertical), aspectRatio, znear, zfar; orthographic: the frame is
+#                           2·xmag wide and 2·ymag high. A picture of another shape shows the whole frame, and more
 #
 # Specification, 3.5 and 3.10; KHR_lights_punctual.
 
@@ -982,10 +982,13 @@ def _camera(source, matrix) -> Camera:
     frame = {"position": eye.tolist(), "target": target.tolist(), "up": up.tolist()}
     if name == "perspective":
         lens = source["perspective"]
+        frame["aspect"] = lens.get("aspectRatio")
         return Camera(fov=math.degrees(float(lens["yfov"])), near=lens["znear"], far=lens.get("zfar"), **frame)
     if name == "orthographic":
         lens = source["orthographic"]
-        return Camera(height=2.0 * float(lens["ymag"]), near=lens["znear"], far=lens["zfar"], **frame)
+        width, height = 2.0 * float(lens.get("xmag", 0.0)), 2.0 * float(lens["ymag"])
+        frame["aspect"] = width / height if width > 0.0 and height > 0.0 else None
+        return Camera(height=height, near=lens["znear"], far=lens["zfar"], **frame)
     raise ValueError(f"its type must be perspective or orthographic; given {name!r}")
 
 

@@ -17,7 +17,7 @@ from typing import IO, Any, Literal, TypeAlias
 
 import numpy as np
 
-from ..choices import Axis, Weighting
+from ..choices import Axis, Weighting, install_command
 from ..errors import ModelError, SceneError, counted, cut, one_file, shown
 from ..geometry.weld import weld
 from ..keywords import checked_keywords
@@ -201,7 +201,8 @@ def _read(entry, model) -> Contents:
     try:
         if entry.missing:
             packages = ", ".join(entry.missing)
-            raise model.error(f"{entry.name} files are read by packages that are missing, {packages}: {formats.EXTRA}")
+            reason = f"are read by packages that are missing, {packages}: {install_command('formats')}"
+            raise model.error(f"{entry.name} files {reason}")
         contents = entry.read()(model)
         contents = contents if isinstance(contents, Contents) else Contents(contents)
         if not contents.parts:

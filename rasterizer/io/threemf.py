@@ -24,11 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..choices import install_command
 from ..errors import ModelError, cut
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
-from . import formats
 from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part, materials_of
 from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, unpacked
@@ -65,7 +65,7 @@ def read_3mf(model: ModelFile) -> Contents:
     try:
         from lib3mf import Lib3MF, get_wrapper
     except (ImportError, OSError):  # there may be no binary for this system
-        reason = f"lib3mf is missing ({formats.EXTRA})"
+        reason = f"lib3mf is missing ({install_command('formats')})"
     else:
         loaded = get_wrapper().CreateModel()
         try:

@@ -90,6 +90,9 @@ class Camera:
         it has +y on top, as on a map
     fov : vertical field of view in degrees, at least 1e-6, below 180; None for an orthographic camera
     height : scene units that the picture is high, above 0; None for a perspective camera
+    aspect : width / height of the frame that `fov` or `height` is that of, and that every picture shows as a whole: a
+        wider picture shows more at the sides, a narrower one more above and below. None = the picture's own, whose
+        height is always that of the frame
     near, far : distances along the view, scene units; None = fitted to the scene, near to 2^-20 of the furthest
         distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped,
         and nothing else depends on them. With perspective, depth has steps of 2^-38·1.04·w/n
@@ -113,6 +116,7 @@ class Camera:
     intrinsics: tuple[float, float, float, float] | None = None
     size: tuple[int, int] | None = None
     skew: float = 0.0
+    aspect: float | None = None
 
     if TYPE_CHECKING:  # more may be given than is stored
 
@@ -129,6 +133,7 @@ class Camera:
             intrinsics: Sequence[float] | None = ...,
             size: Sequence[int] | None = ...,
             skew: float = ...,
+            aspect: float | None = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -390,8 +395,9 @@ class Camera:
     def projection(self, size: Sequence[int]) -> Projection:
         """Return the scale and centre for a picture of `size` (width, height) pixels.
 
-        The vertical field of view rules and pixels are square. A camera with intrinsics has them scaled, each
-        axis by itself, from the size that they belong to.
+        The vertical field of view rules and pixels are square; in a picture that is narrower than the camera's
+        aspect the horizontal one does. A camera with intrinsics has them scaled, each axis by itself, from the size
+        that they belong to.
 
         Raises
         ------
@@ -403,10 +409,11 @@ class Camera:
             grow_x, grow_y = width / self.size[0], height / self.size[1]
             center = (cx + 0.5) * grow_x, (cy + 0.5) * grow_y
             return Projection(fx * grow_x, fy * grow_y, *center, True, self.skew * grow_x)
+        frame_height = height if self.aspect is None else min(height, width / self.aspect)
         if self.height is not None:
-            scale = height / self.height
+            scale = frame_height / self.height
         elif self.fov is not None:
-            scale = 0.5 * height / math.tan(math.radians(self.fov) / 2.0)
+            scale = 0.5 * frame_height / math.tan(math.radians(self.fov) / 2.0)
         return Projection(scale, scale, 0.5 * width, 0.5 * height, self.is_perspective)
 
 
@@ -491,9 +498,14 @@ def aimed(camera: Camera, bounds: NDArray[np.float64]) -> Camera:
 
 
 def _checked_lens(camera: Camera) -> dict[str, Any]:
-    """Return the fields of a camera's lens, checked: `fov` or `height`, and `intrinsics` with `skew` and `size`."""
+    """Return the fields of a camera's lens, checked: `fov` or `height`, `aspect`, and `intrinsics` with `skew` and
+    `size`."""
     fields: dict[str, Any] = {}
     fov = camera.fov
+    if camera.aspect is not None:
+        fields = {"aspect": framing.checked_aspect(camera.aspect)}
+    if camera.intrinsics is not None and camera.aspect is not None:
+        raise SceneError(f"a camera with intrinsics has the aspect of their size; given aspect={shown(camera.aspect)}")
     if camera.intrinsics is not None:
         fields = _checked_intrinsics(camera)
         fov = fields["fov"]
@@ -502,7 +514,7 @@ def _checked_lens(camera: Camera) -> dict[str, Any]:
     elif number(camera.skew, "the camera's skew") != 0.0:
         raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(camera.skew)} without any")
     else:
-        fields = {"skew": 0.0}
+        fields["skew"] = 0.0
     if (fov is None) == (camera.height is None):
         raise SceneError(
             "a camera needs either fov (perspective) or height (orthographic); "

@@ -58,11 +58,16 @@ def checked_lens(fov: float | None, margin: object, aspect: object, size: Any) -
             raise SceneError(f"a picture's shape is its size or its aspect; given {shown(size)} and {shown(aspect)}")
         width, height = picture_size((size, size) if is_whole(size) else size)
         aspect = width / height
-    aspect = _ASPECT if aspect is None else number(aspect, "the aspect (width / height)")
-    if not 1.0 / _MAX_ASPECT <= aspect <= _MAX_ASPECT:
+    return Lens(fov, _ASPECT if aspect is None else checked_aspect(aspect), 1.0 - 2.0 * margin)
+
+
+def checked_aspect(aspect: object) -> float:
+    """Return the width / height of a picture; SceneError for what is none."""
+    value = number(aspect, "the aspect (width / height)")
+    if not 1.0 / _MAX_ASPECT <= value <= _MAX_ASPECT:
         legal = f"above 0, and within 1/{_MAX_ASPECT:g}..{_MAX_ASPECT:g}"
-        raise SceneError(f"the aspect (width / height) must be {legal}; given {aspect}")
-    return Lens(fov, aspect, 1.0 - 2.0 * margin)
+        raise SceneError(f"the aspect (width / height) must be {legal}; given {value}")
+    return value
 
 
 def up_axis(subject: Any, up: object) -> str:

@@ -33,7 +33,7 @@ class Orbit:
 
     Parameters
     ----------
-    lens : Camera, whose field of view, height, intrinsics and range of depth are used
+    lens : Camera, whose field of view, height, aspect, intrinsics and range of depth are used
     pivot : (3,) float64, what the camera turns about, world space
     axes : (3, 3) float64, the camera's right, up, forward, world space
     distance : from the eye to the pivot, scene units
@@ -115,10 +115,10 @@ class Orbit:
         if self.lens.height is None:
             height = 2.0 * self.distance * math.tan(math.radians(self.lens.fov or _FOV) / 2.0)
             lens = Camera.orthographic(standing.position, standing.target, tuple(self.axes[1]), height)
-            return self._moved(lens=lens)
+            return self._moved(lens=replace(lens, aspect=self.lens.aspect))
         distance = self.lens.height / (2.0 * math.tan(math.radians(_FOV) / 2.0))
         lens = Camera.perspective(standing.position, standing.target, tuple(self.axes[1]), _FOV)
-        return self._moved(lens=lens, distance=distance)
+        return self._moved(lens=replace(lens, aspect=self.lens.aspect), distance=distance)
 
     def position_of(self, p_world: Array, size: Size) -> tuple[float, float] | None:
         """Return where a point (3,), world space, is seen: in pixels of a picture of `size`; None behind the eye."""
@@ -152,9 +152,10 @@ def camera_flags(camera: Camera, up: Axis) -> str:
 
     Returns
     -------
-    text; "" where no flags say it: a calibration, a range of depth, a camera that is tilted or stands at a pole
+    text; "" where no flags say it: a calibration, an aspect, a range of depth, a camera that is tilted or stands at a
+    pole
     """
-    if camera.intrinsics is not None or camera.near is not None or camera.far is not None:
+    if any(value is not None for value in (camera.intrinsics, camera.aspect, camera.near, camera.far)):
         return ""
     level = Camera.perspective(camera.position, camera.target, up)
     if not np.allclose(np.stack(level.view()[1:]), np.stack(camera.view()[1:]), rtol=0.0, atol=_SAME):

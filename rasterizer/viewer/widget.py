@@ -4,6 +4,7 @@
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..choices import install_command
 from ..errors import SceneError, error_of
 from ..frame import Frame
 from ..io.loader import load
@@ -73,7 +74,7 @@ def view(
     except ModuleNotFoundError as fault:
         if fault.name not in ("anywidget", "traitlets"):
             raise
-        raise SceneError(f"view needs {fault.name}: the extra `notebook` brings it") from fault
+        raise SceneError(f"view needs {fault.name}: {install_command('notebook')}") from fault
 
     class Widget(anywidget.AnyWidget):  # a SceneView
         _esm = _FOLDER / "viewer.js"

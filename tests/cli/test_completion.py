@@ -53,7 +53,7 @@ def test_what_is_no_shell_and_where_shtab_is_absent(capsys, monkeypatch):
     assert_refused(capsys, [(["cmd"], "choose from"), ([], "")], "completion")
     monkeypatch.setitem(sys.modules, "shtab", None)  # as where it isn't installed
     assert raster("completion", "bash") == 2
-    assert "completion needs shtab: install the extra completion, as in pip install" in one_error(capsys)
+    assert "completion needs shtab: pip install 'scanline-rasterizer[completion]'" in one_error(capsys)
 
 
 @needs("bash")

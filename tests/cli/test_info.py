@@ -50,6 +50,16 @@ def test_lines_say_what_json_says(capsys):
     assert "12 triangles of 6 polygons" in cube
 
 
+def test_a_files_camera_is_told_with_its_lens(folder, capsys):
+    scene = rz.load(CUBE)
+    camera = rz.Camera(position=(0, 0, 9), fov=40, aspect=16 / 9)
+    rz.Scene(scene.meshes, camera=camera).save("wide.json")
+    (wide,) = records(capsys, "wide.json")
+    assert (wide["camera"]["fov"], wide["camera"]["height"], wide["camera"]["aspect"]) == (40, None, 16 / 9)
+    assert raster("info", "wide.json") == 0
+    assert "camera        one of the file, fov 40, aspect 1.778\n" in capsys.readouterr().out
+
+
 def test_what_is_not_drawn_and_what_is_missing_is_told(folder, capsys):
     (folder / "odd ü.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl none\nf 1 2 3\nl 1 2\nl 2 3\np 1\n", encoding="utf-8"

@@ -149,9 +149,14 @@ MATERIALS = st.builds(
 )  # fmt: skip
 LENSES = st.one_of(
     st.fixed_dictionaries(
-        {"fov": st.floats(1, 170), "near": st.none() | st.floats(0.1, 1), "far": st.none() | st.floats(2, 9)}
+        {
+            "fov": st.floats(1, 170),
+            "aspect": st.none() | st.floats(0.1, 9),
+            "near": st.none() | st.floats(0.1, 1),
+            "far": st.none() | st.floats(2, 9),
+        }
     ),
-    st.fixed_dictionaries({"height": st.floats(0.1, 99)}),
+    st.fixed_dictionaries({"height": st.floats(0.1, 99), "aspect": st.none() | st.floats(0.1, 9)}),
     st.fixed_dictionaries(
         {
             "intrinsics": st.tuples(*[st.floats(1, 999)] * 4),

@@ -63,6 +63,26 @@ def test_pixels_with_perspective_and_without():
     assert (camera.near, camera.far) == (-5.0, 5.0), "depths may lie behind"
 
 
+@given(st.sampled_from(["fov", "height"]), st.floats(0.05, 20.0), st.integers(1, 300), st.integers(1, 300))
+@settings(max_examples=60)
+def test_a_picture_of_any_shape_shows_all_of_a_cameras_frame(lens, aspect, width, height):
+    """It touches the picture's border in height, or in width where the picture is narrower; without aspect it may be
+    cropped."""
+    camera = Camera(position=(3, 2, 9), up=(0.1, 1, 0), aspect=aspect, **{lens: 40.0})
+    eye, right, up, forward = camera.view()
+    half = math.tan(math.radians(20)) if lens == "fov" else 20.0
+    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    corners = eye + forward + half * (aspect * signs[:, :1] * right + signs[:, 1:] * up)
+    pixels, _ = project(camera, corners, (width, height))
+    outside = np.maximum(-pixels, pixels - (width, height))
+    assert outside.max() == pytest.approx(0, abs=1e-9 * max(width, height))
+    fits = width >= height * aspect
+    assert outside[:, 1 if fits else 0] == pytest.approx(np.zeros(4), abs=1e-9 * max(width, height))
+    if camera.is_perspective:
+        focal = camera.to_opencv((width, height))[0][1, 1]
+        assert 2 * focal * half == pytest.approx(height if fits else width / aspect)
+
+
 def test_illegal_cameras_are_refused():
     place, unit = {"position": (0, 0, 1)}, {"intrinsics": (1, 1, 1, 1), "size": (4, 3)}
     skewed = r"skew goes with its intrinsics; given 0\.1"
@@ -73,6 +93,8 @@ def test_illegal_cameras_are_refused():
         *((place | {"up": up, "fov": 45}, "camera's up") for up in ((0, 0, 0), "north")),
         *((place | {"fov": fov}, "camera's fov") for fov in (0, 180, "wide")),
         *((place | {"height": height}, "camera's height") for height in (0, -1)),
+        *((place | {"fov": 9, "aspect": aspect}, r"aspect \(width / height\) must") for aspect in (0, NAN, "wide")),
+        (place | unit | {"aspect": 1.5}, "has the aspect of their size"),
         *((place | lens, "either fov") for lens in ({"height": 1, "fov": 45}, {})),
         (place | {"fov": 45, "near": 0}, "near of a perspective camera"),
         (place | {"fov": 45, "far": -1}, "far of a perspective camera"),

@@ -1,6 +1,7 @@
 """The viewer's camera: what lies in the pivot's plane stays below the pointer, and nothing drifts."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,14 @@ def test_the_other_projection_shows_the_pivot_as_large(name):
     edge = orbit.pivot + 0.5 * orbit.axes[1]
     assert not deviations(other.position_of(edge, SIZE), orbit.position_of(edge, SIZE))
     assert_same_view(other.with_other_projection().camera, orbit.camera, 1e-9 if name == "framed" else np.inf)
+
+
+def test_a_cameras_aspect_stays_when_it_is_turned_and_loses_its_perspective():
+    orbit = Orbit.of(replace(CAMERAS["framed"], aspect=3.0), SCENE)
+    other = orbit.turned(10, 5).with_other_projection()
+    assert other.camera.aspect == 3.0 and other.with_other_projection().camera.aspect == 3.0
+    edge, narrow = other.pivot + 0.5 * other.axes[1], (SIZE[0], 4 * SIZE[0])
+    assert not deviations(other.position_of(edge, narrow), orbit.turned(10, 5).position_of(edge, narrow))
 
 
 def test_a_point_behind_the_eye_is_nowhere():
