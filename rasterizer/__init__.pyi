@@ -36,6 +36,7 @@ from .scene.lights import PointLight as PointLight
 from .scene.lights import Shadow as Shadow
 from .scene.lights import SpotLight as SpotLight
 from .scene.lights import headlight as headlight
+from .scene.lights import random_lights as random_lights
 from .scene.lights import studio as studio
 from .scene.lights import tabletop as tabletop
 from .scene.material import Material as Material

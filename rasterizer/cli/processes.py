@@ -156,6 +156,7 @@ class _Work:
         self._summary.drawn -= len(late)
         self._summary.failed += len(late)
         failures = [self._failed[number] for number in sorted(self._failed)] + late
+        self._summary.first_error = str(failures[0]) if failures else None
         return failures, len(self._plan), self._summary
 
     def _jobs(self):

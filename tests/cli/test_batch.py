@@ -55,6 +55,7 @@ def test_one_bad_model_does_not_stop_the_rest(folder, capsys):
     assert summary_of(err) == "2 pictures drawn, 2 failed"
     assert {"cube.png", "gear.png"} <= set(os.listdir())
     *lines, last = map(json.loads, out.splitlines())
+    assert "bad.obj:1" in last.pop("first_error")
     assert last | {"seconds": 0} == {"status": "done", "drawn": 2, "skipped": 0, "failed": 2, "seconds": 0}
     assert sorted(line["path"] for line in lines) == sorted([CUBE, "bad.obj", "nope.stl", GEAR])
 
