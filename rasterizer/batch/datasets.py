@@ -50,11 +50,7 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
     SceneError : what is no manifest, or has no pictures
     OutputError : the file can't be written
     """
-    try:
-        from pycocotools.mask import frPyObjects
-    except ImportError as fault:
-        message = "COCO's masks need pycocotools: install the extra dataset, as in pip install '.[dataset]'"
-        raise RasterizerError(f"{message} ({fault})") from fault
+    masks = import_pycocotools()
     lines = read_manifest(manifest)
     categories = _categories(lines)
     images: list[dict[str, Any]] = []
@@ -66,7 +62,7 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
         for each, category in zip(line["objects"], _names(line), strict=True):
             if not each["pixels"]:
                 continue
-            mask = frPyObjects(each["mask"], height, width)
+            mask = masks.frPyObjects(each["mask"], height, width)
             found = {"id": len(annotations) + 1, "image_id": line["index"], "category_id": categories[category]}
             found |= {"bbox": each["box"], "area": each["pixels"], "iscrowd": 0, "visible": each["visible"]}
             annotations.append(found | {"segmentation": {"size": mask["size"], "counts": mask["counts"].decode()}})
@@ -123,6 +119,16 @@ def write_bop(
     for name, content in (("camera", cameras), ("gt", poses), ("gt_info", infos)):
         _write_json(Path(folder) / f"scene_{name}.json", content)
     return ids
+
+
+def import_pycocotools() -> Any:
+    """Return `pycocotools.mask`; raises RasterizerError, which names the extra, where it is missing."""
+    try:
+        from pycocotools import mask
+    except ImportError as fault:
+        message = "COCO's masks need pycocotools: install the extra dataset, as in pip install '.[dataset]'"
+        raise RasterizerError(f"{message} ({fault})") from fault
+    return mask
 
 
 def _bop_info(each: dict[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..errors import OutputError, SceneError, cut, shown
+from ..io.array_files import DEFAULT_SCALE
 from ..io.files import make_folder_of, write_whole
 
 
@@ -74,8 +75,8 @@ class Manifest:
         except OSError as fault:
             raise OutputError(f"can't write {self._partial}: {fault.strerror or fault}") from fault
 
-    def finish(self) -> None:
-        """Put the lines in order; raises OutputError."""
+    def finish(self) -> bool:
+        """Put the lines in order; return whether there are any, raises OutputError."""
         found = []
         for _, (start, length) in sorted(self._places.items()):
             self._stream.seek(start)
@@ -84,6 +85,7 @@ class Manifest:
             write_whole(self.path, b"".join(found))
         self.close()
         os.unlink(self._partial)
+        return bool(found)
 
     def close(self) -> None:
         """Close the partial file, which stays."""
@@ -103,6 +105,19 @@ def read_manifest(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
             f"{cut(path)} is no manifest: lines must be JSON objects as render_many(manifest=) writes them"
         )
     return lines
+
+
+def depth_scale(files: dict[str, str], scale: float | None) -> float | None:
+    """Return what a manifest says of the depth: scene units of 1 in its file, where that is PNG.
+
+    Parameters
+    ----------
+    files : paths by the names of arrays
+    scale : that is asked for; None = the default
+    """
+    if not files.get("depth", "").lower().endswith(".png"):
+        return None
+    return DEFAULT_SCALE if scale is None else float(scale)
 
 
 def _lines_of(path: str) -> Iterator[dict[str, Any]]:

@@ -14,7 +14,6 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
-from ..io.array_files import DEFAULT_SCALE
 from ..io.files import identity_of, make_folder_of, write_all
 from ..io.loader import load
 from ..options import Options
@@ -23,7 +22,7 @@ from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
-from .manifest import Manifest, checked_path
+from .manifest import Manifest, checked_path, depth_scale
 from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
@@ -360,8 +359,7 @@ class Batch:
 def _said_of(task: RenderTask, files: dict[str, str]) -> dict[str, Any]:
     """What the manifest says of a task itself."""
     view: Any = dict(task.view) if isinstance(task.view, Mapping) else task.view
-    has_depth_png = files.get("depth", "").lower().endswith(".png")
-    scale = (DEFAULT_SCALE if task.scale is None else float(task.scale)) if has_depth_png else None
+    scale = depth_scale(files, task.scale)
     return {"model": source_of(task), "seed": task.seed, "view": view, "depth_scale": scale}
 
 
