@@ -156,7 +156,8 @@ def encode_array_png(
         text = _text(2 / MAX_U16, -1, "unit vector")
     else:
         raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {name!r}: write it as .npy, .npz or .exr")
-    return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text})
+    has_runs = name == "mask" or name in INDICES
+    return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text}, has_runs)
 
 
 def check_scale(scale: float | None, name: str) -> None:
