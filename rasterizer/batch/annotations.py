@@ -43,7 +43,7 @@ class Annotator:
         """Return what is said of a picture: `size`, `camera` and `objects`, see `render_many`."""
         camera = frame._source.camera  # type: ignore[union-attr]  # nobody has pickled it
         ids = frame.object if frame.has("object") else self._draw(None, "object", camera, self._size)
-        rectangles = [_rectangle(mesh.bounds, camera, self._size) for mesh in self._scene.meshes]
+        rectangles = [_rectangle(_corners(mesh.bounds), camera, self._size) for mesh in self._scene.meshes]
         objects = [self._annotate(k, ids, rectangles, camera) for k in range(len(rectangles))]
         return {"size": list(self._size), "camera": describe(camera, self._size), "objects": objects}
 
@@ -57,6 +57,8 @@ class Annotator:
             alone = self._draw(k, "mask", camera, self._size)
         n_alone, box_whole = int(alone.sum()), box_of(alone)
         n_whole = n_alone
+        if left < 0 or top < 0 or right > width or bottom > height:  # its box; it itself may not
+            left, top, right, bottom = _rectangle(self._scene.meshes[k].used_vertices, camera, self._size)
         if left < 0 or top < 0 or right > width or bottom > height:
             wide = self._draw(k, "mask", _widened(camera, self._size), (3 * width, 3 * height)).copy()
             wide[height : 2 * height, width : 2 * width] = alone
@@ -96,15 +98,20 @@ def describe(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
     return {"opencv": opencv, "opengl": opengl, "height": camera.height}
 
 
-def _rectangle(bounds: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom of a box, (2, 3), as the picture shows it, in pixels, and one more to each
-    side: vertices are rounded. All of the plane where a corner isn't before the eye."""
+def _corners(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (8, 3) of a box (2, 3)."""
+    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _rectangle(points: NDArray[Any], camera: Camera, size: tuple[int, int]) -> tuple[float, float, float, float]:
+    """Return left, top, right and bottom of points, (n, 3), as the picture shows them, in pixels, and one more to each
+    side: vertices are rounded. All of the plane where a point isn't before the eye."""
     view, projection = camera.view(), camera.projection(size)
-    corners = np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3) - view.eye
-    across, upward, depth = corners @ view.right, corners @ view.up, corners @ view.forward
+    local = points - view.eye
+    across, upward, depth = local @ view.right, local @ view.up, local @ view.forward
     if not projection.is_perspective:
-        depth = np.ones(8)
-    elif depth.min() <= 2.0**-20 * np.abs(corners).max():  # else rounding is below 2^-30 of x: a pixel of 2^30
+        depth = np.ones(len(local))
+    elif depth.min() <= 2.0**-20 * np.abs(local).max():  # else rounding is below 2^-30 of x: a pixel of 2^30
         return -np.inf, -np.inf, np.inf, np.inf
     x = projection.center_x + (projection.scale_x * across - projection.skew * upward) / depth
     y = projection.center_y - projection.scale_y * upward / depth
