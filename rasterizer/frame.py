@@ -366,10 +366,8 @@ class Frame:
         """
         if not isinstance(path, (str, os.PathLike)):
             raise SceneError(f"a frame is saved to a path, and frame.encode() gives its bytes; given {shown(path)}")
-        if format is not None and not isinstance(format, str):
-            raise SceneError(f"format must be text; given {shown(format)}")
         path = Path(path)
-        write_whole(path, self.encode_file(format or path.suffix, array, scale, **options))
+        write_whole(path, self.encode_file(path.suffix if format is None else format, array, scale, **options))
         return path
 
     def encode_file(
@@ -383,6 +381,8 @@ class Frame:
 
         "rgb" and "rgba" in a format that holds pictures alone are the picture.
         """
+        if not isinstance(format, str):
+            raise SceneError(f"format must be text; given {shown(format)}")
         format = format.lower().lstrip(".")
         if isinstance(array, str) and array in ("rgb", "rgba") and format not in (*ARRAY_SUFFIXES, "png"):
             array = None

@@ -5,8 +5,8 @@ In:  the manifest of a batch        Out: files
 A model of one mesh is a category by the name of its file; of a model of several, each mesh is one by its own name.
 Categories have the numbers 1, 2 … in the order of their names.
 
-Sources: COCO, cocodataset.org/#format-data. BOP, docs/bop_datasets_format.md of thodan/bop_toolkit; what it doesn't say
-is as scripts/calc_gt_info.py of the same does it.
+Sources: COCO, cocodataset.org/#format-data. BOP, the page on the format of datasets in github.com/thodan/bop_toolkit;
+what that doesn't say is as its script does it that counts pixels.
 """
 
 import json
@@ -25,7 +25,7 @@ from ..io.png import encode_png
 from ..keywords import checked_keywords
 from ..scene.validate import number as checked_number
 from .annotations import decode_mask
-from .manifest import read_manifest
+from .manifest import checked_path, read_manifest
 
 _NOWHERE = [-1, -1, -1, -1]  # BOP's box of what isn't seen
 
@@ -51,7 +51,7 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
     OutputError : the file can't be written
     """
     masks = import_pycocotools()
-    lines = read_manifest(manifest)
+    lines, path = read_manifest(manifest), checked_path(path, "path")
     categories = _categories(lines)
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
@@ -101,7 +101,7 @@ def write_bop(
     """
     if checked_number(unit, "unit") <= 0:
         raise SceneError(f"unit must be above 0, the millimetres of a scene unit; given {shown(unit)}")
-    lines = read_manifest(manifest)
+    lines, folder = read_manifest(manifest), Path(checked_path(folder, "folder"))
     ids = _categories(lines)
     cameras: dict[str, Any] = {}
     poses, infos = {}, {}
@@ -115,9 +115,9 @@ def write_bop(
         cameras[key] |= {"depth_scale": line["depth_scale"] * unit} if line["depth_scale"] else {}
         poses[key] = [{"obj_id": ids[name], "cam_R_m2c": R, "cam_t_m2c": t} for name in _names(line)]
         infos[key] = [_bop_info(each) for each in line["objects"]]
-        _write_files(line, manifest, Path(folder))
+        _write_files(line, manifest, folder)
     for name, content in (("camera", cameras), ("gt", poses), ("gt_info", infos)):
-        _write_json(Path(folder) / f"scene_{name}.json", content)
+        _write_json(folder / f"scene_{name}.json", content)
     return ids
 
 

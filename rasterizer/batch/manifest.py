@@ -95,6 +95,7 @@ class Manifest:
 
 def read_manifest(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
     """Return the lines of a manifest, in their order; SceneError where it is none."""
+    path = checked_path(path)
     try:
         with open(path, "rb") as stream:
             lines = [json.loads(line) for line in stream]
@@ -146,10 +147,8 @@ def _is_line(line: object) -> bool:
     return isinstance(line, dict) and isinstance(line.get("files"), dict) and bool(line["files"])
 
 
-def checked_path(path: Any) -> str | None:
-    """Return the path of a manifest as text; SceneError for what is none."""
-    if path is None:
-        return None
+def checked_path(path: Any, what: str = "manifest") -> str:
+    """Return the path of a file or folder as text; SceneError for what is none."""
     if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
-        raise SceneError(f"manifest must be the path of a file; given {shown(path)}")
+        raise SceneError(f"{what} must be a path; given {shown(path)}")
     return str(os.fspath(path))

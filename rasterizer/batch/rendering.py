@@ -87,12 +87,11 @@ def render_many(
     UserWarning : the Batch goes away, and nobody has asked it for a record
     """
     choice(existing, EXISTING, "existing")
-    manifest = checked_path(manifest)
+    file = None if manifest is None else Manifest(checked_path(manifest), existing != "replace")
     try:
         iterator = iter(tasks)
     except TypeError:
         raise SceneError(f"tasks must be an iterable of RenderTask; given {shown(tasks)}") from None
-    file = None if manifest is None else Manifest(manifest, existing != "replace")
     return Batch(iterator, make_pool(executor, n_process), existing, file)
 
 
