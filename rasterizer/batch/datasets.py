@@ -25,7 +25,7 @@ from ..io.png import encode_png
 from ..keywords import checked_keywords
 from ..scene.validate import number as checked_number
 from .annotations import decode_mask
-from .manifest import checked_path, read_manifest
+from .manifest import as_seen_from, checked_path, read_manifest
 
 _NOWHERE = [-1, -1, -1, -1]  # BOP's box of what isn't seen
 
@@ -57,7 +57,7 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
     annotations: list[dict[str, Any]] = []
     for line in lines:
         width, height = line["size"]
-        name = os.path.relpath(_picture(line, manifest), os.path.dirname(os.path.abspath(path))).replace(os.sep, "/")
+        name = as_seen_from(path, _picture(line, manifest))
         images.append({"id": line["index"], "file_name": name, "width": width, "height": height})
         for each, category in zip(line["objects"], _names(line), strict=True):
             if not each["pixels"]:

@@ -50,8 +50,7 @@ class Manifest:
 
     def relative(self, files: dict[str, str]) -> dict[str, str]:
         """Return paths as the manifest has them: as seen from its folder, with slashes."""
-        folder = os.path.dirname(os.path.abspath(self.path))
-        return {name: os.path.relpath(path, folder).replace(os.sep, "/") for name, path in files.items()}
+        return {name: as_seen_from(self.path, path) for name, path in files.items()}
 
     def keep(self, index: int, files: dict[str, str]) -> bool:
         """Take over the line of a picture that is left out; False where there is none of these files."""
@@ -91,6 +90,15 @@ class Manifest:
         """Close the partial file, which stays."""
         if self._stream is not None:
             self._stream.close()
+
+
+def as_seen_from(file: str, path: str | os.PathLike[str]) -> str:
+    """Return a path as one is written in a file: relative to its folder, with slashes; whole where that can't be."""
+    try:
+        path = os.path.relpath(path, os.path.dirname(os.path.abspath(file)))
+    except ValueError:  # on another drive
+        path = os.path.abspath(path)
+    return os.fspath(path).replace(os.sep, "/")
 
 
 def read_manifest(path: str | os.PathLike[str]) -> list[dict[str, Any]]:

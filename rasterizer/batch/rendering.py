@@ -69,7 +69,8 @@ def render_many(
         An object has `name`; `pixels` that show it, `box` [left, top, width, height] round them or null, and `mask`,
         as COCO's run lengths; `pixels_alone`, which it would have if nothing else were there, and `mask_alone`, null
         where that is the same; `visible`, pixels / pixels_alone, 0 where it has none; `pixels_whole` and `box_whole`,
-        alone and in a picture larger by its own size to each side: what the border cuts off counts there
+        alone and in a picture larger by its own size to each side: what the border cuts off counts there. What is
+        transparent hides what is behind it as anything else does
 
     Returns
     -------
