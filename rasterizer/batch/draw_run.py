@@ -139,11 +139,15 @@ def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, An
     is, too, the frame is that of the one before."""
     look = options, *_lights_key(task)
     if kept.get("look") != look:
-        kept.pop("look", None)  # of nothing, where the next one can't be made
-        if "renderer" in kept:
-            kept.pop("renderer").close()
-        scene = model.scene if task.lights is None else replace(model.scene, lights=lights_of(model.scene, task))
-        kept["renderer"], kept["look"], kept["frame"] = Renderer(scene, **vars(options)), look, (None, None)
+        lights = model.scene.lights if task.lights is None else lights_of(model.scene, task)
+        before, of_before = kept.pop("renderer", None), kept.pop("look", None)
+        if before is not None:
+            before.close()
+        if before is not None and of_before[0] == options:
+            kept["renderer"] = before.in_lights(lights)
+        else:
+            kept["renderer"] = Renderer(replace(model.scene, lights=lights), **vars(options))
+        kept["look"], kept["frame"] = look, (None, None)
     view = view_of(task)
     if kept["frame"][0] != view:
         kept["frame"] = view, kept["renderer"].render(camera_of(model.scene, task, options.size))

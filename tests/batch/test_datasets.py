@@ -480,3 +480,25 @@ def test_what_no_dataset_can_be_made_of_is_refused(folder):
     os.unlink("c.png")
     with pytest.raises(rz.OutputError, match="can't copy"):
         rz.write_bop("gone.jsonl", "out")
+
+
+@pytest.mark.parametrize("look", [{}, {"shading": "gouraud"}, {"ground": True}])
+def test_a_renderer_in_other_lights_draws_as_a_new_one(look):
+    """Also once the first one is closed."""
+    scene = rz.load(TABLE)
+    first = rz.Renderer(scene, SIZE, outputs=("color", "face"), **look)
+    before = first.render()
+    for lights in (rz.random_lights(3, shadow=True), rz.headlight(), rz.studio()):
+        with first.in_lights(lights) as other:
+            first.close()
+            frame = other.render()
+        expected = rz.render(replace(scene, lights=lights), SIZE, outputs=("color", "face"), **look)
+        assert np.array_equal(frame.color, expected.color) and np.array_equal(frame.face, expected.face)
+        assert (
+            np.array_equal(frame.rgba, expected.rgba)
+            and other.scene.lights != first.scene.lights
+            or lights == rz.studio()
+        )
+    assert np.array_equal(before.rgba, rz.render(scene, SIZE, **look).rgba)
+    with pytest.raises(rz.SceneError, match="light"):
+        first.in_lights("sun")
