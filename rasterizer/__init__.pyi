@@ -9,6 +9,9 @@ from .analysis.mach import mach_bands as mach_bands
 from .analysis.pixel import explain as explain
 from .animation import Animation as Animation
 from .animation import turntable as turntable
+from .batch.datasets import write_bop as write_bop
+from .batch.datasets import write_coco as write_coco
+from .batch.manifest import read_manifest as read_manifest
 from .batch.rendering import render_many as render_many
 from .batch.tasks import RenderRecord as RenderRecord
 from .batch.tasks import RenderTask as RenderTask
@@ -36,6 +39,7 @@ from .scene.lights import PointLight as PointLight
 from .scene.lights import Shadow as Shadow
 from .scene.lights import SpotLight as SpotLight
 from .scene.lights import headlight as headlight
+from .scene.lights import random_lights as random_lights
 from .scene.lights import studio as studio
 from .scene.lights import tabletop as tabletop
 from .scene.material import Material as Material

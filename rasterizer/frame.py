@@ -366,18 +366,31 @@ class Frame:
         """
         if not isinstance(path, (str, os.PathLike)):
             raise SceneError(f"a frame is saved to a path, and frame.encode() gives its bytes; given {shown(path)}")
-        if format is not None and not isinstance(format, str):
-            raise SceneError(f"format must be text; given {shown(format)}")
         path = Path(path)
-        format = (format or path.suffix).lower().lstrip(".")
-        if format in ARRAY_SUFFIXES or array is not None:
-            content = self.encode_arrays(array, format, scale)
-        elif scale is not None:
-            raise SceneError(f"scale is that of depth in a PNG file: give array='depth'; given scale={shown(scale)}")
-        else:
-            content = self.encode(format, **options)
-        write_whole(path, content)
+        write_whole(path, self.encode_file(path.suffix if format is None else format, array, scale, **options))
         return path
+
+    def encode_file(
+        self,
+        format: str,
+        array: SavedArray | Sequence[SavedArray] | None = None,
+        scale: float | None = None,
+        **options: Any,
+    ) -> bytes:
+        """Return the picture, or arrays, as the bytes of the file that `save` writes; parameters and errors are its.
+
+        "rgb" and "rgba" in a format that holds pictures alone are the picture.
+        """
+        if not isinstance(format, str):
+            raise SceneError(f"format must be text; given {shown(format)}")
+        format = format.lower().lstrip(".")
+        if isinstance(array, str) and array in ("rgb", "rgba") and format not in (*ARRAY_SUFFIXES, "png"):
+            array = None
+        if format in ARRAY_SUFFIXES or array is not None:
+            return self.encode_arrays(array, format, scale)
+        if scale is not None:
+            raise SceneError(f"scale is that of depth in a PNG file: give array='depth'; given scale={shown(scale)}")
+        return self.encode(format, **options)
 
     def encode_array(self, array: SavedArray = "color") -> bytes:
         """Return one of the frame's arrays, by name, as the bytes of a .npy file; errors are those of `array`."""

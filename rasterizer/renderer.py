@@ -182,15 +182,29 @@ class Renderer:
             ground=ground,
         )
         self.scene: Scene = load(scene)
-        if ground:
+        self._prepare()
+
+    def _prepare(self, like: PreparedScene | None = None) -> None:
+        """Prepare the scene; `like` has the same meshes and options, and lends what it has prepared of these."""
+        if self.options.ground:
             lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
             self.scene = replace(self.scene, lights=lights)
         # The background lies behind the shadow on the ground.
-        drawn = replace(self.scene, background=None) if ground else self.scene
-        self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options)
+        drawn = replace(self.scene, background=None) if self.options.ground else self.scene
+        self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options, like)
         with compiling_ahead(self._list_kernels):
             self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
+
+    def in_lights(self, lights: Light | Iterable[Any]) -> Renderer:
+        """Return another Renderer of the same scene and options in other lights, a light or several.
+
+        What was prepared of the meshes is not prepared again. Raises SceneError for what are no lights.
+        """
+        found = object.__new__(Renderer)
+        found.options, found.scene = self.options, replace(self.scene, lights=lights)
+        found._prepare(self._prepared)
+        return found
 
     @property
     def plan(self) -> PlanSummary:

@@ -6,7 +6,8 @@ A run is some tasks of one model. Nothing is written here: the bytes of the file
 import os
 import pickle
 import warnings
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -17,8 +18,10 @@ from ..io.loader import load
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
+from ..scene.lights import random_lights
 from ..scene.scene import Scene
-from .tasks import RenderTask
+from .annotations import Annotator
+from .tasks import RANDOM, RenderTask
 
 
 class Run(NamedTuple):
@@ -29,17 +32,19 @@ class Run(NamedTuple):
     identity: tuple[int, int] | None  # of the file, as the caller sees it; None where nobody else is asked
     load: dict[str, Any]  # arguments of `load`
     tasks: tuple[tuple[RenderTask, Options], ...]  # what is drawn, without the model; options are complete
+    is_annotated: bool = False  # whether a manifest is written
 
 
 class Drawn(NamedTuple):
     """What became of a picture."""
 
-    content: bytes | None  # of its file; None where it failed
+    contents: dict[str, bytes]  # of its files, by their paths; none where it failed
     error: Exception | None
     seconds: float
     stats: Stats | None
     warnings: tuple[str, ...]
     files_read: tuple[str, ...]  # that the model named
+    said: dict[str, Any] | None = None  # for the manifest, see annotations.py
 
 
 class Model(NamedTuple):
@@ -80,16 +85,17 @@ def identify(path: str) -> tuple[int, int] | None:
 
 def _draw(run: Run, task: RenderTask, options: Options, shared: Any, kept: dict[str, Any]) -> Drawn:
     """Draw one picture; whatever goes wrong becomes its error."""
-    start, model = perf_counter(), None
+    start, model, said = perf_counter(), None, None
     try:
         model = load_model_of(run, shared, kept)
         frame = _render(model, task, options, kept)
-        content = encode(frame, task, options)
+        contents = encode(frame, task, options)
+        said = _annotate(model, options, frame, kept) if run.is_annotated else None
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
-        content, stats, error = None, None, plain_error(run.name, fault)
+        contents, stats, error = {}, None, plain_error(run.name, fault)
     of_model = ((), ()) if model is None else (model.warnings, model.files_read)
-    return Drawn(content, error, perf_counter() - start, stats, *of_model)
+    return Drawn(contents, error, perf_counter() - start, stats, *of_model, said)
 
 
 def plain_error(name: str, fault: Exception) -> RasterizerError:
@@ -123,40 +129,78 @@ def load_model_of(run: Run, shared: Any, kept: dict[str, Any]) -> Model:
 
 def drop(kept: dict[str, Any]) -> None:
     """Forget the model that was drawn before, and end its Renderer."""
-    if "renderer" in kept:
-        kept["renderer"].close()
+    for name in {"renderer", "annotator"}.intersection(kept):
+        kept[name].close()
     kept.clear()
 
 
 def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
-    """Draw a picture of a model, by the Renderer of the one before if the options are the same; where the view is, too,
-    the frame is that of the one before."""
-    if "renderer" not in kept or kept["renderer"].options != options:
-        if "renderer" in kept:
-            kept.pop("renderer").close()
-        kept["renderer"], kept["frame"] = Renderer(model.scene, **vars(options)), (None, None)
+    """Draw a picture of a model, by the Renderer of the one before if options and lights are the same; where the view
+    is, too, the frame is that of the one before."""
+    look = options, *_lights_key(task)
+    if kept.get("look") != look:
+        lights = model.scene.lights if task.lights is None else lights_of(model.scene, task)
+        before, of_before = kept.pop("renderer", None), kept.pop("look", None)
+        if before is not None:
+            before.close()
+        if before is not None and of_before[0] == options:
+            kept["renderer"] = before.in_lights(lights)
+        else:
+            kept["renderer"] = Renderer(replace(model.scene, lights=lights), **vars(options))
+        kept["look"], kept["frame"] = look, (None, None)
     view = view_of(task)
     if kept["frame"][0] != view:
         kept["frame"] = view, kept["renderer"].render(camera_of(model.scene, task, options.size))
     return kept["frame"][1]
 
 
-def view_of(task: RenderTask) -> tuple[Any, Camera | None]:
-    """Return what tells the view of a task from others of its model; what isn't written as text or numbers equals
-    nothing."""
+def _annotate(model: Model, options: Options, frame: Frame, kept: dict[str, Any]) -> dict[str, Any]:
+    """Return what the manifest says of a picture."""
+    if kept.get("annotated") != options:
+        if "annotator" in kept:
+            kept.pop("annotator").close()
+        kept["annotator"], kept["annotated"] = Annotator(model.scene, options), options
+    if kept.get("said", (None,))[0] is not frame:
+        kept["said"] = frame, kept["annotator"].annotate(frame)
+    return kept["said"][1]
+
+
+def view_of(task: RenderTask) -> tuple[Any, ...]:
+    """Return what tells the view and lights of a task from others of its model; what isn't written as text or numbers
+    equals nothing."""
     view: Any = task.view
     if isinstance(view, (tuple, list)) and all(isinstance(angle, (int, float)) for angle in view):
         view = tuple(view)
     elif view is not None and not isinstance(view, str):
         view = object()
-    return view, task.camera
+    return view, task.camera, task.seed, _lights_key(task)
+
+
+def _lights_key(task: RenderTask) -> tuple[Any, ...]:
+    """Return what tells the lights of a task from those of others."""
+    if task.lights is None or isinstance(task.lights, str):
+        return task.lights, task.seed if task.lights else None
+    return (pickle.dumps((task.lights, task.seed)),)
+
+
+def lights_of(scene: Scene, task: RenderTask) -> Any:
+    """Return the lights of a picture that has its own."""
+    if isinstance(task.lights, str) and task.lights != RANDOM:
+        raise SceneError(f"lights must be lights, {RANDOM!r}, or arguments of random_lights; given {task.lights!r}")
+    if isinstance(task.lights, (str, Mapping)):
+        settings: dict[str, Any] = {"seed": task.seed, "up": scene.up}
+        return random_lights(**settings | dict(task.lights if isinstance(task.lights, Mapping) else {}))
+    return task.lights
 
 
 def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera | None:
     """Return the camera of a picture; None for the scene's own."""
     if task.view is None:
         return task.camera
-    angles = VIEWS[task.view] if isinstance(task.view, str) else task.view
+    if isinstance(task.view, Mapping) or task.view == RANDOM:
+        settings: dict[str, Any] = {"seed": task.seed, "size": size}
+        return Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))
+    angles: Any = VIEWS[task.view] if isinstance(task.view, str) else task.view
     try:
         azimuth, elevation = angles
     except (TypeError, ValueError):
@@ -165,8 +209,10 @@ def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera |
     return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=width / height)
 
 
-def encode(frame: Frame, task: RenderTask, options: Options) -> bytes:
-    """Return a picture, or one of its arrays, as the bytes of its file; as `Frame.save` writes it."""
-    if task.is_array:
-        return frame.encode_array(task.array or options.outputs[0])
-    return frame.encode(Path(task.output).suffix.lower())
+def encode(frame: Frame, task: RenderTask, options: Options) -> dict[str, bytes]:
+    """Return the bytes of the files of a task by their paths, as `Frame.save` writes them."""
+    found = {}
+    for path, names in task.files(options).items():
+        array: Any = names[0] if len(names) == 1 else names or None
+        found[path] = frame.encode_file(os.path.splitext(path)[1], array, task.scale_in(path, names))
+    return found

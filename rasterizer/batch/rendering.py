@@ -13,8 +13,8 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..errors import OutputError, RasterizerError, SceneError, shown
-from ..io.files import identity_of, write_whole
+from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
+from ..io.files import identity_of, make_folder_of, write_all
 from ..io.loader import load
 from ..options import Options
 from ..processes import Died, Done, Failed, Job, SharedObject
@@ -22,6 +22,7 @@ from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
+from .manifest import Manifest, checked_path, depth_scale
 from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
@@ -35,6 +36,7 @@ def render_many(
     *,
     n_process: int | None = None,
     existing: Existing = "replace",
+    manifest: str | os.PathLike[str] | None = None,
 ) -> "Batch":
     """Draw many pictures of many models, in several processes, and write each as soon as it is drawn.
 
@@ -54,7 +56,21 @@ def render_many(
         process may use processors, or as the executor has
     existing : what becomes of a task whose file is there: "replace", "skip" (it is left out), or "skip-newer" (it is
         left out unless its model's file has changed since). So a run that was interrupted is resumed. It isn't asked
-        how the file was made
+        how the file was made. All files of a task must be there; with a manifest, its line, too
+    manifest : path of a file of JSON lines, one for each task that was drawn or skipped, in the order of the tasks; the
+        same bytes whoever draws. It is complete when the iterator ends; what is known until then is in
+        "MANIFEST.partial", with which an interrupted batch goes on. None = none is written. Each line has
+        `index` of the task; `files`, paths by the names of arrays, "rgb" for a picture, as seen from the manifest's
+        folder; `model` (path or null), `seed` and `view` of the task; `depth_scale`, scene units of 1 in a PNG file of
+        the depth, else null; `size` [width, height] in pixels; `camera`; `objects`, one a mesh of the scene, in its
+        order, so by the numbers of the array "object".
+        A camera has `opencv` {K, R, t} (x_camera = R x + t; null without perspective), and `opengl` {pose, R, t}, where
+        pose is the 4 × 4 matrix to the world; `height` in scene units without perspective.
+        An object has `name`; `pixels` that show it, `box` [left, top, width, height] round them or null, and `mask`,
+        as COCO's run lengths; `pixels_alone`, which it would have if nothing else were there, and `mask_alone`, null
+        where that is the same; `visible`, pixels / pixels_alone, 0 where it has none; `pixels_whole` and `box_whole`,
+        alone and in a picture larger by its own size to each side: what the border cuts off counts there. What is
+        transparent hides what is behind it as anything else does
 
     Returns
     -------
@@ -65,14 +81,19 @@ def render_many(
     ------
     SceneError : another argument than the tasks is not legal; from the iterator: what is no RenderTask
     RasterizerError : from the iterator: no process can be started, or the executor takes no tasks any more. What was
-        written until then stays
+        written until then stays. After the last record, where all tasks failed: it names the first reason
+
+    Warns
+    -----
+    UserWarning : the Batch goes away, and nobody has asked it for a record
     """
     choice(existing, EXISTING, "existing")
+    file = None if manifest is None else Manifest(checked_path(manifest), existing != "replace")
     try:
         iterator = iter(tasks)
     except TypeError:
         raise SceneError(f"tasks must be an iterable of RenderTask; given {shown(tasks)}") from None
-    return Batch(iterator, make_pool(executor, n_process), existing)
+    return Batch(iterator, make_pool(executor, n_process), existing, file)
 
 
 class Item(NamedTuple):
@@ -112,15 +133,18 @@ class Batch:
     summary : RenderSummary of what has been done so far
     """
 
-    def __init__(self, tasks: Iterator[RenderTask], pool: Pool, existing: Existing) -> None:
-        self._tasks, self._pool, self._existing = tasks, pool, existing
+    def __init__(
+        self, tasks: Iterator[RenderTask], pool: Pool, existing: Existing, manifest: Manifest | None = None
+    ) -> None:
+        self._tasks, self._pool, self._existing, self._manifest = tasks, pool, existing, manifest
         self._counts, self._start, self._n_task = RenderSummary(), perf_counter(), 0
         self._is_exhausted = False
         self._waiting: deque[Item] = deque()
         self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
         self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
         self._n_object = 0
-        self._records = self._work()
+        self._records: Generator[RenderRecord, None, None] | None = None  # none until one is asked for
+        self._first_error: Exception | None = None
 
     @property
     def summary(self) -> RenderSummary:
@@ -131,10 +155,27 @@ class Batch:
         return self
 
     def __next__(self) -> RenderRecord:
-        record = next(self._records)
-        setattr(self._counts, record.status, getattr(self._counts, record.status) + 1)
-        self._counts.seconds = perf_counter() - self._start
+        counts, self._records = self._counts, self._records or self._work()
+        record = next(self._records, None)
+        if record is None:
+            if counts.failed and not counts.drawn + counts.skipped:
+                first, self._first_error = self._first_error, None
+                if first is not None:  # it is told once
+                    raise RasterizerError(
+                        f"{counts.failed} of {counts.failed} tasks failed; the first: {first}"
+                    ) from first
+            raise StopIteration
+        setattr(counts, record.status, getattr(counts, record.status) + 1)
+        counts.seconds = perf_counter() - self._start
+        if record.error is not None and counts.first_error is None:
+            counts.first_error, self._first_error = str(record.error), record.error
         return record
+
+    def __del__(self) -> None:
+        if getattr(self, "_records", self) is None:
+            warn_caller(
+                "nothing was drawn: render_many draws while its records are asked for, as in `for record in ...`"
+            )
 
     def __enter__(self) -> "Batch":
         return self
@@ -144,19 +185,26 @@ class Batch:
 
     def close(self) -> None:
         """End what draws; nothing more is written. What has been written stays."""
-        self._records.close()
+        if self._records is not None:
+            self._records.close()
         self._pool.close()
 
     def _work(self) -> Generator[RenderRecord, None, None]:
         """Keep the pool at work; yield what becomes of the tasks."""
         self._start = perf_counter()
         try:
+            if self._manifest is not None:
+                self._manifest.open()
             for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
                 if outcome is None:
                     yield job  # the record of a task that isn't drawn
                 else:
                     yield from self._settle(job.note, outcome)
+            if self._manifest is not None:
+                self._manifest.finish()
         finally:
+            if self._manifest is not None:
+                self._manifest.close()
             self._pool.close()
 
     # --- tasks to jobs
@@ -185,26 +233,34 @@ class Batch:
             except Exception as fault:  # noqa: BLE001  whatever it is, one that is not legal doesn't stop the others
                 yield _failed(index, task, plain_error(task.name, fault))
                 continue
-            if item is None:
-                yield RenderRecord(index, os.fspath(task.output), "skipped", source=source_of(task))
+            if isinstance(item, RenderRecord):
+                yield item
             else:
                 self._waiting.append(item)
 
-    def _check(self, index: int, task: RenderTask) -> Item | None:
-        """Return a task as an item; None where its file is there and shall stay."""
+    def _check(self, index: int, task: RenderTask) -> Item | RenderRecord:
+        """Return a task as an item; its record where its files are there and shall stay."""
         options = task.check()
-        output = os.path.abspath(task.output)
-        other = self._outputs.setdefault(output, index)
-        if other != index:
-            raise OutputError(f"can't write {task.output}: task {other} of the batch writes it, too")
-        if len(self._outputs) > _MAX_OUTPUTS:
+        path, outputs = source_of(task), {name: os.path.abspath(name) for name in task.files(options)}
+        for k, (name, output) in enumerate(outputs.items()):
+            other = self._outputs.get(output)
+            if other is not None:
+                raise OutputError(f"can't write {name}: task {other} of the batch writes it, too")
+            if self._manifest is not None and self._manifest.is_one_of(output):
+                raise OutputError(f"can't write {name}: it is the manifest of the batch")
+            if output in list(outputs.values())[:k]:
+                raise OutputError(f"can't write {name}: another file of the task is written there, too")
+        self._outputs.update(dict.fromkeys(outputs.values(), index))
+        while len(self._outputs) > _MAX_OUTPUTS:
             self._outputs.popitem(last=False)
-        path = source_of(task)
-        if self._existing != "replace" and is_there(output, path if self._existing == "skip-newer" else None):
-            return None
+        model = path if self._existing == "skip-newer" else None
+        if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
+            if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
+                return RenderRecord(index, task.path, "skipped", source=path, paths=tuple(outputs))
         identity = None if path is None else identity_of(path)
-        if identity is not None and identity == identity_of(output):
-            raise OutputError(f"can't write {task.output}: it is the model, which is read")
+        for name, output in outputs.items():
+            if identity is not None and identity == identity_of(output):
+                raise OutputError(f"can't write {name}: it is the model, which is read")
         if path is not None and not self._pool.is_here:
             path = os.path.abspath(path)
         return Item(index, task, options, path, None if path is not None else self._share(task.source, task.load))
@@ -239,7 +295,7 @@ class Batch:
         task, path = items[0].task, items[0].path
         identity = None if path is None or self._pool.is_here else identify(path)
         tasks = tuple((replace(item.task, source=None), item.options) for item in items)
-        run = Run(task.name, path, identity, dict(task.load), tasks)
+        run = Run(task.name, path, identity, dict(task.load), tasks, self._manifest is not None)
         job = Job(draw_run, run, items[0].shared)
         job.note = Note(items, run)
         return job
@@ -277,31 +333,34 @@ class Batch:
         yield from (_failed(item.number, item.task, error) for item in note.items)
 
     def _write(self, item: Item, drawn: Drawn, note: Note) -> RenderRecord:
-        """Write the file of a picture; return its record."""
-        if drawn.content is None:
+        """Write the files of a picture; return its record."""
+        if drawn.error is not None:
             return _failed(item.number, item.task, drawn.error, drawn.seconds)
-        output = os.fspath(item.task.output)
+        paths = tuple(drawn.contents)
+        read = {identity_of(path): path for path in (*drawn.files_read, *note.files_read)}
+        read.pop(None, None)
         try:
-            identity = identity_of(output)
-            for path in (*drawn.files_read, *note.files_read):
-                if identity is not None and identity_of(path) == identity:
-                    raise OutputError(f"can't write {output}: it is {path}, which the model reads")
-            make_folder_of(output)
-            write_whole(output, drawn.content)
+            for output in paths:
+                identity = identity_of(output)
+                if identity in read:
+                    raise OutputError(f"can't write {output}: it is {read[identity]}, which the model reads")
+                make_folder_of(output)
+            write_all(drawn.contents)
+            if self._manifest is not None:
+                files = item.task.named_files(item.options)
+                self._manifest.add(item.number, files, _said_of(item.task, files) | (drawn.said or {}))
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
         warnings = (*note.warnings, *drawn.warnings)
         source = source_of(item.task)
-        return RenderRecord(item.number, output, "drawn", drawn.seconds, None, drawn.stats, source, warnings)
+        return RenderRecord(item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, source, warnings, paths)
 
 
-def make_folder_of(output: str) -> None:
-    """Make the folder that a file goes to; OutputError where that can't be done."""
-    try:
-        os.makedirs(os.path.dirname(os.path.realpath(output)), exist_ok=True)
-    except (OSError, ValueError) as fault:
-        reason = getattr(fault, "strerror", None) or fault
-        raise OutputError(f"can't write {output}: its folder can't be made: {reason}") from fault
+def _said_of(task: RenderTask, files: dict[str, str]) -> dict[str, Any]:
+    """What the manifest says of a task itself."""
+    view: Any = dict(task.view) if isinstance(task.view, Mapping) else task.view
+    scale = depth_scale(files, task.scale)
+    return {"model": source_of(task), "seed": task.seed, "view": view, "depth_scale": scale}
 
 
 def source_of(task: RenderTask) -> str | None:
@@ -311,7 +370,9 @@ def source_of(task: RenderTask) -> str | None:
 
 def _failed(index: int, task: RenderTask, error: Exception | None, seconds: float = 0.0) -> RenderRecord:
     """The record of a task that failed."""
-    return RenderRecord(index, str(task.output), "failed", seconds, error, None, source_of(task))
+    paths = task.output.values() if isinstance(task.output, Mapping) else [task.output]
+    texts = tuple(dict.fromkeys(map(str, paths)))
+    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), paths=texts)
 
 
 def is_there(output: str, model: str | None) -> bool:

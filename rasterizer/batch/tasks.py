@@ -1,19 +1,22 @@
 """What a batch draws, and what it says of each picture."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from ..choices import SAVED_ARRAYS, VIEWS, SavedArray
-from ..errors import SceneError, counted, shown
+from ..choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, VIEWS, SavedArray
+from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
+from ..io.array_files import check_arrays
 from ..io.formats import picture_format
 from ..options import Options
 from ..scene.camera import Camera
+from ..scene.validate import whole
 
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
+RANDOM = "random"  # a view, or lights, by the seed of a task
 
 
 @dataclass(frozen=True)
@@ -23,30 +26,73 @@ class RenderTask:
     Parameters
     ----------
     source : whatever `load` takes: a path, bytes, a Mesh, a Scene, a trimesh object …
-    output : path of the file; the suffix chooses the format, folders are made
-    view : one of the named views, such as "front", or a pair (azimuth, elevation) in degrees; None = the camera below,
-        or the scene's own
+    output : path of the file; the suffix chooses the format, folders are made. Or a dict of array names and paths, such
+        as {"rgb": "a.png", "depth": "a.depth.png", "normal": "a.npy"}: all come from one frame, each as
+        `Frame.save(path, array=name)` writes it ("rgb" in a format of pictures alone: as `Frame.save(path)`); names
+        that share a path of .npz or .exr share the file. They appear together or not at all
+    view : one of the named views, such as "front"; a pair (azimuth, elevation) in degrees; "random", or a dict of other
+        arguments of `Camera.random`, such as {"distance": (1, 2)}, for a view by `seed`; None = the camera below, or
+        the scene's own
     camera : Camera; None = by the view
-    options : Options, or a dict of some of them. Where a dict names no outputs, they are what the file holds: of a
-        picture "rgb", of a .npy file its array. `threads` is 1 unless it is given
+    options : Options, or a dict of some of them. `threads` is 1 unless it is given. With a dict of paths the outputs
+        are what the files hold, whatever is said here; with one path and where a dict doesn't name them, too: of a
+        picture "rgb"
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
-    array : which array a .npy file holds, as in `Frame.save`; None = the first of the outputs, or "color"
+    array : which array a file at one path holds, or which ones, as in `Frame.save`; None = the picture; in a .npy file
+        the first of the outputs, in .npz and .exr files all of them
+    scale : of the depth in PNG files: the scene units that 1 stands for, as in `Frame.save`; None = 0.001
+    lights : in place of the model's, which is read once for all: a light or several; "random", or a dict of other
+        arguments of `random_lights`, for lights by `seed`; None = the model's
+    seed : whole number, at least 0, of what is random; the manifest has it
 
     Nothing is checked before the task is done, so that one that is not legal doesn't stop the others.
     """
 
     source: Any
-    output: str | os.PathLike[str]
-    view: str | tuple[float, float] | None = None
+    output: str | os.PathLike[str] | Mapping[str, str | os.PathLike[str]]
+    view: str | tuple[float, float] | Mapping[str, Any] | None = None
     camera: Camera | None = None
     options: Options | Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
-    array: SavedArray | None = None
+    array: SavedArray | Sequence[SavedArray] | None = None
+    scale: float | None = None
+    lights: Any = None
+    seed: int | None = None
 
     @property
     def name(self) -> str:
-        """What messages call it: its model's path, or else its output."""
-        return str(self.source if isinstance(self.source, (str, os.PathLike)) else self.output)
+        """What messages call it: its model's path, or else its first output."""
+        return str(self.source) if isinstance(self.source, (str, os.PathLike)) else self.path
+
+    @property
+    def path(self) -> str:
+        """Of its first file, whether or not that is legal."""
+        first = next(iter(self.output.values()), "") if isinstance(self.output, Mapping) else self.output
+        return os.fspath(first) if isinstance(first, os.PathLike) else str(first)
+
+    def files(self, options: Options) -> dict[str, tuple[str, ...]]:
+        """Return the names of the arrays that each file holds, by its path; none where it holds what `Frame.save`
+        writes unless arrays are named: a picture, or all of them.
+
+        Parameters
+        ----------
+        options : complete, as `check` returns them
+        """
+        if not isinstance(self.output, Mapping):
+            is_npy = self.path.lower().endswith(".npy")
+            return {self.path: self._names or (options.outputs[:1] if is_npy else ())}
+        found: dict[str, tuple[str, ...]] = {}
+        for name, path in self.output.items():
+            found[os.fspath(path)] = (*found.get(os.fspath(path), ()), name)
+        return found
+
+    def named_files(self, options: Options) -> dict[str, str]:
+        """Return the path of each array's file by its name, that of a picture as "rgb"."""
+        found: dict[str, str] = {}
+        for path, names in self.files(options).items():
+            is_all = os.path.splitext(path)[1].lower()[1:] in ARRAY_SUFFIXES
+            found |= dict.fromkeys(names or (options.outputs if is_all else ("rgb",)), path)
+        return found
 
     def check(self) -> Options:
         """Return the options of the picture, complete.
@@ -56,42 +102,80 @@ class RenderTask:
         SceneError : a value that is not legal
         OutputError : a format that can't be written
         """
-        if not isinstance(self.output, (str, os.PathLike)) or not os.fspath(self.output):
-            raise SceneError(f"output must be the path of a file; given {shown(self.output)}")
+        self._check_output()
         if not isinstance(self.load, Mapping) or not all(isinstance(name, str) for name in self.load):
             raise SceneError(f"load must be a dict of arguments of rz.load; given {shown(self.load)}")
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(self.camera)}")
-        if self.array is not None and self.array not in SAVED_ARRAYS:
-            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(self.array)}")
-        if self.array is not None and not self.is_array:
-            raise SceneError(f"arrays are written as .npy; given {shown(self.output)} for the array {self.array!r}")
-        if not self.is_array:
-            picture_format(os.path.splitext(os.fspath(self.output))[1])
         if self.camera is not None and self.view is not None:
             raise SceneError("a task takes a view or a camera, not both")
-        if isinstance(self.view, str) and self.view not in VIEWS:
-            raise SceneError(f"view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {self.view!r}")
-        options = self.options
-        if isinstance(options, Options):
-            values = dict(vars(options))
-        elif isinstance(options, Mapping) and all(isinstance(name, str) for name in options):
-            values = self._default_outputs() | dict(options)
+        if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
+            legal = f"{', '.join(VIEWS)}, {RANDOM}, or (azimuth, elevation)"
+            raise SceneError(f"view must be one of {legal}; given {self.view!r}")
+        is_random = any(isinstance(each, Mapping) or _is_random(each) for each in (self.view, self.lights))
+        if self.seed is not None:
+            whole(self.seed, "seed", 0)
+        elif is_random:
+            raise SceneError("what is random needs a seed: a whole number, another one for each task")
+        options = self._options()
+        files = self.files(options)
+        for path, names in files.items():
+            suffix = os.path.splitext(path)[1].lower()
+            is_picture = not names or (names in (("rgb",), ("rgba",)) and suffix != ".png")
+            if is_picture and suffix[1:] not in ARRAY_SUFFIXES:
+                picture_format(suffix)
+            else:
+                held = names or tuple(name for name in options.outputs if name != "rgb" or suffix == ".npz")
+                check_arrays(held, suffix[1:], self.scale_in(path, names))
+        if self.scale is not None and not any(self.scale_in(*each) for each in files.items()):
+            raise SceneError(f"scale is that of depth in a PNG file, and none is written; given {shown(self.scale)}")
+        return options
+
+    def scale_in(self, path: str, names: tuple[str, ...]) -> float | None:
+        """Return the scale that a file is written with; None for all but depth in a PNG file."""
+        return self.scale if names == ("depth",) and path.lower().endswith(".png") else None
+
+    def _check_output(self) -> None:
+        """Refuse outputs and arrays that are none; raises SceneError."""
+        paths: list[Any] = list(self.output.values()) if isinstance(self.output, Mapping) else [self.output]
+        if not paths or not all(isinstance(path, (str, os.PathLike)) and os.fspath(path) for path in paths):
+            legal = "the path of a file, or a dict of array names and paths"
+            raise SceneError(f"output must be {legal}; given {shown(self.output)}")
+        if isinstance(self.output, Mapping) and self.array is not None:
+            raise SceneError(f"a task names its arrays in output or in array, not in both; given {shown(self.array)}")
+        for name in self.output if isinstance(self.output, Mapping) else self._names:
+            if not isinstance(name, str) or name not in (*SAVED_ARRAYS, *BUFFERS):
+                legal = ", ".join(dict.fromkeys((*SAVED_ARRAYS, *BUFFERS)))
+                raise SceneError(f"array must be one of {legal}; given {shown(name)}")
+
+    @property
+    def _names(self) -> tuple[Any, ...]:
+        """The arrays that are asked for; none where `array` is None."""
+        if self.array is None:
+            return ()
+        return tuple(self.array) if isinstance(self.array, (list, tuple)) else (self.array,)
+
+    def _options(self) -> Options:
+        """The options, complete."""
+        if isinstance(self.options, Options):
+            values = dict(vars(self.options))
+        elif isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options):
+            values = dict(self.options)
         else:
-            raise SceneError(f"options must be Options or a dict of some; given {shown(options)}")
+            raise SceneError(f"options must be Options or a dict of some; given {shown(self.options)}")
+        if isinstance(self.output, Mapping) or "outputs" not in values:
+            names = self.output if isinstance(self.output, Mapping) else self._names
+            is_array = os.path.splitext(self.path)[1].lower()[1:] in ARRAY_SUFFIXES
+            names = tuple(names) or (("color",) if is_array else ("rgb",))
+            needed = ({"rgba": "rgb", "alpha": "color"}.get(name, name) for name in names)
+            values["outputs"] = tuple(dict.fromkeys(needed))
         if values.get("threads") is None:
             values["threads"] = 1
         return Options(**values)
 
-    @property
-    def is_array(self) -> bool:
-        """Whether its file holds an array."""
-        return os.fspath(self.output).lower().endswith(".npy")
 
-    def _default_outputs(self) -> dict[str, Any]:
-        """The outputs where a dict of options doesn't name them: those of a picture, or of an array."""
-        name = (self.array or "color") if self.is_array else "rgb"
-        return {"outputs": {"rgba": "rgb", "alpha": "color"}.get(name, name)}
+def _is_random(value: object) -> bool:
+    return isinstance(value, str) and value == RANDOM
 
 
 @dataclass(frozen=True)
@@ -101,13 +185,14 @@ class RenderRecord:
     Attributes
     ----------
     index : which one it was, counted from 0
-    path : of its output, text
-    status : "drawn", "skipped" (its file was there) or "failed"
+    path : of its first output, text
+    status : "drawn", "skipped" (its files were there) or "failed"
     seconds : that it took where it was drawn, its model's loading included if it was the first of that model
-    error : Exception, where it failed; nothing was written then
+    error : Exception, where it failed; then none of its files was written
     stats : Stats of the picture, where it was drawn
     source : path of its model, text; None where it was no file
     warnings : what its model was warned of, texts
+    paths : of all its outputs, texts, in the order in which they were given
     """
 
     index: int
@@ -118,13 +203,14 @@ class RenderRecord:
     stats: Stats | None = None
     source: str | None = None
     warnings: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as a dict that can be written as JSON."""
         found = {"index": self.index, "path": self.path, "source": self.source, "status": self.status}
         found |= {"seconds": round(self.seconds, 4), "error": None if self.error is None else str(self.error)}
         coverage = None if self.stats is None else self.stats.coverage
-        return found | {"coverage": coverage, "warnings": list(self.warnings)}
+        return found | {"coverage": coverage, "warnings": list(self.warnings), "paths": list(self.paths)}
 
 
 @dataclass
@@ -135,19 +221,22 @@ class RenderSummary:
     ----------
     drawn, skipped, failed : how many
     seconds : since the batch began
+    first_error : text, why the first one failed; None where none did
     """
 
     drawn: int = 0
     skipped: int = 0
     failed: int = 0
     seconds: float = 0.0
+    first_error: str | None = None
 
     def __str__(self) -> str:
         parts = [f"{counted(self.drawn, 'picture')} drawn"]
         parts += [f"{self.skipped} skipped"] if self.skipped else []
         parts += [f"{self.failed} failed"] if self.failed else []
         rate = f" ({self.drawn / self.seconds:.3g} a second)" if self.drawn and self.seconds > 0 else ""
-        return f"{', '.join(parts)} in {self.seconds:.3g} s{rate}"
+        why = f"; the first failure: {cut(self.first_error)}" if self.first_error else ""
+        return f"{', '.join(parts)} in {self.seconds:.3g} s{rate}{why}"
 
     @property
     def exit_code(self) -> int:

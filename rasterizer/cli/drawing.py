@@ -12,7 +12,7 @@ from ..renderer import Renderer
 from .cameras import check_camera, is_camera_given
 from .messages import STDIO, Failures, Results, compilation_shown
 from .models import make_settings, with_options
-from .outputs import Outputs, expand_arrays, holds_arrays, plan_targets, without
+from .outputs import Outputs, needed_outputs, plan_targets, without
 
 OPTIONS = frozenset(field.name for field in fields(Options))
 
@@ -63,9 +63,7 @@ def plan_missing(arguments, messages, check=None) -> tuple[list, int]:
 def make_options(arguments) -> Options:
     """The options of the pictures: every field of `Options` is a flag."""
     values = {name: getattr(arguments, name) for name in OPTIONS}
-    values["outputs"] = expand_arrays(values["outputs"])
-    if values["outputs"] is None:
-        values["outputs"] = "color" if holds_arrays(arguments) else "rgb"
+    values["outputs"] = needed_outputs(arguments)
     return Options(**values)
 
 

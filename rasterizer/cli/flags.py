@@ -68,7 +68,7 @@ def add_loading(group) -> None:
         help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them")
 
 
-def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {view}") -> None:
+def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {view}", has_arrays=False) -> None:
     """Add what is written and what is said.
 
     Parameters
@@ -77,13 +77,15 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
     size : (width, height), the default
     suffix : of pictures, the default
     fields : what a template may hold
+    has_arrays : whether `add_arrays` follows, so that there may be several files of a picture
     """
-    parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, outputs=None)
+    parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, outputs=None, files=())
+    fields += " {array}" if has_arrays else ""
     group = parser.add_topic("output")
     default = f"{default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
     default += ", -VIEW before .png for several views" if "{view}" in fields else ""
     group.add_argument(
-        "-o", "--output", metavar="OUT",
+        "-o", "--output", metavar="OUT", action=_Outputs if has_arrays else "store",
         help=f"the picture's name (default {default}), a folder, a template with {fields}, or - for stdout; the suffix "
         "chooses the format")
     add_size(group, size)
@@ -113,11 +115,13 @@ def add_messages(group) -> None:
 
 
 def add_arrays(parser) -> None:
-    """Add arrays in place of pictures."""
+    """Add arrays, in place of pictures or beside them."""
     held = {"color": "linear float32", "rgb": "uint8", **choices.BUFFERS, EVERY: "color and every buffer"}
     rows = "".join(f"\n  {name:<17}{text}" for name, text in held.items())
     add = parser.add_topic(
-        "array", f"Arrays have one sample a pixel, but for color and rgb with --samples.\n{rows}").add_argument
+        "array", "All files of a picture come from one frame. -o '{stem}.{array}.png' makes one of each --array; with "
+        "several -o each holds the --array before it, and is a picture where there is none. Arrays have one sample a "
+        f"pixel, but for color and rgb with --samples.\n{rows}").add_argument
     add("--array", dest="outputs", action="append", choices=tuple(held), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
         "(repeat it; default MODEL.npz)")
@@ -239,6 +243,15 @@ def add_look(parser, is_compared=False):
 
 
 # fmt: on
+
+
+class _Outputs(argparse.Action):
+    """Remember each -o, and the --array that stand between it and the one before; `output` is the last."""
+
+    def __call__(self, _parser, namespace, value, _flag=None):
+        n_before = sum(len(names) for _, names in namespace.files)
+        namespace.files = (*namespace.files, (value, tuple(namespace.outputs or ())[n_before:]))
+        namespace.output = value
 
 
 def _add_option(group, name, text, **settings) -> None:

@@ -13,11 +13,12 @@ import signal
 import sys
 import threading
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
 from ..choices import ARRAY_SUFFIXES, BUFFERS
-from ..errors import OutputError, SceneError
+from ..errors import OutputError, SceneError, cut
 from ..io import formats
 from ..io.files import identity_of, write_whole
 from .flags import EVERY
@@ -34,12 +35,13 @@ _TERMINATED = 128 + 15  # exit code of a process that SIGTERM has ended
 
 
 class Target(NamedTuple):
-    """One picture to make."""
+    """One file to make."""
 
     model: str  # path, or - for stdin
     view: str | None  # a name out of VIEWS; None = the angles or the eye given
     output: str | None  # path, - for stdout, or None where no file is asked for
     frame: int | None = None  # number of a picture among those of a round
+    arrays: tuple[str, ...] | None = None  # that are asked for; None = a picture, or what the suffix says
 
 
 def plan_targets(arguments, check=None) -> list[list[Target]]:
@@ -54,7 +56,7 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
 
     Returns
     -------
-    for each model the list of its targets, one a view
+    for each model the list of its targets, those of a view one after the other
 
     Raises
     ------
@@ -66,20 +68,52 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
     """
     models = list_models(arguments)
     views = arguments.views or [None]
-    templates = _templates(arguments, models)
-    if templates is None:
+    files = asked_files(arguments)
+    if files[0][0] is None and not arguments.always_writes:
         return [[Target(model, view, None) for view in views] for model in models]
+    templates = [_templates(arguments, models, *each) for each in files]
     frames = range(arguments.frames) if writes_frames(arguments) else [None]
     plan = [
         [
-            Target(model, view, _fill(template, model, view, frame, arguments), frame)
+            Target(model, view, _fill(template, model, view, frame, part, arguments), frame, part)
             for view in views
             for frame in frames
+            for template, (_, names) in zip(row, files, strict=True)
+            for part in _parts(template, names)
         ]
-        for model, template in zip(models, templates, strict=True)
+        for model, row in zip(models, zip(*templates, strict=True), strict=True)
     ]
     _check_targets([target for row in plan for target in row], models, arguments, check or check_output)
     return plan
+
+
+def asked_files(arguments) -> list[tuple[str | None, tuple[str, ...] | None]]:
+    """Return (output, arrays) for each -o, as `_templates` takes both; SceneError where --array stands after the last
+    of several, or an output has none that needs some."""
+    files, every = getattr(arguments, "files", ()), expand_arrays(arguments.outputs)
+    if len(files) < 2:
+        return [(arguments.output, every)]
+    if sum(len(names) for _, names in files) < len(arguments.outputs or ()):
+        raise SceneError(f"with several -o, --array stands before its own; given one after -o {files[-1][0]}")
+    for output, names in files:
+        if not names and suffix_of(output) in ARRAY_SUFFIXES:
+            raise SceneError(f"with several -o, --array stands before its own; given none for -o {output}")
+    return [(output, expand_arrays(names)) for output, names in files]
+
+
+def _parts(template, names) -> list[tuple[str, ...] | None]:
+    """Return which arrays each file of a template holds: one, where {array} is in it."""
+    return [(name,) for name in names] if names and has_field(template, "array") else [names]
+
+
+def has_field(template, name) -> bool:
+    """Tell whether a template has a field in braces."""
+    return bool(re.search(r"(?<!\{)(\{\{)*\{" + name + "[:}]", template or ""))
+
+
+def by_view(targets) -> list[list[Target]]:
+    """Return the targets of a model in a list for each view: their files come from one frame."""
+    return [list(group) for _, group in groupby(targets, lambda target: target.view)]
 
 
 def without(plan, is_left_out) -> tuple[list[list[Target]], int]:
@@ -96,7 +130,7 @@ def plan_sheet(arguments) -> list[list[Target]]:
     models = list_models(arguments)
     name = (arguments.default_name if len(models) == 1 else "sheet") + arguments.default_suffix
     template = _put_in_folder(arguments.output, name)
-    output = _fill(template, models[0], None, None, arguments)
+    output = _fill(template, models[0], None, None, None, arguments)
     views = arguments.views or [None]
     plan = [[Target(model, view, output) for view in views] for model in models]
     _check_targets(plan[0][:1], models, arguments, check_output)
@@ -105,19 +139,21 @@ def plan_sheet(arguments) -> list[list[Target]]:
 
 def writes_frames(arguments) -> bool:
     """Tell whether a command that makes moving pictures is to write a file for each frame: {frame} is in the name."""
-    return hasattr(arguments, "frames") and bool(re.search(r"(?<!\{)(\{\{)*\{frame[:}]", arguments.output or ""))
+    return hasattr(arguments, "frames") and has_field(arguments.output, "frame")
 
 
-def _templates(arguments, models) -> list[str] | None:
-    """Return the output of each model as a template with a suffix; None where none is asked for, and none has a
-    default."""
-    if arguments.output is None and not arguments.always_writes:
-        return None
-    arrays = expand_arrays(arguments.outputs)
+def _templates(arguments, models, output, arrays) -> list[str]:
+    """Return an output of each model as a template with a suffix.
+
+    Parameters
+    ----------
+    output : what -o says; None = a default
+    arrays : what it holds; None = a picture, or what the suffix says
+    """
     suffix = arguments.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
     names = _default_names(arguments, models)
     view = "-{view}" if len(arguments.views) > 1 else ""
-    return [_put_in_folder(arguments.output, name + view + suffix) for name in names]
+    return [_put_in_folder(output, name + view + suffix) for name in names]
 
 
 def _default_names(arguments, models) -> list[str]:
@@ -161,8 +197,8 @@ def _put_in_folder(output, name) -> str:
     return os.path.join(_escaped(output), name) if is_folder else output
 
 
-def _fill(template, model, view, frame, arguments) -> str:
-    """Put a model's and a view's name, and the number of a frame, into the template."""
+def _fill(template, model, view, frame, arrays, arguments) -> str:
+    """Put a model's and a view's name, the number of a frame, and the name of an array, into the template."""
     path = Path(model)
     is_stdin = model == STDIO
     values = {
@@ -172,6 +208,8 @@ def _fill(template, model, view, frame, arguments) -> str:
     }
     if frame is not None:
         values["frame"] = frame
+    if arrays is not None:
+        values["array"] = "-".join(arrays)
     legal = ", ".join(f"{{{name}}}" for name in values)
 
     def replace(match) -> str:
@@ -192,9 +230,9 @@ def _fill(template, model, view, frame, arguments) -> str:
 
 def _check_targets(targets, models, arguments, check) -> None:
     """Refuse what can't be written, before anything is drawn: see `plan_targets`."""
-    for output in {Path(target.output).suffix.lower(): target.output for target in targets}.values():
-        check(output, arguments.outputs)
-    if targets[0].output != STDIO:
+    for target in {(Path(each.output).suffix.lower(), each.arrays): each for each in targets}.values():
+        check(target.output, target.arrays)
+    if all(target.output != STDIO for target in targets):
         _check_names(targets)
         _check_reads(targets, models, arguments)
     elif len(targets) > 1:
@@ -225,6 +263,7 @@ def _how_to_differ(a, b) -> str:
         "stem": [Path(each.model).stem for each in (a, b)],
         "view": [each.view for each in (a, b)],
         "ext": [Path(each.model).suffix for each in (a, b)],
+        "array": [each.arrays for each in (a, b)],
     }
     apart = [name for name, (one, other) in pairs.items() if one != other]
     if apart:
@@ -267,6 +306,15 @@ def holds_arrays(arguments) -> bool:
     return bool(arguments.outputs) or suffix_of(arguments.output) in ARRAY_SUFFIXES
 
 
+def needed_outputs(arguments) -> tuple[str, ...]:
+    """Return the outputs of `Options` that the files need."""
+    names = expand_arrays(arguments.outputs)
+    if names is None:
+        return ("color",) if holds_arrays(arguments) else ("rgb",)
+    is_picture = any(not arrays for _, arrays in asked_files(arguments))
+    return names if "rgb" in names or not is_picture else ("rgb", *names)
+
+
 def expand_arrays(names) -> tuple[str, ...] | None:
     """Return the arrays that are asked for, each once; None where none are named."""
     if not names:
@@ -282,7 +330,7 @@ def check_output(output, array) -> None:
     suffix = suffix_of(output)
     if output == STDIO:
         return
-    if array or suffix in ARRAY_SUFFIXES:
+    if (array and not is_picture_of(suffix, array)) or suffix in ARRAY_SUFFIXES:
         _check_arrays(suffix, output, array)
         return
     try:
@@ -300,7 +348,10 @@ def _check_arrays(suffix, output, names) -> None:
     if suffix not in ("npy", "npz", "exr", "png"):
         raise SceneError(f"arrays are written as .npy, .npz, .exr or .png; given {output} for {asked}")
     if suffix in ("npy", "png") and len(names) > 1:
-        raise SceneError(f"a .{suffix} file holds one array, .npz and .exr files several; given {output} for {asked}")
+        hint = "; {array} in its name makes a file of each"
+        raise SceneError(
+            f"a .{suffix} file holds one array, .npz and .exr files several; given {output} for {cut(asked, 90)}{hint}"
+        )
     if suffix == "png" and names[0] not in IN_PNG:
         legal = ", ".join(name for name in IN_PNG if name in ("rgb", *BUFFERS))
         raise SceneError(f"a .png file holds {legal}; given {output} for {asked}: write it as .npy, .npz or .exr")
@@ -313,10 +364,17 @@ def _check_arrays(suffix, output, names) -> None:
             raise SceneError(f"{output}: {error}") from None
 
 
+def is_picture_of(suffix, arrays) -> bool:
+    """Tell whether a file of this suffix holds "rgb", and can hold nothing but a picture."""
+    return tuple(arrays) == ("rgb",) and suffix not in (*ARRAY_SUFFIXES, "png", "")
+
+
 def check_scale(arguments) -> None:
     """Refuse a scale for anything but the depth in a PNG file, or one that is not above 0."""
-    is_png = suffix_of(arguments.output) == "png"
-    if arguments.scale is not None and not (is_png and expand_arrays(arguments.outputs) == ("depth",)):
+    has_png = any(
+        suffix_of(output) == "png" and ("depth",) in _parts(output, names) for output, names in asked_files(arguments)
+    )
+    if arguments.scale is not None and not has_png:
         raise SceneError("--scale is that of depth in a PNG file: it needs --array depth and -o NAME.png")
     if arguments.scale is not None and not arguments.scale > 0:
         raise SceneError(f"--scale must be a number above 0; given {arguments.scale:g}")
@@ -337,14 +395,24 @@ def encode_sheet(image, output) -> bytes:
     return encode_picture(Frame(np.asarray(image.convert("RGBA")), {}, None, image.size), output)
 
 
-def encode_arrays(frame, output, names, scale) -> bytes:
-    """Return arrays of a frame as the bytes of a file; on stdout .npy, several .npz. EXR files of colour have alpha."""
-    format = suffix_of(output)
-    if output == STDIO:
-        format = "npy" if len(names) == 1 else "npz"
-    if format == "exr" and "color" in names:
+def encode_target(frame, target, outputs, scale) -> bytes:
+    """Return a picture or arrays of a frame as the bytes of a file, as `Frame.save` writes it; on stdout PNG, one array
+    .npy, several .npz. EXR files of colour have alpha.
+
+    Parameters
+    ----------
+    outputs : of the frame, which a file of arrays holds where none are asked for
+    scale : of depth in PNG files; None = the default
+    """
+    suffix = suffix_of(target.output)
+    names = target.arrays or (outputs if suffix in ARRAY_SUFFIXES else None)
+    if names is None or is_picture_of(suffix, names):
+        return encode_picture(frame, target.output)
+    if target.output == STDIO:
+        suffix = "npy" if len(names) == 1 else "npz"
+    if suffix == "exr" and "color" in names:
         names = (*names, "alpha")
-    return frame.encode_arrays(names, format, scale)
+    return frame.encode_arrays(names, suffix, scale if suffix == "png" and names == ("depth",) else None)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

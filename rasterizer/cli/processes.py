@@ -22,7 +22,7 @@ from ..processes import Died, Done, Job, SharedObject
 from .cameras import check_camera
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
 from .models import Settings, load_scene, make_settings
-from .outputs import Outputs, Target
+from .outputs import Outputs, Target, by_view
 
 
 class ModelWork(NamedTuple):
@@ -38,6 +38,7 @@ class ModelWork(NamedTuple):
 class ModelDone(NamedTuple):
     """What comes back."""
 
+    notes: dict[str | None, dict]  # what the manifest says of each view
     contents: list[tuple[bytes, str]]  # of files, and the names of these
     said: list[tuple[str, tuple]]  # methods of Messages, or of Results, and what they are called with
     failures: list[RasterizerError]
@@ -72,7 +73,7 @@ class HeldOutput:
 
     def __init__(self, said):
         self.results, self._said = self, said
-        self.contents, self.files_read = [], []
+        self.contents, self.files_read, self.notes = [], [], {}
 
     def tell(self, *of_picture) -> None:
         """Keep that a picture is done; see `Results`."""
@@ -104,18 +105,19 @@ def draw_job(work: ModelWork, loaded, kept) -> ModelDone | None:
         loaded = loaded or kept["loaded"]
         work.draw(work.targets, work.arguments, work.settings, messages, output, loaded)
     plain = [failure.with_traceback(None) for failure in failures]
-    return ModelDone(output.contents, messages.said, plain, output.files_read)
+    return ModelDone(output.notes, output.contents, messages.said, plain, output.files_read)
 
 
 def can_use_processes(arguments) -> bool:
     """Tell whether other processes can draw: stdin and stdout are this one's."""
-    return STDIO not in arguments.models and arguments.output != STDIO
+    return STDIO not in (*arguments.models, arguments.output, *(output for output, _ in arguments.files))
 
 
-def draw_in_processes(arguments, messages, plan, draw, executor=None) -> tuple[list, int, RenderSummary]:
+def draw_in_processes(arguments, messages, plan, draw, executor=None, note=None) -> tuple[list, int, RenderSummary]:
     """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
 
-    `draw` is `render_model`, or another function of a module that is called as that.
+    `draw` is `render_model`, or another function of a module that is called as that. `note` is called with the targets
+    of each view that is written, and what the manifest says of it; None = there is no manifest.
 
     Returns
     -------
@@ -129,7 +131,7 @@ def draw_in_processes(arguments, messages, plan, draw, executor=None) -> tuple[l
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages), results:
         try:
-            work = _Work(arguments, settings, messages, pool, plan, draw, results)
+            work = _Work(arguments, settings, messages, pool, plan, (draw, note), results)
             return work.run() if plan else ([], 0, RenderSummary())
         finally:
             pool.close()
@@ -140,7 +142,7 @@ class _Work:
 
     def __init__(self, arguments, settings, messages, pool: Pool, plan, draw, results):
         self._arguments, self._settings, self._messages = copy(arguments), settings, messages
-        self._pool, self._plan, self._draw, self._results = pool, plan, draw, results
+        self._pool, self._plan, (self._draw, self._note), self._results = pool, plan, draw, results
         self._arguments.threads = arguments.threads or 1
         self._failed = {}  # the first error of each model that failed, by its number
         self._summary = RenderSummary()
@@ -156,14 +158,16 @@ class _Work:
         self._summary.drawn -= len(late)
         self._summary.failed += len(late)
         failures = [self._failed[number] for number in sorted(self._failed)] + late
+        self._summary.first_error = str(failures[0]) if failures else None
         return failures, len(self._plan), self._summary
 
     def _jobs(self):
         """Yield the views of each model, in several jobs where there are fewer models than processes."""
-        longest = pictures_per_job(self._pool, sum(map(len, self._plan)))
-        for number, targets in enumerate(self._plan):
-            for first in range(0, len(targets), longest):
-                yield self._job(number, targets[first : first + longest])
+        views = [by_view(targets) for targets in self._plan]
+        longest = pictures_per_job(self._pool, sum(map(len, views)))
+        for number, of_model in enumerate(views):
+            for first in range(0, len(of_model), longest):
+                yield self._job(number, [target for view in of_model[first : first + longest] for target in view])
 
     def _job(self, number, targets) -> Job:
         identity = None
@@ -176,7 +180,7 @@ class _Work:
 
     def _follow_up(self, job, outcome) -> list[Job]:
         def divide(job) -> list[Job]:
-            return [self._job(job.note, [target]) for target in job.argument.targets]
+            return [self._job(job.note, view) for view in by_view(job.argument.targets)]
 
         instead = replace_job(job, outcome, divide, self._send_model)
         if instead and isinstance(outcome, Died):
@@ -199,22 +203,25 @@ class _Work:
         """Write what was drawn, and say what there is to say."""
         model = job.argument.targets[0].model
         failures = Failures(self._messages, self._arguments.json)
-        n_written = 0
+        written: list[str] = []
         if isinstance(outcome, Done) and outcome.value is not None:
             done: ModelDone = outcome.value
             output.files_read += done.files_read
             for content, name in done.contents:
                 with failures.caught(model):
                     output.write(content, name)
-                    n_written += 1
+                    written.append(name)
+            for targets in by_view(job.argument.targets) if self._note else ():
+                if all(target.output in written for target in targets):
+                    self._note(targets, done.notes[targets[0].view])
             for name, what in done.said:
                 getattr(self._results if name == "tell" else self._messages, name)(*what)
             failures += done.failures
         elif not isinstance(outcome, Done):
             with failures.caught(model):
                 raise make_error(model, outcome)
-        self._summary.drawn += n_written
-        self._summary.failed += len(job.argument.targets) - n_written
+        self._summary.drawn += len(written)
+        self._summary.failed += len(job.argument.targets) - len(written)
         self._note_failures(job, failures)
 
     def _note_failures(self, job, failures) -> None:

@@ -21,6 +21,8 @@ examples:
   raster render part.obj --material diffuse=orange,shininess=80 --shadows
   raster render scene.json -s 1920x1080                     with its own lights
   raster render part.obj --array depth -o depth.npy         float32, inf: none
+  raster render part.obj --array rgb --array depth --array object -o 'out/{stem}.{array}.png'
+  raster render part.obj -o part.jpg --array depth --scale 0.001 -o depth.png
   cat part.stl | raster render - --input-format stl -o - > part.png
 """
 
@@ -31,7 +33,7 @@ def add_flags(parser) -> None:
     parser.description = "Draw each model and write a picture of it, or an array."
     parser.epilog = _EXAMPLES
     add_models(parser)
-    add_output(parser, "{stem}", Options.size)
+    add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
     add_camera(parser)
     add_processes(add_look(parser))
@@ -66,7 +68,7 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     from .drawing import make_renderer, picture_warnings, take_options
     from .messages import STDIO
     from .models import load_scene
-    from .outputs import encode_arrays, encode_picture, holds_arrays
+    from .outputs import encode_target, holds_arrays
 
     start = perf_counter()
     model = targets[0].model
@@ -75,16 +77,17 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     # What is written is known before a scene file is read, but for which arrays a file of arrays holds.
     is_array = holds_arrays(arguments)
     arguments, options = take_options(arguments, loaded, model, but=() if is_array else ("outputs",))
+    annotator = make_annotator(scene, options) if getattr(arguments, "manifest", None) else None
     with make_renderer(scene, options) as renderer:
-        for target in targets:
-            camera = camera_of(arguments, target.view, scene, loaded.framing, renderer.subject)
-            frame = renderer.render(camera)
-            warnings = picture_warnings(frame, scene, arguments, camera, model)
-            messages.warn(*warnings)
-            if is_array:
-                content = encode_arrays(frame, target.output, options.outputs, arguments.scale)
-            else:
-                content = encode_picture(frame, target.output)
+        for k, target in enumerate(targets):
+            if k == 0 or target.view != targets[k - 1].view:
+                camera = camera_of(arguments, target.view, scene, loaded.framing, renderer.subject)
+                frame = renderer.render(camera)
+                warnings = picture_warnings(frame, scene, arguments, camera, model)
+                messages.warn(*warnings)
+                if annotator is not None:
+                    output.notes[target.view] = annotator.annotate(frame)
+            content = encode_target(frame, target, options.outputs, arguments.scale)
             output.write(content, target.output)
             seconds, start = perf_counter() - start, perf_counter()
             output.results.tell(target.output, frame.size, len(content), seconds)
@@ -95,6 +98,13 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
                 messages.record(record, target.output == STDIO)
+
+
+def make_annotator(scene, options):
+    """Make what says of pictures what a manifest holds."""
+    from ..batch.annotations import Annotator
+
+    return Annotator(scene, options)
 
 
 def _describe_look(scene, camera, options) -> str:
@@ -130,6 +140,7 @@ def _record(target, frame, scene, seconds, warnings) -> dict:
         "path": target.model,
         "view": target.view,
         "output": target.output,
+        "arrays": target.arrays,
         "size": list(frame.size),
         "faces": scene.n_face,
         "coverage": frame.stats.coverage,

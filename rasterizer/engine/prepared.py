@@ -71,13 +71,18 @@ class PlanParts(NamedTuple):
 
 
 class PreparedScene:
-    """Hold what doesn't depend on the camera, and the threads and memory that pictures are drawn with."""
+    """Hold what doesn't depend on the camera, and the threads and memory that pictures are drawn with.
 
-    def __init__(self, tables: SceneTables, options: Options) -> None:
+    What follows from the meshes and options alone is taken from another one, `like`, that has the same.
+    """
+
+    def __init__(self, tables: SceneTables, options: Options, like: "PreparedScene | None" = None) -> None:
         self.tables, self.options = tables, options
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         self._lightings: dict[tuple, Lighting] = {}  # what is the same in all views, by type and features
         self._plan_parts: dict[int, PlanParts] = {}  # by the id of a plan that is kept there
+        for name in {"geometry", "_inner_sides"}.intersection(() if like is None else vars(like)):
+            vars(self)[name] = vars(like)[name]
 
     @cached_property
     def geometry(self) -> Geometry:

@@ -22,7 +22,7 @@ import math
 import os
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,20 +76,34 @@ def encode_arrays(
     OutputError : a value that is out of range, or a library that is missing
     """
     names = list(arrays)
-    if not names:
-        raise SceneError(f"array must name at least one of {', '.join(SAVED_ARRAYS)}; given none")
-    if format not in (*ARRAY_SUFFIXES, "png"):
-        legal = "arrays are written as .npy, .npz, .exr or .png"
-        raise SceneError(f"{legal}; given {'.' + format if format else 'no suffix'} for {', '.join(names)}")
-    if format in ("npy", "png") and len(names) > 1:
-        raise SceneError(f"a .{format} file holds one array, .npz and .exr files several; given {', '.join(names)}")
+    check_arrays(names, format, scale)
     if format == "png":
         return encode_array_png(names[0], arrays[names[0]], scale, map_bands)
-    if scale is not None:
-        raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for .{format}")
     if format == "npy":
         return encode_npy(arrays[names[0]])
     return encode_npz(arrays) if format == "npz" else encode_exr(arrays)
+
+
+def check_arrays(names: Sequence[str], format: str, scale: float | None = None) -> None:
+    """Refuse what a file of arrays can't hold; parameters and errors are those of `encode_arrays`."""
+    if not names:
+        raise SceneError(f"array must name at least one of {', '.join(SAVED_ARRAYS)}; given none")
+    given = ", ".join(names)
+    if format not in (*ARRAY_SUFFIXES, "png"):
+        legal = "arrays are written as .npy, .npz, .exr or .png"
+        raise SceneError(f"{legal}; given {'.' + format if format else 'no suffix'} for {given}")
+    if format in ("npy", "png") and len(names) > 1:
+        raise SceneError(f"a .{format} file holds one array, .npz and .exr files several; given {given}")
+    if format == "png" and names[0] not in IN_PNG:
+        raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {names[0]!r}: write it as .npy, .npz or .exr")
+    if format == "png":
+        check_scale(scale, names[0])
+    elif scale is not None:
+        raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for .{format}")
+    if format == "exr":
+        for name in {"rgb", "rgba"}.intersection(names):
+            raise SceneError(f"an EXR file holds linear colours: give 'color', not {name!r}")
+        import_exr()
 
 
 def encode_npy(array: NDArray) -> bytes:
@@ -147,7 +161,8 @@ def encode_array_png(
         text = _text(2 / MAX_U8, -1, "unit vector")
     else:
         raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {name!r}: write it as .npy, .npz or .exr")
-    return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text})
+    has_runs = name == "mask" or name in INDICES
+    return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text}, has_runs)
 
 
 def check_scale(scale: float | None, name: str) -> None:

@@ -25,7 +25,7 @@ allowed.
 import contextlib
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ..errors import ModelError, OutputError, cut, shown
@@ -270,57 +270,46 @@ def identity_of(path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def write_whole(path: str | os.PathLike[str], content: bytes, beside: dict[str, bytes] | None = None) -> None:
+def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
     A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
     replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are.
 
-    Parameters
-    ----------
-    path : of the file
-    content : what it shall hold
-    beside : other files of its folder by name: all are written, or none; they are moved there first
-
-    Raises
-    ------
-    OutputError : a file can't be written
+    Raises OutputError where it can't be written.
     """
-    try:
-        place = os.path.realpath(path)
-        others = {os.path.realpath(Path(path).parent / name): data for name, data in (beside or {}).items()}
-        if not others and os.path.exists(place) and not os.path.isfile(place):
-            with open(place, "wb") as stream:
-                stream.write(content)
-        else:
-            _write_and_move(others | {place: content})
-    except OSError as error:
-        folder = os.path.dirname(place)
-        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
-        raise OutputError(f"can't write {path}: {reason}") from error
-    except ValueError as error:  # a name that no file can have
-        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error
+    write_all({os.fspath(path): content})
 
 
-def _write_and_move(contents: dict[str, bytes]) -> None:
-    """Write files, all of them or none: first hidden in the folders of their places, then moved there in turn.
+def write_all(contents: Mapping[str, bytes]) -> None:
+    """Write files by their paths, all of them or none, as `write_whole` does; OutputError names the one that fails.
 
-    Parameters
-    ----------
-    contents : bytes by place, the real path of a file; what is there is replaced, and its mode kept
-
-    Raises
-    ------
-    OSError : a file can't be written or renamed, or is protected; the hidden ones are removed, also by an interrupt
+    They are first hidden in the folders of their places, then moved there in turn. Should a move fail, which takes
+    somebody else at work there, those before it stay; the error says so.
     """
-    hidden = {place: os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}") for place in contents}
+    hidden: dict[str, tuple[str, str]] = {}  # where each path leads to, and the file that waits beside that
+    path, moved = "", []
     try:
-        for place, content in contents.items():
-            _write_hidden(hidden[place], place, content)
-        for place, name in hidden.items():
+        for path, content in contents.items():
+            place = os.path.realpath(path)
+            if len(contents) == 1 and os.path.exists(place) and not os.path.isfile(place):
+                with open(place, "wb") as stream:  # a device or pipe
+                    stream.write(content)
+                continue
+            hidden[path] = place, os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}")
+            _write_hidden(hidden[path][1], place, content)
+        for path, (place, name) in hidden.items():
             os.replace(name, place)
-    finally:
-        for name in hidden.values():
+            moved.append(path)
+    except OSError as error:
+        folder = os.path.dirname(os.path.realpath(path))
+        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
+        also = f"; {', '.join(moved)} was written before" if moved else ""
+        raise OutputError(f"can't write {path}: {reason}{also}") from error
+    except ValueError as error:  # a name that no file can have
+        raise OutputError(f"can't write {shown(path)}: {error}") from error
+    finally:  # also after an interrupt
+        for _, name in hidden.values():
             if os.path.lexists(name):
                 os.unlink(name)
 
@@ -331,6 +320,8 @@ def _write_hidden(name: str, place: str, content: bytes) -> None:
     old = None
     with contextlib.suppress(FileNotFoundError):
         old = os.stat(place)
+    if old is not None and not stat.S_ISREG(old.st_mode):
+        raise IsADirectoryError(21, "it is no file")
     if old is not None and not (old.st_mode & 0o222 and os.access(place, os.W_OK)):
         # for the superuser the mode counts, too
         raise PermissionError(13, "the file that is there is protected against writing")
@@ -344,3 +335,12 @@ def _write_hidden(name: str, place: str, content: bytes) -> None:
                 with contextlib.suppress(PermissionError):  # only the superuser gives files away
                     os.fchown(stream.fileno(), old.st_uid, old.st_gid)
             os.chmod(name, stat.S_IMODE(old.st_mode))
+
+
+def make_folder_of(output: str) -> None:
+    """Make the folder that a file goes to; OutputError where that can't be done."""
+    try:
+        os.makedirs(os.path.dirname(os.path.realpath(output)), exist_ok=True)
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or fault
+        raise OutputError(f"can't write {output}: its folder can't be made: {reason}") from fault

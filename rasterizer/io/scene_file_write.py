@@ -21,7 +21,7 @@ from ..scene.lights import describe_fields, light_type_of
 from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
-from .files import write_whole
+from .files import write_all
 from .scene_file import ARRAYS, COLORS, TEXTURES
 
 
@@ -55,7 +55,7 @@ def write_scene(scene, path) -> Path:
         content = (text.rstrip("\n") + "\n").encode()
     except UnicodeEncodeError as fault:
         raise SceneError(f"a name in the scene can't be written as Unicode text: {fault.reason}") from fault
-    write_whole(path, content, beside.contents())
+    write_all({str(path.parent / name): data for name, data in beside.contents().items()} | {str(path): content})
     return path
 
 

@@ -28,6 +28,7 @@ from ..errors import SceneError, shown
 from ..keywords import checked_keywords
 from . import framing
 from .arrays import VectorLike, real_array
+from .random_numbers import VIEW, checked_range, elevation_at, uniform_numbers, within
 from .validate import choice, number, picture_size, position3, store, unit3, value_class
 
 _MIN_FOV = 1e-6  # degrees: a hair in 10 km
@@ -78,7 +79,8 @@ class Projection(NamedTuple):
 @value_class
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """Hold a camera; made by `look_at`, `perspective`, `orthographic`, `framing`, `orbit`, `from_pose`, `from_opencv`.
+    """Hold a camera; made by `look_at`, `perspective`, `orthographic`, `framing`, `orbit`, `random`, `from_pose` or
+    `from_opencv`.
 
     Parameters
     ----------
@@ -288,6 +290,52 @@ class Camera:
         target = cloud.seen_of_axis(eye, target)
         places = [(cloud.to_world(eye, axes), cloud.to_world(target, axes), axes[1]) for axes in all_axes]
         return [cls(position=p, target=t, up=upward, fov=lens.fov, height=height) for p, t, upward in places]
+
+    @classmethod
+    @checked_keywords
+    def random(
+        cls,
+        subject: Any,
+        seed: int,
+        *,
+        elevation: float | Sequence[float] = (-90.0, 90.0),
+        distance: float | Sequence[float] = 1.0,
+        fov: float | Sequence[float] = 30.0,
+        roll: float | Sequence[float] = 0.0,
+        up: Axis | None = None,
+        margin: float = 0.05,
+        aspect: float | None = None,
+        size: int | Sequence[int] | None = None,
+    ) -> "Camera":
+        """Make a camera that looks at a subject from a random side, all sides of the sphere alike; the same for a seed.
+
+        Parameters
+        ----------
+        subject : what to frame, as in `framing`
+        seed : whole number, at least 0
+        elevation : degrees above the horizon; here, and below, a number or the ends of a range, from which one is
+            taken at random, evenly (of elevations: so that equal areas of the sphere have equally many)
+        distance : of the eye, as a multiple of that from which the picture just holds the subject, above 0 to 1000
+        fov : vertical field of view in degrees
+        roll : degrees by which the camera is turned about its view, counter-clockwise
+        up, margin, aspect, size : as in `framing`
+
+        Raises
+        ------
+        SceneError : a value that is not legal, no points, points that are not finite
+        """
+        elevations, rolls = checked_range(elevation, "elevation", -90, 90), checked_range(roll, "roll", -360, 360)
+        fovs, distances = checked_range(fov, "fov", _MIN_FOV, 180), checked_range(distance, "distance", 1e-3, 1e3)
+        numbers = uniform_numbers(seed, VIEW, 5)
+        camera = cls.framing(
+            subject, 360.0 * numbers[0], elevation_at(elevations, numbers[1]), within(fovs, numbers[2]), up, margin,
+            aspect=aspect, size=size,
+        )  # fmt: skip
+        eye, _, upward, forward = camera.view()
+        target = np.array(camera.target)
+        position = target + within(distances, numbers[3]) * (eye - target)
+        turned = framing.rotation(forward, -within(rolls, numbers[4])) @ upward
+        return cls(position=position, target=target, up=turned, fov=camera.fov)
 
     @classmethod
     @checked_keywords

@@ -18,16 +18,20 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_ar
 
 import numpy as np
 
-from ..choices import ATTACHMENTS, Attachment
+from ..choices import ATTACHMENTS, AXES, Attachment, Axis
 from ..errors import SceneError, shown
+from ..keywords import checked_keywords
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
+from .framing import orbit_axes
+from .random_numbers import LIGHTS, checked_range, elevation_at, uniform_numbers, within
 from .validate import choice, is_whole, number, position3, store, unit3, value_class, vector3
 
 MAX_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 _MAX_SHADOWED = 4096  # of them cast shadows: each is a picture or six
 _MAX_CELLS = 64  # of an area light, along each edge
 _MAX_TEXELS = 8192  # along a side of a shadow map
+_MAX_RANDOM = 100  # lights of `random_lights`
 _MAX_TAPS = 9  # along a side of its filter
 
 # What a light may be given. Once checked it is stored as three floats, as two ints, as linear RGB or a Spectrum, and as
@@ -406,6 +410,48 @@ def tabletop() -> tuple[Light, ...]:
         DirectionalLight((-0.85, -0.10, -0.50), 0.20, "camera"),
         DirectionalLight((0.15, -0.70, 0.70), 0.35, "camera"),
     )
+
+
+@checked_keywords
+def random_lights(
+    seed: int,
+    *,
+    n: int | Sequence[int] = (1, 3),
+    elevation: float | Sequence[float] = (0.0, 90.0),
+    intensity: float | Sequence[float] = (0.3, 0.8),
+    ambient: float | Sequence[float] = (0.05, 0.2),
+    up: Axis = "y",
+    shadow: Shadow | bool | None = None,
+) -> tuple[Light, ...]:
+    """Return an ambient and some directional lights, neutral and attached to the world, from random sides; the same for
+    a seed.
+
+    Parameters
+    ----------
+    seed : whole number, at least 0
+    n : how many directional lights, 0 to 100; here, and below, a number or the ends of a range, from which one is taken
+        at random, evenly
+    elevation : degrees above the horizon from which each shines; equal areas of the sky have equally many
+    intensity : of each, linear
+    ambient : intensity of the ambient light, linear
+    up : the axis that points upwards in the scene
+    shadow : of each, as in `DirectionalLight`
+
+    Raises
+    ------
+    SceneError : a value that is not legal
+    """
+    low, high = (int(end) for end in checked_range(n, "n", 0, _MAX_RANDOM))
+    elevations = checked_range(elevation, "elevation", -90, 90)
+    intensities, ambients = checked_range(intensity, "intensity", 0, 1e6), checked_range(ambient, "ambient", 0, 1e6)
+    choice(up, tuple(AXES), "up")
+    first, second, *numbers = uniform_numbers(seed, LIGHTS, 2 + 3 * _MAX_RANDOM)
+    found: list[Light] = [AmbientLight(within(ambients, first))]
+    for k in range(low + int(second * (high - low + 1))):
+        around, above, strength = numbers[3 * k : 3 * k + 3]
+        forward = orbit_axes(360.0 * around, elevation_at(elevations, above), up)[2]
+        found.append(DirectionalLight(forward, within(intensities, strength), shadow=shadow))
+    return tuple(found)
 
 
 def on_tabletop(lights: tuple[Light, ...], takes_shadows: bool) -> tuple[Light, ...]:

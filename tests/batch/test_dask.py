@@ -49,9 +49,24 @@ def assert_same_bytes(client, sources, views):
     assert len(local) == len(with_dask) and files_in("local") == files_in("far")
 
 
+def assert_same_dataset(client):
+    """Several files of each random view, and the manifest of all."""
+
+    def dataset(folder):
+        for seed in range(6):
+            files = {"rgb": f"{folder}/{seed}.png", "depth": f"{folder}/{seed}.npy", "object": f"{folder}/{seed}.npz"}
+            yield rz.RenderTask(MODELS[seed // 3], files, "random", options=SMALL, lights="random", seed=seed)
+
+    with_dask = list(rz.render_many(dataset("set-far"), client, manifest="set-far/m.jsonl"))
+    assert {record.status for record in with_dask} == {"drawn"}, [record.error for record in with_dask]
+    list(rz.render_many(dataset("set-local"), n_process=2, manifest="set-local/m.jsonl"))
+    assert files_in("set-local") == files_in("set-far") and len(files_in("set-far")) == 19
+
+
 def test_a_thread_of_dask_draws_the_same_bytes(dask):
     with dask.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
         assert_same_bytes(client, [MODELS[0], rz.load(MODELS[1])], ("front", "iso"))
+        assert_same_dataset(client)
         pool = DaskPool(client)
         assert pool.n_slot == 2 and DaskPool(client, 3).n_slot == 6
         pool.close()
@@ -61,6 +76,7 @@ def test_a_thread_of_dask_draws_the_same_bytes(dask):
 @pytest.mark.nightly
 def test_the_bytes_are_those_of_local_processes(cluster):
     assert_same_bytes(cluster, [*MODELS, rz.load(MODELS[0]), rz.load(MODELS[2]).meshes[0]], ("front", "iso"))
+    assert_same_dataset(cluster)
     by_address = rz.render_many(tasks_of(MODELS[:1], "address", ("front",)), cluster.scheduler.address)
     assert [record.status for record in by_address] == ["drawn"]
     assert files_in("address")["0-front.png"] == files_in("far")["0-front.png"]

@@ -122,7 +122,23 @@ def test_one_that_fails_does_not_stop_the_others():
         (rz.RenderTask(CUBE, "h.png", load={"log": lambda text: None}), "can't be drawn by another"),
         (rz.RenderTask(object(), "i.png"), "a mesh must be"),
         (rz.RenderTask(CUBE, "j.png", (1, 2, 3)), "azimuth"),
-        (rz.RenderTask(CUBE, "k.png", array="depth"), "written as .npy"),
+        (rz.RenderTask(CUBE, "k.png", array="uv"), "a PNG file holds"),
+        (rz.RenderTask(CUBE, "k.jpg", array="depth"), "written as .npy"),
+        (rz.RenderTask(CUBE, "k.npz", array=("depth", "z")), "array must be one of"),
+        (rz.RenderTask(CUBE, {}), "output must be the path of a file, or a dict"),
+        (rz.RenderTask(CUBE, {"rgb": ""}), "output must be"),
+        (rz.RenderTask(CUBE, {"rgb": "k.png", "zdepth": "k.npy"}), "array must be one of"),
+        (rz.RenderTask(CUBE, {"rgb": "k.png", "depth": "k.png"}), "a .png file holds one array"),
+        (rz.RenderTask(CUBE, {"rgb": "k.png", "depth": "./k.png"}), "another file of the task"),
+        (rz.RenderTask(CUBE, {"rgb": "k.exr"}), "linear colours"),
+        (rz.RenderTask(CUBE, {"rgb": "k.png"}, array="depth"), "not in both"),
+        (rz.RenderTask(CUBE, {"rgb": "k.png"}, scale=0.01), "none is written"),
+        (rz.RenderTask(CUBE, {"depth": "k.png"}, scale=0), "scale must be a number above 0"),
+        (rz.RenderTask(CUBE, {"depth": "k.png"}, scale=1e-9), "with scale 1e-09 a PNG file holds depths"),
+        (rz.RenderTask(CUBE, "k.png", "random"), "needs a seed"),
+        (rz.RenderTask(CUBE, "k.png", seed=-1), "seed must be a whole number"),
+        (rz.RenderTask(CUBE, "o.png", {"distanze": 3}, seed=1), "did you mean distance"),
+        (rz.RenderTask(CUBE, "p.png", lights="sun"), "lights must be"),
         (rz.RenderTask(CUBE, "l.png", load=None), "load must be"),
         (rz.RenderTask(CUBE, "m.png", camera=5), "camera must be"),
         (rz.RenderTask(CUBE, "no\0name.png"), "no"),
@@ -137,6 +153,7 @@ def test_one_that_fails_does_not_stop_the_others():
     assert [record for record in records[len(bad) :] if record.status != "drawn"] == []
     assert (batch.summary.drawn, batch.summary.failed, batch.summary.exit_code) == (4, len(bad), 1)
     assert str(batch.summary).startswith(f"4 pictures drawn, {len(bad)} failed in ")
+    assert str(batch.summary).endswith(f"; the first failure: {batch.summary.first_error}")
 
 
 def test_the_exit_code_says_whether_anything_failed():

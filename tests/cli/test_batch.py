@@ -6,11 +6,15 @@ import re
 import signal
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
 from helpers.processes import is_running, workers_of
 from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.choices import VIEWS
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -55,6 +59,7 @@ def test_one_bad_model_does_not_stop_the_rest(folder, capsys):
     assert summary_of(err) == "2 pictures drawn, 2 failed"
     assert {"cube.png", "gear.png"} <= set(os.listdir())
     *lines, last = map(json.loads, out.splitlines())
+    assert "bad.obj:1" in last.pop("first_error")
     assert last | {"seconds": 0} == {"status": "done", "drawn": 2, "skipped": 0, "failed": 2, "seconds": 0}
     assert sorted(line["path"] for line in lines) == sorted([CUBE, "bad.obj", "nope.stl", GEAR])
 
@@ -137,3 +142,83 @@ def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, 
     names = os.listdir("out")
     assert names and not [name for name in names if name.startswith(".")]
     assert [name for name in names if picture(f"out/{name}").shape != (96, 128, 4)] == []
+
+
+# --- datasets ---------------------------------------------------------------------------------------------------------
+
+
+def test_arrays_of_one_frame_go_into_files_of_their_own(folder, capsys):
+    look = ["--view", "iso,top", "-q"]
+    names = ["--array", "rgb", "--array", "depth", "--array", "object"]
+    for command, n in (("render", []), ("batch", ["-j", "1"])):
+        assert raster(command, *SIZE, *n, CUBE, *look, *names, "-o", f"{command}/{{stem}}-{{view}}.{{array}}.png") == 0
+        parts = ["--array", "rgb", "-o", f"{command}/{{view}}.jpg", "-o", f"{command}/{{view}}.png", "--scale", "0.01"]
+        parts += ["--array", "depth", "-o", f"{command}/{{view}}.d.png", "--array", "uv", "--array", "face"]
+        assert raster(command, *SIZE, *n, CUBE, *look, *parts, "-o", f"{command}/{{view}}.npz") == 0
+    made = {name: (folder / "render" / name).read_bytes() for name in os.listdir("render")}
+    assert made == {name: (folder / "batch" / name).read_bytes() for name in os.listdir("batch")} and len(made) == 14
+    scene = rz.load(CUBE)
+    camera = rz.Camera.framing(scene, *VIEWS["top"], aspect=24 / 16)
+    frame = rz.render(scene, (24, 16), camera=camera, outputs=("rgb", "depth", "object", "uv", "face"))
+    for name, array, settings in (
+        ("cube-top.rgb.png", "rgb", {}), ("cube-top.depth.png", "depth", {}), ("cube-top.object.png", "object", {}),
+        ("top.d.png", "depth", {"scale": 0.01}), ("top.npz", ("uv", "face"), {}), ("top.png", None, {}),
+        ("top.jpg", None, {"quality": 92}),
+    ):  # fmt: skip
+        assert made[name] == frame.save(f"one{Path(name).suffix}", array=array, **settings).read_bytes(), name
+    os.unlink("render/cube-iso.depth.png")
+    assert raster("render", *SIZE, CUBE, "--view", "iso,top", *names, "--skip-existing", "-o",
+                  "render/{stem}-{view}.{array}.png", "--json") == 0  # fmt: skip
+    (line,) = capsys.readouterr().out.splitlines()
+    assert json.loads(line)["arrays"] == ["depth"] and (folder / "render" / "cube-iso.depth.png").exists()
+
+
+def test_outputs_that_several_arrays_can_not_have(capsys):
+    for command in ("render", "batch"):
+        assert_refused(capsys, [
+            (["nope.obj", *words.split()], said) for words, said in (
+                ("--array rgb --array depth -o a.png", "{array} in its name makes a file of each"),
+                ("--array rgb -o a.png -o b.npz", "given none for -o b.npz"),
+                ("--array rgb -o a.png --array uv -o b.npy --array face", "given one after -o b.npy"),
+                ("--array rgb -o a.png --array depth -o a.png", "template such as '{stem}-{array}.png'"),
+                ("--array rgb -o a.png --array depth -o b.npy --scale 1", "--scale is that of depth"),
+                ("--array uv --array depth -o {array}.png", "a .png file holds"),
+                ("-o {array}.png", "-o may hold"),
+            )
+        ], command)  # fmt: skip
+    assert_refused(capsys, [([CUBE, "--array", "rgb", "-o", "-", "-o", "a.png"], "stdout takes one picture")], "render")
+    assert_refused(capsys, [
+        ([CUBE, "--coco", "a.json"], "give --manifest FILE, too"), ([CUBE, "--bop", "a"], "give --manifest FILE, too"),
+    ], "batch")  # fmt: skip
+    assert_refused(capsys, [([CUBE, "--manifest", "cube.png"], "it is the manifest")], "batch", code=4)
+
+
+def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
+    pytest.importorskip("pycocotools", reason="the extra dataset is not installed")
+    arrays = ["--array", "rgb", "--array", "depth", "--array", "object", "--view", "iso,top"]
+    made = ["--manifest", "set/m.jsonl", "--coco", "set/coco.json", "--bop", "set/train/000000", "--unit", "10"]
+    output = ["-o", "set/{stem}-{view}.{array}.png"]
+    assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made) == 1
+    lines = [json.loads(line) for line in open("set/m.jsonl")]
+    assert [(line["index"], line["view"]) for line in lines] == [(0, "iso"), (1, "top"), (4, "iso"), (5, "top")]
+    tasks = [
+        rz.RenderTask(model, {name: f"lib/{stem}-{view}.{name}.png" for name in ("rgb", "depth", "object")}, view,
+                      options={"size": (24, 16)})
+        for model, stem in ((CUBE, "cube"), ("nope.obj", "nope"), (GEAR, "gear")) for view in ("iso", "top")
+    ]  # fmt: skip
+    list(rz.render_many(tasks, n_process=1, manifest="lib/m.jsonl"))
+    assert open("set/m.jsonl", "rb").read() == open("lib/m.jsonl", "rb").read(), "the library writes the same"
+    whole = json.loads((folder / "set" / "coco.json").read_text())
+    assert [image["id"] for image in whole["images"]] == [0, 1, 4, 5] and len(whole["annotations"]) == 4
+    assert (
+        json.loads((folder / "set" / "train" / "000000" / "scene_camera.json").read_text())["0"]["depth_scale"] == 0.01
+    )
+    before = {path: path.read_bytes() for path in folder.glob("set/**/*.*")}
+    os.unlink("set/cube-top.object.png")
+    os.unlink("set/m.jsonl")
+    (folder / "set" / "m.jsonl.partial").write_bytes(
+        before[folder / "set" / "m.jsonl"][:-9]
+    )  # as if it were interrupted
+    assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made, "--resume") == 1
+    assert "6 pictures drawn, 6 skipped, 6 failed" in errors(capsys)
+    assert {path: path.read_bytes() for path in folder.glob("set/**/*.*")} == before

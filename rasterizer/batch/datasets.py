@@ -1,0 +1,208 @@
+"""Layouts that others read, made of a manifest and its files: COCO's annotations, and BOP's folders of a scene.
+
+In:  the manifest of a batch        Out: files
+
+A model of one mesh is a category by the name of its file; of a model of several, each mesh is one by its own name.
+Categories have the numbers 1, 2 … in the order of their names.
+
+Sources: COCO, cocodataset.org/#format-data. BOP, the page on the format of datasets in github.com/thodan/bop_toolkit;
+what that doesn't say is as its script does it that counts pixels.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..choices import ARRAY_SUFFIXES
+from ..errors import OutputError, RasterizerError, SceneError, shown
+from ..io.files import make_folder_of, write_whole
+from ..io.png import encode_png
+from ..keywords import checked_keywords
+from ..scene.validate import number as checked_number
+from .annotations import decode_mask
+from .manifest import as_seen_from, checked_path, read_manifest
+
+_NOWHERE = [-1, -1, -1, -1]  # BOP's box of what isn't seen
+
+
+@checked_keywords
+def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -> dict[str, int]:
+    """Write annotations as COCO has them: of each picture and object that is seen its box, area, and mask.
+
+    Parameters
+    ----------
+    manifest : path of a manifest, as `render_many(manifest=...)` writes it, whose tasks have written "rgb" pictures
+    path : of the JSON file; names of pictures in it are as seen from its folder. `image_id` is the index of the task.
+        Boxes are [left, top, width, height] in pixels, masks are compressed run lengths; `visible` is the manifest's
+
+    Returns
+    -------
+    dict of the categories' names and numbers
+
+    Raises
+    ------
+    RasterizerError : pycocotools, the extra `dataset`, is not installed
+    SceneError : what is no manifest, or has no pictures
+    OutputError : the file can't be written
+    """
+    masks = import_pycocotools()
+    lines, path = read_manifest(manifest), checked_path(path, "path")
+    categories = _categories(lines)
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for line in lines:
+        width, height = line["size"]
+        name = as_seen_from(path, _picture(line, manifest))
+        images.append({"id": line["index"], "file_name": name, "width": width, "height": height})
+        for each, category in zip(line["objects"], _names(line), strict=True):
+            if not each["pixels"]:
+                continue
+            mask = masks.frPyObjects(each["mask"], height, width)
+            found = {"id": len(annotations) + 1, "image_id": line["index"], "category_id": categories[category]}
+            found |= {"bbox": each["box"], "area": each["pixels"], "iscrowd": 0, "visible": each["visible"]}
+            annotations.append(found | {"segmentation": {"size": mask["size"], "counts": mask["counts"].decode()}})
+    named = [{"id": number, "name": name} for name, number in categories.items()]
+    _write_json(path, {"info": {}, "images": images, "categories": named, "annotations": annotations})
+    return categories
+
+
+@checked_keywords
+def write_bop(
+    manifest: str | os.PathLike[str], folder: str | os.PathLike[str], *, unit: float = 1000.0
+) -> dict[str, int]:
+    """Write a scene of a BOP dataset: cameras, poses, boxes and visible shares, pictures, depths and masks.
+
+    Parameters
+    ----------
+    manifest : path of a manifest, as `render_many(manifest=...)` writes it, whose tasks have written pictures as "rgb",
+        or PNG files of the depth, or both
+    folder : of the scene, such as "set/train_pbr/000000"; it gets scene_camera.json, scene_gt.json, scene_gt_info.json,
+        and the folders rgb, depth, mask and mask_visib. Pictures and depths are copied. The number of a picture is the
+        index of its task
+    unit : millimetres that a scene unit has; 1000 = it is a metre
+
+    Returns
+    -------
+    dict of the objects' names and their numbers (`obj_id`)
+
+    A model's own frame is that of its scene, so R and t of all objects of a picture are the camera's. Silhouettes are
+    counted in a picture larger by its own size to each side, as BOP's tools do it; the width of a box is that from the
+    middle of its first pixel to that of its last, as with them.
+
+    Raises
+    ------
+    SceneError : what is no manifest, has neither pictures nor depths, or a camera without perspective
+    OutputError : a file can't be read or written
+    """
+    if checked_number(unit, "unit") <= 0:
+        raise SceneError(f"unit must be above 0, the millimetres of a scene unit; given {shown(unit)}")
+    lines, folder = read_manifest(manifest), Path(checked_path(folder, "folder"))
+    ids = _categories(lines)
+    cameras: dict[str, Any] = {}
+    poses, infos = {}, {}
+    for line in lines:
+        key, calibration = str(line["index"]), line["camera"]["opencv"]
+        if calibration is None:
+            raise SceneError(f"BOP has cameras with perspective alone; that of task {key} has none")
+        K, R = ([value for row in calibration[name] for value in row] for name in ("K", "R"))
+        t = [value * unit for value in calibration["t"]]
+        cameras[key] = {"cam_K": K, "cam_R_w2c": R, "cam_t_w2c": t}
+        cameras[key] |= {"depth_scale": line["depth_scale"] * unit} if line["depth_scale"] else {}
+        poses[key] = [{"obj_id": ids[name], "cam_R_m2c": R, "cam_t_m2c": t} for name in _names(line)]
+        infos[key] = [_bop_info(each) for each in line["objects"]]
+        _write_files(line, manifest, folder)
+    for name, content in (("camera", cameras), ("gt", poses), ("gt_info", infos)):
+        _write_json(folder / f"scene_{name}.json", content)
+    return ids
+
+
+def import_pycocotools() -> Any:
+    """Return `pycocotools.mask`; raises RasterizerError, which names the extra, where it is missing."""
+    try:
+        from pycocotools import mask
+    except ImportError as fault:
+        message = "COCO's masks need pycocotools: install the extra dataset, as in pip install '.[dataset]'"
+        raise RasterizerError(f"{message} ({fault})") from fault
+    return mask
+
+
+def _bop_info(each: dict[str, Any]) -> dict[str, Any]:
+    """What BOP says of an object in a picture. All pixels of the picture that it may have show a depth: of its own, or
+    of what hides it."""
+    n_whole = each["pixels_whole"]
+    return {
+        "px_count_all": n_whole,
+        "px_count_valid": each["pixels_alone"],
+        "px_count_visib": each["pixels"],
+        "visib_fract": each["pixels"] / n_whole if n_whole else 0.0,
+        "bbox_obj": _bop_box(each["box_whole"] if each["pixels"] else None),
+        "bbox_visib": _bop_box(each["box"]),
+    }
+
+
+def _bop_box(box: list[int] | None) -> list[int]:
+    """A box as BOP's tools count it."""
+    return _NOWHERE if box is None else [box[0], box[1], box[2] - 1, box[3] - 1]
+
+
+def _write_files(line: dict[str, Any], manifest: str | os.PathLike[str], folder: Path) -> None:
+    """Copy the pictures of a line into the folders of a BOP scene, and write its masks there."""
+    number = f"{line['index']:06d}"
+    picture, depth = _path(line, manifest, ("rgb", "rgba")), _path(line, manifest, ("depth",))
+    sources = {"rgb": picture, "depth": depth if line["depth_scale"] else None}
+    if not any(sources.values()):
+        raise SceneError(f"BOP needs pictures, or the depth in PNG files; task {number} has written {line['files']}")
+    for name, source in sources.items():
+        if source is not None:
+            target = folder / name / (number + source.suffix.lower())
+            make_folder_of(str(target))
+            try:
+                shutil.copyfile(source, target)
+            except OSError as fault:
+                raise OutputError(f"can't copy {source} to {target}: {fault.strerror or fault}") from fault
+    for k, each in enumerate(line["objects"]):
+        for name, mask in (("mask", each["mask_alone"] or each["mask"]), ("mask_visib", each["mask"])):
+            target = folder / name / f"{number}_{k:06d}.png"
+            make_folder_of(str(target))
+            write_whole(target, encode_png(np.where(decode_mask(mask), np.uint8(255), np.uint8(0))[..., None]))
+
+
+def _picture(line: dict[str, Any], manifest: str | os.PathLike[str]) -> Path:
+    """Return the path of a line's picture; SceneError where it has none."""
+    path = _path(line, manifest, ("rgb", "rgba"))
+    if path is None:
+        raise SceneError(f"COCO needs pictures; task {line['index']} has written {line['files']}")
+    return path
+
+
+def _path(line: dict[str, Any], manifest: str | os.PathLike[str], names: Sequence[str]) -> Path | None:
+    """Return the path of a picture by the first of some names that a line has; None where it has none."""
+    for name in names:
+        path = Path(os.path.abspath(manifest)).parent / line["files"].get(name, "")
+        if name in line["files"] and path.suffix.lower()[1:] not in ARRAY_SUFFIXES:
+            return path
+    return None
+
+
+def _names(line: dict[str, Any]) -> list[str]:
+    """Return the category of each object of a line."""
+    stem = "model" if line["model"] is None else Path(line["model"]).stem
+    if len(line["objects"]) == 1:
+        return [stem]
+    return [each["name"] or f"{stem}-{k}" for k, each in enumerate(line["objects"])]
+
+
+def _categories(lines: list[dict[str, Any]]) -> dict[str, int]:
+    """Return the number of each category by its name."""
+    return {name: k + 1 for k, name in enumerate(sorted({name for line in lines for name in _names(line)}))}
+
+
+def _write_json(path: str | os.PathLike[str], content: dict[str, Any]) -> None:
+    """Write a JSON file."""
+    make_folder_of(os.fspath(path))
+    write_whole(path, json.dumps(content).encode())

@@ -1,0 +1,504 @@
+"""Whole datasets: several files of one frame, the manifest, random views and lights, whoever draws."""
+
+import json
+import os
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.raster import ROOT
+from PIL import Image
+
+import rasterizer as rz
+from rasterizer.batch.annotations import box_of, decode_mask, encode_mask
+from rasterizer.batch.manifest import read_manifest
+
+CUBE, CONE, TABLE, TORUS = (
+    str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "still_life.obj", "torus.glb")
+)
+SIZE = (48, 36)
+SMALL = {"size": SIZE}
+SUFFIXES = {  # of the files that each array can be written as
+    "rgb": ("png", "jpg", "webp", "npy", "npz"), "rgba": ("png", "tif", "npy"), "alpha": ("png", "exr"),
+    "color": ("npy", "exr", "npz"), "depth": ("png", "npy", "exr", "npz"), "object": ("png", "npy", "npz", "exr"),
+    "face": ("png", "npy", "npz"), "mask": ("png", "npy"), "normal": ("npy", "exr", "npz"), "uv": ("npy",),
+}  # fmt: skip
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def draw(tasks, **settings):
+    """All records, in the order of the tasks; a thread of this process draws."""
+    with ThreadPoolExecutor(settings.pop("n", 1)) as executor:
+        return sorted(rz.render_many(tasks, executor, **settings), key=lambda record: record.index)
+
+
+def files_below(folder=".") -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
+
+
+# --- several files of one frame -------------------------------------------------------------------------------
+
+
+def test_one_task_writes_all_arrays_of_a_frame_into_one_file():
+    options = SMALL | {"outputs": ("rgb", "depth", "object")}
+    tasks = [rz.RenderTask(CUBE, f"a.{suffix}", "iso", options=options) for suffix in ("npz", "exr")]
+    tasks += [rz.RenderTask(CUBE, "b.npz", "iso", options=SMALL, array=("depth", "object"))]
+    assert [record.error for record in draw(tasks)] == [None] * 3
+    frame = rz.render(CUBE, SIZE, azimuth=45, elevation=35.264389682754654, outputs=options["outputs"])
+    for name in ("a.npz", "a.exr"):
+        assert Path(name).read_bytes() == frame.save(f"one{name}").read_bytes()
+    assert Path("b.npz").read_bytes() == frame.save("one.npz", array=("depth", "object")).read_bytes()
+
+
+def test_one_frame_makes_all_files_of_a_task_and_the_record_lists_them():
+    output = {"rgb": "a.png", "depth": Path("deep/a.depth.png"), "object": "a.mask.png", "normal": "a.normal.exr"}
+    (record,) = draw([rz.RenderTask(CUBE, output, "iso", options=SMALL, scale=0.0005)])
+    assert record.status == "drawn" and record.path == "a.png"
+    assert record.paths == tuple(map(str, output.values())) == tuple(record.as_dict()["paths"])
+    outputs = ("rgb", "depth", "object", "normal")
+    frame = rz.render(CUBE, SIZE, azimuth=45, elevation=35.264389682754654, outputs=outputs)
+    for name, path in output.items():
+        scale = {"scale": 0.0005} if name == "depth" else {}
+        assert Path(path).read_bytes() == frame.save(f"one{Path(path).suffix}", array=name, **scale).read_bytes(), name
+    assert record.stats.samples == 4 * SIZE[0] * SIZE[1], "the picture keeps its samples"
+    depth = np.asarray(Image.open("deep/a.depth.png"))
+    assert depth.dtype == np.uint16 and np.abs(depth[depth > 0] * 0.0005 - frame.depth[depth > 0]).max() <= 0.000251
+
+
+def random_task(rng, number: int):
+    """A task, and what writes the same files from one frame."""
+    source = str(rng.choice([CUBE, CONE, TABLE, TORUS]))
+    names = [str(name) for name in rng.choice(list(SUFFIXES), rng.integers(1, 5), replace=False)]
+    output, shared = {}, f"{number}/all.npz"
+    for name in names:
+        suffix = str(rng.choice(SUFFIXES[name]))
+        output[name] = shared if suffix == "npz" else f"{number}/{name}.{suffix}"
+    azimuth, elevation = float(rng.uniform(0, 360)), float(rng.uniform(-90, 90))
+    options = SMALL | {"samples": int(rng.choice([1, 4])), "shading": str(rng.choice(["flat", "gouraud", "phong"]))}
+    scale = 0.0007 if output.get("depth", "").endswith(".png") else None
+    task = rz.RenderTask(source, output, (azimuth, elevation), options=options, scale=scale)
+
+    def write(folder):
+        outputs = {"rgba": "rgb", "alpha": "color"}
+        outputs = tuple(dict.fromkeys(outputs.get(name, name) for name in names))
+        scene = rz.load(source)
+        with rz.Renderer(scene, outputs=outputs, **options) as renderer:
+            frame = renderer.render(rz.Camera.framing(scene, azimuth, elevation, up=scene.up, size=SIZE))
+        for path in dict.fromkeys(output.values()):
+            held = [name for name in names if output[name] == path]
+            place = Path(folder, path)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            is_picture = held[0] in ("rgb", "rgba") and place.suffix in (".jpg", ".webp", ".tif")
+            settings = {} if is_picture else {"array": held if len(held) > 1 else held[0]}
+            frame.save(
+                place,
+                **settings,
+                **({"scale": scale} if scale and place.suffix == ".png" and held == ["depth"] else {}),
+            )
+
+    return task, write
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 12))])
+def test_random_tasks_write_what_one_frame_writes(seed, folder):
+    """A campaign: any arrays in any formats, some there already, one to three at a time, by threads or a process."""
+    rng = np.random.default_rng(seed)
+    made = [random_task(rng, number) for number in range(10)]
+    tasks = [task for task, _ in made]
+    for _, write in made:
+        write("expected")
+    there = {}
+    for path in rng.choice(sorted(files_below("expected")), 6, replace=False):
+        there[str(path)] = b"there"
+        Path(path).parent.mkdir(exist_ok=True)
+        Path(path).write_bytes(b"there")
+    existing = str(rng.choice(["replace", "skip", "skip-newer"]))
+    records = draw(tasks, n=int(rng.integers(1, 4)), existing=existing, manifest="m.jsonl" if seed % 3 == 0 else None)
+    assert [record.error for record in records] == [None] * len(tasks)
+    expected = files_below("expected")
+    for record, task in zip(records, tasks, strict=True):
+        paths = list(dict.fromkeys(task.output.values()))
+        is_left_out = existing != "replace" and seed % 3 and all(path in there for path in paths)
+        assert record.status == ("skipped" if is_left_out else "drawn") and list(record.paths) == paths
+        for path in paths:
+            assert Path(path).read_bytes() == (b"there" if is_left_out else expected[path]), path
+
+
+def test_all_files_of_a_task_appear_or_none(folder):
+    (folder / "kept.npy").write_bytes(b"kept")
+    os.chmod("kept.npy", 0o444)
+    (folder / "taken.npy").mkdir()
+    tasks = [
+        rz.RenderTask(CUBE, {"rgb": "0.png", "depth": "kept.npy"}, options=SMALL),
+        rz.RenderTask(CUBE, {"rgb": "1.png", "depth": "taken.npy", "face": "1.npy"}, options=SMALL),
+        rz.RenderTask(CUBE, {"rgb": "2.png", "depth": "kept.npy/below.npy"}, options=SMALL),
+        rz.RenderTask(CUBE, {"rgb": "3.png", "depth": "3.depth.png"}, options=SMALL, scale=1e-9),
+        rz.RenderTask(CUBE, {"rgb": "4.png", "depth": "4.npy"}, options=SMALL),
+        rz.RenderTask(CONE, {"depth": "5.npy", "rgb": "4.png"}, options=SMALL),
+    ]
+    records = draw(tasks)
+    assert [record.status for record in records] == ["failed"] * 4 + ["drawn", "failed"]
+    said = (
+        "can't write kept.npy: the file",
+        "can't write taken.npy: it is no file",
+        "kept.npy/below.npy",
+        "with scale",
+        "",
+        "task 4",
+    )
+    for record, words in zip(records, said, strict=True):
+        assert words in str(record.error or ""), record.error
+    assert sorted(files_below()) == ["4.npy", "4.png", "kept.npy"] and (folder / "kept.npy").read_bytes() == b"kept"
+    assert records[1].paths == ("1.png", "taken.npy", "1.npy")
+
+
+def test_a_task_is_left_out_where_all_its_files_are_there(folder):
+    (folder / "own.obj").write_bytes(Path(CUBE).read_bytes())
+    task = rz.RenderTask("own.obj", {"rgb": "a.png", "depth": "a.npy"}, options=SMALL)
+
+    def status(existing):
+        return draw([task], existing=existing)[0].status
+
+    assert status("skip") == "drawn" and status("skip") == status("skip-newer") == "skipped"
+    os.unlink("a.npy")
+    assert status("skip") == "drawn"
+    later = os.stat("a.png").st_mtime + 10
+    os.utime("own.obj", (later, later))
+    os.utime("a.png", (later + 1, later + 1))
+    assert status("skip-newer") == "drawn", "the array is older than the model"
+
+
+# --- what fails -----------------------------------------------------------------------------------------------
+
+
+def test_a_batch_of_which_all_fails_says_so_at_its_end():
+    batch = rz.render_many((rz.RenderTask(f"nope{k}.obj", f"{k}.png") for k in range(3)), n_process=1)
+    with pytest.raises(
+        rz.RasterizerError, match=r"^3 of 3 tasks failed; the first: nope\d.obj: no such file$"
+    ) as found:
+        list(batch)
+    assert isinstance(found.value.__cause__, rz.ModelError) and list(batch) == []
+    assert str(batch.summary).startswith("0 pictures drawn, 3 failed in ")
+    assert "; the first failure: nope" in str(batch.summary)
+    assert len(draw([rz.RenderTask("nope.obj", "a.png"), rz.RenderTask(CUBE, "b.png", options=SMALL)])) == 2
+
+
+def test_a_batch_that_nobody_asked_says_that_nothing_was_drawn():
+    with pytest.warns(UserWarning, match="nothing was drawn") as found:
+        rz.render_many([rz.RenderTask(CUBE, "a.png", options=SMALL)])
+    assert found[0].filename == __file__ and not os.path.exists("a.png")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert list(rz.render_many([])) == []
+
+
+# --- the manifest ---------------------------------------------------------------------------------------------
+
+
+def dataset(folder="data", n=6, models=(TABLE, TORUS)):
+    for k in range(n):
+        output = {"rgb": f"{folder}/{k}.png", "depth": f"{folder}/{k}.depth.png", "object": f"{folder}/{k}.mask.png"}
+        view = {"distance": (0.5, 1.5), "roll": (0, 360)}
+        yield rz.RenderTask(models[k % len(models)], output, view, options=SMALL, seed=k, lights="random")
+
+
+def test_the_manifest_says_what_the_files_show():
+    assert {record.status for record in draw(dataset(), manifest="data/m.jsonl")} == {"drawn"}
+    lines = read_manifest("data/m.jsonl")
+    assert [line["index"] for line in lines] == list(range(6)) == [line["seed"] for line in lines]
+    partly, cut = 0, 0
+    for line, task in zip(lines, dataset(), strict=True):
+        assert line["files"] == {name: os.path.basename(path) for name, path in task.output.items()}
+        assert line["model"] == task.source and line["size"] == list(SIZE) and line["depth_scale"] == 0.001
+        scene = rz.load(task.source)
+        camera = rz.Camera.random(scene, task.seed, size=SIZE, **task.view)
+        for found, value in zip(line["camera"]["opencv"].values(), camera.to_opencv(SIZE), strict=True):
+            assert np.array_equal(found, value)
+        opengl = line["camera"]["opengl"]
+        assert np.array_equal(opengl["pose"], camera.pose)
+        back = np.linalg.inv(opengl["pose"])
+        assert np.allclose(opengl["R"], back[:3, :3]) and np.allclose(opengl["t"], back[:3, 3])
+        ids = np.asarray(Image.open(task.output["object"])).astype(int) - 1
+        assert len(line["objects"]) == len(scene.meshes)
+        for k, (each, mesh) in enumerate(zip(line["objects"], scene.meshes, strict=True)):
+            alone = rz.render(rz.Scene(mesh), SIZE, camera=camera, outputs="mask").mask
+            seen, said = decode_mask(each["mask"]), each["mask_alone"]
+            assert np.array_equal(seen, ids == k) and np.array_equal(decode_mask(said) if said else seen, alone)
+            assert each["name"] == mesh.name and each["pixels"] == seen.sum() and each["pixels_alone"] == alone.sum()
+            assert each["visible"] == (seen.sum() / alone.sum() if alone.any() else 0.0) and each["box"] == box_of(seen)
+            wide = rz.Camera.from_opencv(*widened(camera), tuple(3 * n for n in SIZE))
+            whole = rz.render(rz.Scene(mesh), tuple(3 * n for n in SIZE), camera=wide, outputs="mask").mask
+            assert each["pixels_whole"] == whole.sum()
+            left, top, *size = box_of(whole)
+            assert each["box_whole"] == [left - SIZE[0], top - SIZE[1], *size]
+            partly += 0 < each["visible"] < 1
+            cut += each["pixels_whole"] > each["pixels_alone"]
+    assert partly and cut, "some hide others, and some reach beyond the border"
+
+
+def widened(camera):
+    K, R, t = camera.to_opencv(SIZE)
+    K[:2, 2] += SIZE
+    return K, R, t
+
+
+def test_a_mask_is_written_as_run_lengths():
+    rng = np.random.default_rng(3)
+    for shape in ((1, 1), (3, 5), (17, 4)):
+        for share in (0.0, 0.1, 0.5, 1.0):
+            mask = rng.random(shape) < share
+            written = json.loads(json.dumps(encode_mask(mask)))
+            assert np.array_equal(decode_mask(written), mask) and sum(written["counts"]) == mask.size
+    assert encode_mask(np.array([[1, 0], [1, 1]], bool)) == {"size": [2, 2], "counts": [0, 2, 1, 1]}
+    assert box_of(np.array([[0, 0, 0], [0, 1, 1]], bool)) == [1, 1, 2, 1] and box_of(np.zeros((2, 2), bool)) is None
+
+
+def test_the_bytes_are_the_same_whoever_draws_and_in_however_many_parts():
+    assert {record.status for record in draw(dataset("a"), manifest="a/m.jsonl")} == {"drawn"}
+    list(rz.render_many(dataset("b"), n_process=2, manifest="b/m.jsonl"))
+    expected = files_below("a")
+    assert files_below("b") == expected and len(expected) == 19
+    with ThreadPoolExecutor(1) as executor, rz.render_many(dataset("c"), executor, manifest="c/m.jsonl") as batch:
+        taken = [next(batch).index for _ in range(3)]
+    assert sorted(os.listdir("c"))[-1] == "m.jsonl.partial" and len(taken) == 3
+    with open("c/m.jsonl.partial", "ab") as stream:
+        stream.write(b'{"index": 5, "files"')  # half a line, as a machine leaves that stops
+    (gone, *_) = taken
+    os.unlink(f"c/{gone}.png")
+    records = draw(dataset("c"), existing="skip", manifest="c/m.jsonl")
+    assert files_below("c") == expected
+    assert sum(record.status == "skipped" for record in records) == 2
+    assert {record.status for record in draw(dataset("c"), existing="skip", manifest="c/m.jsonl")} == {"skipped"}
+    assert files_below("c") == expected
+    os.unlink("c/m.jsonl")
+    assert {record.status for record in draw(dataset("c"), existing="skip", manifest="c/m.jsonl")} == {"drawn"}
+    assert files_below("c") == expected, "what the manifest doesn't know is drawn again"
+
+
+def test_the_manifest_leaves_out_what_failed_and_refuses_what_is_not_legal(folder):
+    camera, arrays = rz.Camera.orthographic((0, 0, 5), height=4), SMALL | {"outputs": ("depth", "object")}
+    tasks = [*dataset("d", 1), rz.RenderTask("nope.obj", "d/x.png"), rz.RenderTask(CUBE, "d/m.jsonl.partial")]
+    tasks += [rz.RenderTask(CUBE, "d/9.npz", (np.int64(3), 4), options=arrays)]
+    tasks += [rz.RenderTask(CUBE, "d/8.jpg", camera=camera, options=SMALL)]
+    assert [record.status for record in draw(tasks, manifest="d/m.jsonl")] == [
+        "drawn",
+        "failed",
+        "failed",
+        "drawn",
+        "drawn",
+    ]
+    lines = read_manifest("d/m.jsonl")
+    assert [line["index"] for line in lines] == [0, 3, 4] and lines[1]["view"] == [3, 4] and lines[1]["seed"] is None
+    assert lines[1]["files"] == {"depth": "9.npz", "object": "9.npz"} and lines[1]["depth_scale"] is None
+    assert lines[2]["files"] == {"rgb": "8.jpg"} and lines[2]["camera"]["opencv"] is None
+    assert lines[2]["camera"]["height"] == 4
+    for value in (5, "", b"x"):
+        with pytest.raises(rz.SceneError, match="manifest must be a path"):
+            rz.render_many([], manifest=value)
+    with pytest.raises(rz.OutputError, match="can't write"):
+        list(rz.render_many(dataset(), n_process=1, manifest="d/8.jpg/m.jsonl"))
+    for text in ("", "{}\n", "nonsense\n"):
+        (folder / "no.jsonl").write_text(text)
+        with pytest.raises(rz.SceneError, match="is no manifest"):
+            read_manifest("no.jsonl")
+
+
+# --- random views and lights ----------------------------------------------------------------------------------
+
+
+def test_random_views_are_even_on_the_sphere_and_the_same_for_a_seed():
+    scene = rz.load(CUBE)
+    cameras = [rz.Camera.random(scene, seed) for seed in range(500)]
+    away = np.array([np.subtract(camera.position, camera.target) for camera in cameras])
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    # The mean of n unit vectors has a deviation of 1/sqrt(3 n) an axis, that of squares of 2/sqrt(45 n); six of each.
+    assert np.abs(away.mean(axis=0)).max() < 6 / np.sqrt(3 * 500)
+    assert np.abs((away**2).mean(axis=0) - 1 / 3).max() < 6 * 2 / np.sqrt(45 * 500)
+    assert rz.Camera.random(scene, 7) == cameras[7] != cameras[8]
+    assert cameras[0].fov == 30 and np.allclose(cameras[1].position, (4.834862, 4.052406, 1.050808))
+
+
+def test_random_views_stay_within_their_ranges():
+    scene = rz.load(CUBE)
+    for seed in range(50):
+        near, far = (rz.Camera.random(scene, seed, elevation=(20, 40), distance=d, fov=(20, 60)) for d in (1, (2, 3)))
+        away, further = (np.subtract(camera.position, camera.target) for camera in (near, far))
+        assert 20 - 1e-9 <= np.degrees(np.arcsin(away[1] / np.linalg.norm(away))) <= 40 + 1e-9
+        assert 2 <= np.linalg.norm(further) / np.linalg.norm(away) <= 3 and 20 <= near.fov == far.fov <= 60
+        rolled = rz.Camera.random(scene, seed, roll=90)
+        level = rz.Camera.random(scene, seed)
+        assert np.allclose(rolled.view().right, level.view().up) and np.allclose(rolled.view().up, -level.view().right)
+    for wrong, words in (
+        ({"seed": -1}, "seed must be a whole number"), ({"seed": 1, "distance": 0}, "distance must be a range within"),
+        ({"seed": 1, "fov": (50, 20)}, "fov must be a range"), ({"seed": 1, "elevation": "up"}, "must be a number or"),
+        ({"seed": 1, "roll": (1, 2, 3)}, "roll must be a number or a pair"),
+    ):  # fmt: skip
+        with pytest.raises(rz.SceneError, match=words):
+            rz.Camera.random(scene, **wrong)
+
+
+def test_random_lights_are_within_their_ranges_and_the_same_for_a_seed():
+    counts = set()
+    for seed in range(200):
+        ambient, *others = rz.random_lights(
+            seed, n=(0, 2), elevation=(30, 60), intensity=(0.5, 0.6), up="z", shadow=True
+        )
+        counts.add(len(others))
+        assert 0.05 <= ambient.color[0] <= 0.2
+        for light in others:
+            assert 0.5 <= light.color[0] == light.color[2] <= 0.6 and light.shadow == rz.Shadow()
+            assert 0.5 - 1e-9 <= -light.direction[2] <= np.sqrt(0.75) + 1e-9
+    assert counts == {0, 1, 2} and rz.random_lights(5) == rz.random_lights(5) != rz.random_lights(6)
+    with pytest.raises(rz.SceneError, match=r"n must be a range within 0\.\.100"):
+        rz.random_lights(1, n=(1, 200))
+
+
+def test_lights_of_a_task_take_the_place_of_those_of_its_model():
+    lights = (rz.AmbientLight(0.4), rz.DirectionalLight((0, -1, 0)))
+    tasks = [
+        rz.RenderTask(CUBE, "0.png", (20, 30), options=SMALL, lights=lights),
+        rz.RenderTask(CUBE, "1.png", (20, 30), options=SMALL),
+        rz.RenderTask(CUBE, "2.png", (20, 30), options=SMALL, lights={"n": 2}, seed=4),
+        rz.RenderTask(CUBE, "3.png", (20, 30), options=SMALL, lights="random", seed=5),
+    ]
+    assert [record.error for record in draw(tasks)] == [None] * 4
+    expected = (lights, None, rz.random_lights(4, n=2), rz.random_lights(5))
+    scene = rz.load(CUBE)
+    for k, each in enumerate(expected):
+        lit = scene if each is None else replace(scene, lights=each)
+        frame = rz.render(lit, SIZE, azimuth=20, elevation=30, outputs="rgb")
+        assert Path(f"{k}.png").read_bytes() == frame.encode("PNG"), k
+
+
+# --- what others read -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A dataset of a still life and a torus, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("made")
+    draw(dataset(folder / "data"), manifest=folder / "data" / "m.jsonl")
+    return folder
+
+
+def test_pycocotools_reads_the_masks_of_the_object_buffer(made, capsys):
+    coco = pytest.importorskip("pycocotools.coco", reason="the extra dataset is not installed")
+    ids = rz.write_coco(made / "data" / "m.jsonl", made / "annotations" / "all.json")
+    assert (
+        list(ids) == sorted(ids) and list(ids.values()) == list(range(1, len(ids) + 1)) and {"torus", "ball"} < set(ids)
+    )
+    found = coco.COCO(str(made / "annotations" / "all.json"))
+    assert (
+        found.getImgIds() == list(range(6))
+        and {each["name"]: each["id"] for each in found.loadCats(found.getCatIds())} == ids
+    )
+    for line in read_manifest(made / "data" / "m.jsonl"):
+        (image,) = found.loadImgs(line["index"])
+        picture = Image.open(made / "annotations" / image["file_name"])
+        assert picture.size == (image["width"], image["height"]) == SIZE
+        buffer = np.asarray(Image.open(made / "data" / line["files"]["object"])).astype(int) - 1
+        annotations = found.loadAnns(found.getAnnIds(line["index"]))
+        seen = [k for k in range(len(line["objects"])) if (buffer == k).any()]
+        assert len(annotations) == len(seen)
+        for k, annotation in zip(seen, annotations, strict=True):
+            mask = found.annToMask(annotation).astype(bool)
+            assert (
+                np.array_equal(mask, buffer == k)
+                and annotation["area"] == mask.sum()
+                and annotation["bbox"] == box_of(mask)
+            )
+            name = line["objects"][k]["name"] if len(line["objects"]) > 1 else "torus"
+            assert annotation["category_id"] == ids[name] and annotation["iscrowd"] == 0
+
+
+def test_a_bop_scene_has_what_the_format_says(made):
+    folder, lines = made / "train_pbr" / "000000", read_manifest(made / "data" / "m.jsonl")
+    ids = rz.write_bop(made / "data" / "m.jsonl", folder, unit=100)
+    cameras, poses, infos = (
+        json.loads((folder / f"scene_{name}.json").read_text()) for name in ("camera", "gt", "gt_info")
+    )
+    assert list(cameras) == list(poses) == list(infos) == [str(k) for k in range(6)]
+    for line in lines:
+        key = str(line["index"])
+        scene, camera, said = rz.load(line["model"]), cameras[key], line["camera"]["opencv"]
+        assert set(camera) == {"cam_K", "depth_scale", "cam_R_w2c", "cam_t_w2c"}
+        assert (folder / "rgb" / f"{key:0>6}.png").read_bytes() == (made / "data" / line["files"]["rgb"]).read_bytes()
+        millimetres = np.asarray(Image.open(folder / "depth" / f"{key:0>6}.png")) * camera["depth_scale"]
+        # A corner that is seen: K (R x + t), in mm, leads to the pixel that has its depth.
+        K, R, t = (
+            np.reshape(camera[name], shape)
+            for name, shape in (("cam_K", (3, 3)), ("cam_R_w2c", (3, 3)), ("cam_t_w2c", 3))
+        )
+        size = line["size"]
+        taken = rz.render(
+            scene, size, camera=rz.Camera.from_opencv(said["K"], said["R"], said["t"], size), outputs="position"
+        )
+        rows, columns = np.nonzero(millimetres)
+        middle = len(rows) // 2
+        x = R @ (taken.position[rows[middle], columns[middle]] * 100) + t
+        assert np.allclose((K @ x)[:2] / x[2], (columns[middle], rows[middle]), atol=0.01)
+        assert abs(x[2] - millimetres[rows[middle], columns[middle]]) < 0.5 * camera["depth_scale"] + 0.5
+        assert len(poses[key]) == len(infos[key]) == len(line["objects"])
+        for k, (pose, info, each) in enumerate(zip(poses[key], infos[key], line["objects"], strict=True)):
+            assert pose["obj_id"] == ids[each["name"] if len(line["objects"]) > 1 else "torus"]
+            assert (pose["cam_R_m2c"], pose["cam_t_m2c"]) == (camera["cam_R_w2c"], camera["cam_t_w2c"])
+            mask, visib = (
+                np.asarray(Image.open(folder / name / f"{key:0>6}_{k:06d}.png")) for name in ("mask", "mask_visib")
+            )
+            assert set(np.unique(mask)) | set(np.unique(visib)) <= {0, 255} and mask.shape == visib.shape == tuple(
+                size[::-1]
+            )
+            assert (info["px_count_all"], info["px_count_valid"]) == (each["pixels_whole"], (mask > 0).sum())
+            assert info["px_count_visib"] == (visib > 0).sum() == each["pixels"] and not (visib > mask).any()
+            assert info["visib_fract"] == (each["pixels"] / each["pixels_whole"] if each["pixels_whole"] else 0)
+            box = box_of(visib > 0)
+            assert info["bbox_visib"] == ([-1] * 4 if box is None else [*box[:2], box[2] - 1, box[3] - 1])
+            assert len(info["bbox_obj"]) == 4
+
+
+def test_what_no_dataset_can_be_made_of_is_refused(folder):
+    pytest.importorskip("pycocotools", reason="the extra dataset is not installed")
+    camera = rz.Camera.orthographic((0, 0, 5), height=4)
+    draw([rz.RenderTask(CUBE, "a.npz", options=SMALL)], manifest="arrays.jsonl")
+    draw([rz.RenderTask(CUBE, "b.png", camera=camera, options=SMALL)], manifest="flat.jsonl")
+    for function, words in ((rz.write_coco, "COCO needs pictures"), (rz.write_bop, "BOP needs pictures")):
+        with pytest.raises(rz.SceneError, match=words):
+            function("arrays.jsonl", "out")
+        with pytest.raises(rz.SceneError, match="nope.jsonl is no manifest: No such file"):
+            function("nope.jsonl", "out")
+    with pytest.raises(rz.SceneError, match="perspective alone"):
+        rz.write_bop("flat.jsonl", "out")
+    with pytest.raises(rz.SceneError, match="unit must be above 0"):
+        rz.write_bop("flat.jsonl", "out", unit=0)
+    os.unlink("b.png")
+    rz.write_coco("flat.jsonl", "out.json")  # which has no need to read it
+    draw([rz.RenderTask(CUBE, "c.png", options=SMALL)], manifest="gone.jsonl")
+    os.unlink("c.png")
+    with pytest.raises(rz.OutputError, match="can't copy"):
+        rz.write_bop("gone.jsonl", "out")
+
+
+@pytest.mark.parametrize("look", [{}, {"shading": "gouraud"}, {"ground": True}])
+def test_a_renderer_in_other_lights_draws_as_a_new_one(look):
+    """Also once the first one is closed."""
+    scene = rz.load(TABLE)
+    first = rz.Renderer(scene, SIZE, outputs=("color", "face"), **look)
+    before = first.render()
+    for lights in (rz.random_lights(3, shadow=True), rz.headlight(), rz.studio()):
+        with first.in_lights(lights) as other:
+            first.close()
+            frame = other.render()
+        expected = rz.render(replace(scene, lights=lights), SIZE, outputs=("color", "face"), **look)
+        assert np.array_equal(frame.color, expected.color) and np.array_equal(frame.face, expected.face)
+        assert (
+            np.array_equal(frame.rgba, expected.rgba)
+            and other.scene.lights != first.scene.lights
+            or lights == rz.studio()
+        )
+    assert np.array_equal(before.rgba, rz.render(scene, SIZE, **look).rgba)
+    with pytest.raises(rz.SceneError, match="light"):
+        first.in_lights("sun")
