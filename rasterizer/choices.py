@@ -98,6 +98,7 @@ LIGHT_TYPES: tuple[str, ...] = get_args(LightType)  # built-in
 DISTRIBUTION = "scanline-rasterizer"  # what pip calls it
 EXTRAS: dict[str, str] = {
     "completion": "raster completion",
+    "dataset": "annotations of datasets as COCO has them",
     "distributed": "batches on Dask's workers",
     "exr": "EXR files",
     "formats": "3MF with its colours, COLLADA (DAE, ZAE), 3DXML and XAML files",
