@@ -10,13 +10,11 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..choices import VIEWS
-from ..errors import RasterizerError, SceneError, error_of
+from ..errors import RasterizerError, error_of
 from ..frame import Frame, Stats
 from ..io.loader import load
 from ..options import Options
 from ..renderer import Renderer
-from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .tasks import RenderTask
 
@@ -131,38 +129,20 @@ def drop(kept: dict[str, Any]) -> None:
 def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
     """Draw a picture of a model, by the Renderer of the one before if the options are the same; where the view is, too,
     the frame is that of the one before."""
-    if "renderer" not in kept or kept["renderer"].options != options:
+    view, look = view_of(task), pickle.dumps(task.look)
+    if "renderer" not in kept or (kept["renderer"].options, kept["look"]) != (options, look):
         if "renderer" in kept:
             kept.pop("renderer").close()
-        kept["renderer"], kept["frame"] = Renderer(model.scene, **vars(options)), (None, None)
-    view = view_of(task)
+        kept["renderer"], kept["frame"] = Renderer(model.scene, options=options, **task.look), (None, None)
+        kept["look"] = look
     if kept["frame"][0] != view:
-        kept["frame"] = view, kept["renderer"].render(camera_of(model.scene, task, options.size))
+        kept["frame"] = view, kept["renderer"].render(**task.side)
     return kept["frame"][1]
 
 
-def view_of(task: RenderTask) -> tuple[Any, Camera | None]:
-    """Return what tells the view of a task from others of its model; what isn't written as text or numbers equals
-    nothing."""
-    view: Any = task.view
-    if isinstance(view, (tuple, list)) and all(isinstance(angle, (int, float)) for angle in view):
-        view = tuple(view)
-    elif view is not None and not isinstance(view, str):
-        view = object()
-    return view, task.camera
-
-
-def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera | None:
-    """Return the camera of a picture; None for the scene's own."""
-    if task.view is None:
-        return task.camera
-    angles = VIEWS[task.view] if isinstance(task.view, str) else task.view
-    try:
-        azimuth, elevation = angles
-    except (TypeError, ValueError):
-        raise SceneError(f"view must be a name or (azimuth, elevation); given {task.view!r}") from None
-    width, height = size
-    return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=width / height)
+def view_of(task: RenderTask) -> bytes:
+    """Return what tells the view of a task from others of its model."""
+    return pickle.dumps((task.side, task.look))
 
 
 def encode(frame: Frame, task: RenderTask, options: Options) -> bytes:

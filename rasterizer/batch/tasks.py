@@ -1,19 +1,24 @@
 """What a batch draws, and what it says of each picture."""
 
 import os
+import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from ..choices import SAVED_ARRAYS, VIEWS, SavedArray
+from ..choices import SAVED_ARRAYS, SavedArray
 from ..errors import SceneError, counted, shown
 from ..frame import Stats
 from ..io.formats import picture_format
+from ..keywords import divided
+from ..look import Look
 from ..options import Options
 from ..scene.camera import Camera
+from ..viewpoint import Viewpoint
 
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
+_OF_LOADING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")  # what `load` takes
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,8 @@ class RenderTask:
     view : one of the named views, such as "front", or a pair (azimuth, elevation) in degrees; None = the camera below,
         or the scene's own
     camera : Camera; None = by the view
-    options : Options, or a dict of some of them. Where a dict names no outputs, they are what the file holds: of a
+    options : Options, or a dict of words of `render`, but `view` and `camera`, which stand above, and those that say
+        how a file is read, which stand in `load`. Where a dict names no outputs, they are what the file holds: of a
         picture "rgb", of a .npy file its array. `threads` is 1 unless it is given
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
     array : which array a .npy file holds, as in `Frame.save`; None = the first of the outputs, or "color"
@@ -68,20 +74,31 @@ class RenderTask:
             raise SceneError(f"arrays are written as .npy; given {shown(self.output)} for the array {self.array!r}")
         if not self.is_array:
             picture_format(os.path.splitext(os.fspath(self.output))[1])
-        if self.camera is not None and self.view is not None:
-            raise SceneError("a task takes a view or a camera, not both")
-        if isinstance(self.view, str) and self.view not in VIEWS:
-            raise SceneError(f"view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {self.view!r}")
         options = self.options
         if isinstance(options, Options):
             values = dict(vars(options))
         elif isinstance(options, Mapping) and all(isinstance(name, str) for name in options):
-            values = self._default_outputs() | dict(options)
+            values = self._default_outputs() | divided(divided(options, Viewpoint)[1], Look)[1]
+            if elsewhere := sorted({"view", "camera", *_OF_LOADING} & {*options}):
+                raise SceneError(f"a task has {elsewhere[0]} as a field, or in `load`; given in its options")
         else:
             raise SceneError(f"options must be Options or a dict of some; given {shown(options)}")
         if values.get("threads") is None:
             values["threads"] = 1
+        Viewpoint(**self.side)
+        pickle.dumps((self.side, self.look))  # other processes get them
         return Options(**values)
+
+    @property
+    def look(self) -> dict[str, Any]:
+        """The words of its options that change how its model looks."""
+        return {} if isinstance(self.options, Options) else divided(self.options, Look)[0]
+
+    @property
+    def side(self) -> dict[str, Any]:
+        """The words that say where its picture is taken from."""
+        words = {} if isinstance(self.options, Options) else divided(self.options, Viewpoint)[0]
+        return words | {"view": self.view, "camera": self.camera}
 
     @property
     def is_array(self) -> bool:
