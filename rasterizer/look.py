@@ -24,7 +24,7 @@ from .scene.lights import (
     without_shadows,
 )
 from .scene.material import Material, named_fields
-from .scene.mesh import Mesh
+from .scene.mesh import Mesh, checked_crease_angle
 from .scene.scene import DepthCue, Scene, SceneLike, checked_cue
 from .scene.validate import choice, whole
 
@@ -88,6 +88,7 @@ class Look:
             choice(self.preset, tuple(PRESETS), "preset")
         if not isinstance(self.shadows, (bool, Shadow)):
             raise SceneError(f"shadows must be True, False or a Shadow; given {shown(self.shadows)}")
+        checked_crease_angle(self.crease_angle)
         object.__setattr__(self, "subdivide", whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS))
         object.__setattr__(self, "material", self._material_fields())
 

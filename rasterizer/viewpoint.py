@@ -176,7 +176,7 @@ def words_given(words: Mapping[str, Any]) -> list[str]:
 def check_words(words: Mapping[str, Any], mark: str = "") -> None:
     """Raise SceneError where the fields of `Viewpoint` can't be together, or are no words; `mark` is what stands before
     their names, -- on the command line."""
-    camera, view, given = words["camera"], words["view"], words_given(words)
+    camera, view = words["camera"], words["view"]
     if not (camera is None or isinstance(camera, (Camera, str, os.PathLike, Mapping))):
         raise SceneError(f'{mark}camera must be a Camera, "file", "frame", a path or None; given {shown(camera)}')
     is_pair = isinstance(view, (tuple, list, np.ndarray)) and len(view) == 2
@@ -186,6 +186,7 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
         raise SceneError(f"{mark}zoom must be above 0; given {words['zoom']:g}")
     if not isinstance(words["ortho"], (bool, np.bool_)):
         raise SceneError(f"{mark}ortho must be True or False; given {shown(words['ortho'])}")
+    given = words_given(words)
     if given and camera is not None and not (isinstance(camera, str) and camera == "frame"):
         others = ", ".join(mark + name for name in given)
         raise SceneError(f"a picture has a camera, or a side that it is framed from; given {mark}camera, {others}")
