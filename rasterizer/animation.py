@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import AXES
 from .errors import SceneError, counted, shown
 from .frame import Frame
 from .io.animation import Timing, encode_animation
 from .io.files import write_whole
-from .io.loader import load
-from .keywords import checked_keywords
+from .keywords import divided, takes_words
+from .look import Look
 from .options import Options
-from .renderer import Renderer
-from .scene.camera import Camera, pivot_of, turned_cameras
-from .scene.scene import Scene
+from .renderer import Renderer, render
 from .scene.validate import is_whole, number
+from .viewpoint import Viewpoint
+
+if TYPE_CHECKING:
+    from .keywords import Unpack
+    from .renderer import RenderWords
 
 _MAX_FRAMES = 10_000
 _MAX_LOOPS = 65535
@@ -99,17 +101,15 @@ class Animation:
         return path
 
 
-@checked_keywords
+@takes_words(Viewpoint, Look, Options, but=("size", "outputs"))
 def turntable(
     scene: Any,
-    size: int | tuple[int, int] = (320, 240),
+    size: int | Sequence[int] = (320, 240),
     n_frame: int = 36,
     *,
     seconds: float = 3.0,
-    elevation: float | None = None,
-    fov: float | None = None,
-    camera: Camera | None = None,
-    **options: Any,
+    options: Options | None = None,
+    **words: Unpack[RenderWords],
 ) -> Animation:
     """Turn a scene round once: the camera goes round it at one distance, to the right, about the scene's up axis.
 
@@ -119,10 +119,9 @@ def turntable(
     size : (width, height) in pixels, or one number for a square
     n_frame : pictures of one round, 1 to 10000
     seconds : how long it takes
-    elevation, fov : degrees, as in `Camera.framing`; None = 25 and 30
-    camera : of the first frame, from which it goes round what it looks at; None = the cameras of `Camera.orbit`, which
-        show all of the scene from all sides
-    options : other options of `render`, but `outputs`
+    options, words : those of `render`, but `outputs`. What says where a picture is taken from says it of the first
+        frame. A `camera` goes round what it looks at, and one at `eye` round its `target`; else the cameras are those
+        of `Camera.orbit`, which show all of the scene from all sides
 
     Returns
     -------
@@ -133,28 +132,16 @@ def turntable(
     SceneError : a value or option that is not legal
     ModelError : a model that can't be read
     """
+    if TYPE_CHECKING:  # how Jedi finds the words
+        render(scene, **words)
     if not is_whole(n_frame, 1, _MAX_FRAMES):
         raise SceneError(f"n_frame must be within 1..{_MAX_FRAMES}; given {shown(n_frame)}")
-    if "outputs" in options:
-        raise SceneError("a turntable is made of pictures alone: it takes no outputs")
-    scene = scene if isinstance(scene, Scene) else load(scene)
-    checked = Options(size=size)
-    cameras = _cameras(scene, int(n_frame), checked.size, camera, elevation=elevation, fov=fov)
-    with Renderer(scene, checked.size, outputs=("rgb",), **options) as renderer:
-        return Animation([renderer.render(camera) for camera in cameras], seconds)
-
-
-def _cameras(scene: Scene, n_frame: int, size: tuple[int, int], camera: object, **framing: Any) -> list[Camera]:
-    """Return the cameras of a round: those of an orbit, or one that is given, turned."""
-    asked = {name: value for name, value in framing.items() if value is not None}
-    if camera is None:
-        return Camera.orbit(scene, n_frame, size=size, **asked)
-    if not isinstance(camera, Camera):
-        raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
-    if asked:
-        raise SceneError(f"a turntable has a camera, or frames the scene; given camera, {', '.join(asked)}")
+    side, others = divided(words, Viewpoint)
+    viewpoint, others = Viewpoint(**side), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]
-    return turned_cameras(camera, angles, AXES[scene.up], pivot_of(camera, scene.bounds))
+    with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
+        cameras = viewpoint.cameras_round(angles, renderer.scene, renderer.options.size, renderer.subject)
+        return Animation([renderer.render(camera) for camera in cameras], seconds)
 
 
 def _picture_of(frame: object) -> NDArray[np.uint8]:

@@ -54,6 +54,7 @@ PROCESSOR_LEVELS: tuple[str, ...] = get_args(ProcessorLevel)
 
 # --- what a scene is made of --------------------------------------------------------------------------------
 
+ViewName = Literal["iso", "front", "back", "left", "right", "top", "bottom"]
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Weighting = Literal["angle", "area", "uniform"]
 Filter = Literal["nearest", "bilinear", "trilinear"]
@@ -83,6 +84,7 @@ VIEWS: dict[str, tuple[float, float]] = {
     "top": (0.0, 90.0),
     "bottom": (0.0, -90.0),
 }
+AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # degrees, of a picture that is framed; those of Camera.framing
 WEIGHTINGS: tuple[str, ...] = get_args(Weighting)
 FILTERS: tuple[str, ...] = get_args(Filter)
 WRAPS: tuple[str, ...] = get_args(Wrap)

@@ -6,24 +6,33 @@ where in this package it was found is of no use to them. What editors and type c
 is written. This file is apart from errors.py because `typing`, which it needs, is more than `raster --help` waits for.
 """
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from .errors import ModelError, OptionError, RasterizerError
+
+if TYPE_CHECKING:
+    if sys.version_info >= (3, 11):
+        from typing import Unpack as Unpack
+    else:
+        from typing_extensions import Unpack as Unpack
 
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T", bound=type)
 
 
-def checked_keywords(function: Callable[P, R]) -> Callable[P, R]:
+def checked_keywords(function: Callable[P, R], words: tuple[str, ...] = ()) -> Callable[P, R]:
     """Let a function raise OptionError where it is given a keyword that it doesn't have, and errors of this package as
-    if they came from where it was called."""
+    if they came from where it was called; `words` are those that it takes as **words."""
     code = function.__code__
     n_parameter = code.co_argcount + code.co_kwonlyargcount
-    legal = tuple(name for name in code.co_varnames[:n_parameter] if name not in ("self", "cls"))
-    name, takes_any = function.__qualname__.removesuffix(".__init__"), code.co_flags & 0x08  # CO_VARKEYWORDS of inspect
+    legal = tuple(name for name in code.co_varnames[:n_parameter] if name not in ("self", "cls")) + words
+    name = function.__qualname__.removesuffix(".__init__")
+    takes_any = code.co_flags & 0x08 and not words  # CO_VARKEYWORDS of inspect
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -38,6 +47,41 @@ def checked_keywords(function: Callable[P, R]) -> Callable[P, R]:
             raise error.with_traceback(None)  # noqa: B904  it is the same error
 
     return checked
+
+
+def takes_words(*groups: type, but: tuple[str, ...] = ()) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function take as **words the fields of dataclasses, except `but` some, and check them as `checked_keywords`
+    does.
+
+    The signature that `help` and notebooks show has all of them, each with its default, and no types: those are said by
+    its text, and by what type checkers read, the TypedDict of each of the groups.
+    """
+    words = {each.name: each.default for group in groups for each in fields(group)}
+    words = {name: default for name, default in words.items() if name not in but}
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        checked: Any = checked_keywords(function, tuple(words))
+        checked.__signature__ = _signature(function, words)
+        return checked
+
+    return decorate
+
+
+def _signature(function: Callable[..., Any], words: Mapping[str, object]) -> Any:
+    """The signature of a function with **words, words in the place of these."""
+    from inspect import Parameter, signature
+
+    plain = signature(function)
+    own = [each.replace(annotation=Parameter.empty) for each in plain.parameters.values()]
+    keywords = [Parameter(name, Parameter.KEYWORD_ONLY, default=default) for name, default in words.items()]
+    return plain.replace(parameters=[each for each in own if each.kind is not each.VAR_KEYWORD] + keywords)
+
+
+def divided(words: Mapping[str, Any], group: type) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Divide words into those that are fields of a dataclass, and the others."""
+    names = {each.name for each in fields(group)}
+    own = {name: value for name, value in words.items() if name in names}
+    return own, {name: value for name, value in words.items() if name not in names}
 
 
 def checked_fields(cls: T) -> T:
@@ -61,10 +105,15 @@ def unknown_keyword(name: str, keyword: str, legal: tuple[str, ...]) -> OptionEr
     found = [near] if near in legal else get_close_matches(keyword.lower(), legal, n=1)
     where = None if near in legal else _ELSEWHERE.get(keyword.lower())
     hint = f"{where}. " if where else f"did you mean {found[0]}? " if found else ""
-    return OptionError(f"{name} has no option {keyword!r}: {hint}Options are {', '.join(legal)}")
+    listed = ", ".join(legal)
+    listed = listed if len(listed) <= _MAX_LISTED else f"those of help(rz.{name})"
+    return OptionError(f"{name} has no option {keyword!r}: {hint}Options are {listed}")
 
 
-# What other programs call it.
+_MAX_LISTED = 200  # letters
+
+
+# What other programs, and the command line, call it.
 _SYNONYMS = {
     "aa": "samples",
     "alpha": "opacity",
@@ -72,14 +121,17 @@ _SYNONYMS = {
     "azim": "azimuth",
     "base_color": "diffuse",
     "bg": "background",
+    "array": "outputs",
     "buffers": "outputs",
     "color": "diffuse",
     "colour": "diffuse",
     "elev": "elevation",
     "height": "size",
+    "input_format": "format",
     "intensity": "color",
     "mode": "shading",
     "multisample": "samples",
+    "orthographic": "ortho",
     "resolution": "size",
     "shape": "size",
     "spp": "samples",
@@ -89,19 +141,29 @@ _SYNONYMS = {
     "workers": "threads",
 }
 
-# What is no option, but set elsewhere: the command line has flags of these names.
+# What is no option, but set elsewhere, or asked of another function: the command line has flags of these names.
 _ELSEWHERE = {
-    "color": "a material has it: mesh.with_material(Material(diffuse=...))",
-    "colour": "a material has it: mesh.with_material(Material(diffuse=...))",
-    "crease_angle": "Mesh and load() have it",
-    "depth_cue": "Scene and load() have it",
-    "fov": "a camera has it: camera=Camera.framing(scene, fov=...)",
-    "margin": "a camera has it: camera=Camera.framing(scene, margin=...)",
-    "material": "a mesh has it: mesh.with_material(...)",
-    "preset": "lights=studio(), headlight() or tabletop()",
-    "shadow": "lights cast them: DirectionalLight(..., shadow=Shadow())",
-    "shadows": "lights cast them: DirectionalLight(..., shadow=Shadow())",
-    "subdivide": "a mesh has it: mesh.subdivide()",
-    "texture": "a material has it: Material(texture=...)",
-    "view": "azimuth and elevation say it",
+    "color": "a material has it, Material(diffuse=...), and render()",
+    "colour": "a material has it, Material(diffuse=...), and render() as color",
+    "crease_angle": "Mesh, load() and render() have it",
+    "depth_cue": "Scene, load() and render() have it",
+    "fov": "a camera has it, Camera.framing(scene, fov=...), and render()",
+    "json": "frame.stats says it",
+    "margin": "a camera has it, Camera.framing(scene, margin=...), and render()",
+    "material": "a mesh has it, mesh.with_material(...), and render()",
+    "output": "the frame is written by render(...).save(path)",
+    "preset": "render() has it; lights=studio(), headlight() or tabletop()",
+    "processes": "render_many(tasks, n_process=...)",
+    "quiet": "nothing is said but warnings",
+    "recursive": "a call takes one model: Path(folder).rglob('*.stl') lists them",
+    "scale": "the frame's save() and encode() have it",
+    "shadow": "a light has it, DirectionalLight(..., shadow=True); shadows=True of render() is of all",
+    "shadow_filter": "shadows=Shadow(filter=...)",
+    "shadow_size": "shadows=Shadow(size=...)",
+    "shadows": "render() has it; a light's is DirectionalLight(..., shadow=True)",
+    "skip_existing": 'render_many(tasks, existing="skip")',
+    "subdivide": "a mesh has it, mesh.subdivide(), and render()",
+    "texture": "a material has it: material={'texture': ...}",
+    "verbose": "load(path, log=print) says what a file has, frame.stats the rest",
+    "view": "render() has it; elsewhere azimuth and elevation say it",
 }

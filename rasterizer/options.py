@@ -4,7 +4,7 @@ import math
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from .choices import (
     ANTIALIASES,
@@ -29,6 +29,7 @@ from .keywords import checked_fields
 from .scene.validate import is_whole, number
 
 if TYPE_CHECKING:
+    from .keywords import Unpack
     from .scene.color import ColorLike
 
 # Samples along an axis, so that a picture may have 65536 pixels with 16 samples. What is counted along an axis has room
@@ -42,6 +43,25 @@ MAX_WIDTH = 256  # px, of edges
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
 DEFAULT_TOLERANCE = 1 / 4096
+
+
+class OptionWords(TypedDict, total=False):
+    """The fields of `Options` but `size`, as they may be given, for type checkers."""
+
+    shading: Shading
+    tolerance: float
+    samples: Samples
+    antialias: Antialias
+    outputs: Output | Sequence[Output]
+    cull: Cull
+    color_range: ColorRange
+    exposure: float
+    spectral: int | None
+    threads: int | None
+    edges: EdgeType | Sequence[EdgeType] | None
+    edge_color: "ColorLike"
+    edge_width: float
+    ground: bool
 
 
 @checked_fields
@@ -115,25 +135,7 @@ class Options:
 
     if TYPE_CHECKING:  # more may be given than is stored
 
-        def __init__(
-            self,
-            *,
-            size: int | Sequence[int] = ...,
-            shading: Shading = ...,
-            tolerance: float = ...,
-            samples: Samples = ...,
-            antialias: Antialias = ...,
-            outputs: Output | Sequence[Output] = ...,
-            cull: Cull = ...,
-            color_range: ColorRange = ...,
-            exposure: float = ...,
-            spectral: int | None = ...,
-            threads: int | None = ...,
-            edges: EdgeType | Sequence[EdgeType] | None = ...,
-            edge_color: "ColorLike" = ...,
-            edge_width: float = ...,
-            ground: bool = ...,
-        ) -> None: ...
+        def __init__(self, *, size: int | Sequence[int] = ..., **options: "Unpack[OptionWords]") -> None: ...
 
     def __post_init__(self) -> None:
         _check_choice("shading", self.shading, SHADINGS)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import Antialias, Axis, ColorRange, Cull, EdgeType, Output, Samples, Shading
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.memory import check_memory, checked_out
@@ -19,72 +19,91 @@ from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
-from .io.loader import FileLike, load
-from .keywords import checked_keywords
+from .io.loader import FileLike
+from .keywords import divided, takes_words
 from .locks import cached_property
-from .options import Options
+from .look import Look, LookWords
+from .options import Options, OptionWords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera
-from .scene.color import ColorLike
-from .scene.lights import Light, on_tabletop
 from .scene.scene import Scene, SceneLike
-from .scene.validate import number
+from .viewpoint import SideWords, Viewpoint, ViewWords
 
-AZIMUTH, ELEVATION = 35.0, 25.0  # degrees; those of `Camera.framing`
+if TYPE_CHECKING:
+    from .keywords import Unpack
 
 
-@checked_keywords
+class SceneWords(LookWords, OptionWords, total=False):
+    """What `Renderer` takes, for type checkers: the words of `Look` and of `Options`."""
+
+
+class RenderWords(ViewWords, SceneWords, total=False):
+    """What `render` takes, for type checkers: the same, and the words of `Viewpoint`."""
+
+
+@takes_words(Viewpoint, Look, Options, but=("size",))
 def render(
     scene: SceneLike | FileLike,
-    size: int | Sequence[int] = Options.size,
+    size: int | Sequence[int] | None = None,
     *,
-    camera: Camera | None = None,
-    lights: Light | Iterable[Any] | None = None,
-    background: ColorLike | None = None,
-    up: Axis | None = None,
-    azimuth: float | None = None,
-    elevation: float | None = None,
-    format: str | None = None,
-    crease_angle: float | None = None,
-    shading: Shading = Options.shading,
-    tolerance: float = Options.tolerance,
-    samples: Samples = Options.samples,
-    antialias: Antialias = Options.antialias,
-    outputs: Output | Sequence[Output] = Options.outputs,
-    cull: Cull = Options.cull,
-    color_range: ColorRange = Options.color_range,
-    exposure: float = Options.exposure,
-    spectral: int | None = Options.spectral,
-    threads: int | None = Options.threads,
-    edges: EdgeType | Sequence[EdgeType] | None = Options.edges,
-    edge_color: ColorLike = Options.edge_color,
-    edge_width: float = Options.edge_width,
-    ground: bool = Options.ground,
+    options: Options | None = None,
     out: NDArray[np.uint8] | None = None,
+    **words: Unpack[RenderWords],
 ) -> Frame:
-    """Render a scene, or whatever one can be loaded from; what each option does is said at `Options`, where the
-    defaults stand.
+    """Render a scene, or whatever one can be loaded from.
 
-        rz.render("teapot.obj", (640, 480), azimuth=60, shading="phong").save("teapot.png")
+        rz.render("teapot.obj", (640, 480), view="front", material="gold", shadows=True).save("teapot.png")
+
+    The words are those of the command line, and mean the same: `raster render teapot.obj --view front --material gold
+    --shadows`. What each option does is said at `Options`, where their defaults stand.
 
     Parameters
     ----------
     scene : Scene, or anything that `load` takes: a path, the bytes of a file, an open file, a Mesh or several, a
         trimesh.Trimesh or trimesh.Scene, or (vertices, faces)
-    size : (width, height) in pixels, or one number for a square
-    camera : Camera; None = the scene's own, else one that frames it
+    size : (width, height) in pixels, or one number for a square; None = that of `options`, (640, 480)
+    options : Options, of which the words below replace some; None = the default ones
+    out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
+
+    Where it is taken from. Unless one of these is given, that is the scene's own camera, else one that frames it
+    camera : Camera; "file" = the first that a model file brings; "frame" = none that the scene brings; or the path of a
+        scene file, or of a file that holds a camera alone
+    view : "iso", "front", "back", "left", "right", "top", "bottom", or (azimuth, elevation) in degrees
+    azimuth, elevation : degrees about the up axis, 0 = front, and above the horizon; as in `Camera.framing`: 35 and 25
+    fov : degrees, vertical field of view of the camera that frames, or stands at `eye`; None = 30
+    ortho : without perspective; with `eye`, the target keeps its size
+    zoom : enlarges the middle of the picture as many times
+    margin : share of the picture that stays empty on each side; None = 0.05
+    eye, target : three numbers each, where the camera stands, and what it looks at; None = the middle of the scene
+
+    How the model looks
     lights : a light or a sequence of them; None = those of the scene or file, else studio lights
-    background : colour; None = that of the scene or file, else transparent
-    up : text, up axis "x", "y", "z" or with a minus sign; None = as `load` has it
-    azimuth, elevation : degrees, the side from which the picture is framed, as in `Camera.framing`. Where one of these
-        or `up` is given, a camera that the scene or file has doesn't count
-    format : text, the format of bytes, or of a file whose suffix doesn't tell it; as in `load`
-    crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp; as in `load`
+    preset : "studio", "headlight" or "tabletop": ready-made lights, to which `lights` are added
+    shadows : True = all lights but ambient ones cast shadows, unless one has `shadow=False`; or a Shadow, that of those
+        that have none of their own
+    material : Material, the name of one of the classic table ("gold", "jade", "red plastic" ..., see `Material.named`),
+        or a dict of some fields; replaces them in every material. Without "ambient" that follows "diffuse"
+    color : colour, short for material={"diffuse": ...}
+    reflection : text, short for material={"reflection": ...}
+    background : colour, or "transparent"; None = that of the scene or file, else transparent
+    depth_cue : DepthCue, or a number, its scale; "none" = none; None = that of the scene or file
+    up : text, up axis "x", "y", "z" or with a minus sign; None = as `load` has it. Where it is given, a camera that the
+        scene or file has doesn't count
+
+    How a file or mesh is read; as in `load`, but for `subdivide`
+    format : text, the format of bytes, or of a file whose suffix doesn't tell it
+    crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp
+    weighting : "angle", "area" or "uniform": what faces count by where normals are averaged
+    subdivide : how often every triangle is cut in four, 0 to 15
+    drop_bad_faces : leave out faces with NaN or infinite coordinates
+    allow_outside : read also textures, buffers and parts that lie outside the folder of the file that names them
+
+    How it is drawn
     shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = all in float64
     samples : samples a pixel: 1, 4, 9 or 16; buffers have one
-    antialias : "supersample" (all is done for every sample), or "shade-once" (light and textures once for each
-        polygon in a pixel)
+    antialias : "supersample" (all is done for every sample), or "shade-once": light and textures once for each polygon
+        in a pixel
     outputs : one name or several out of "color", "rgb", and the buffers "depth", "face", "normal", "mask", "object",
         "material", "uv", "barycentric", "position", "position_camera", "normal_camera"
     cull : "auto" (inner sides of closed bodies are left out, which nobody sees), "none", or "back" to leave out faces
@@ -97,7 +116,6 @@ def render(
     edge_color, edge_width : their colour, in any way that colours are written, and width in pixels
     ground : whether the scene stands on the ground of a tabletop, with a soft shadow; without lights of its own, in a
         light that casts shadows
-    out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
 
     Returns
     -------
@@ -109,86 +127,49 @@ def render(
     OptionError : an option that there isn't; the message names the nearest one
     ModelError : a file that can't be read, or a mesh that is not legal
     """
-    _check_one_view(camera, azimuth=azimuth, elevation=elevation)
-    scene = load(scene, lights=lights, background=background, up=up, format=format, crease_angle=crease_angle)
-    with Renderer(
-        scene,
-        size,
-        shading=shading,
-        tolerance=tolerance,
-        samples=samples,
-        antialias=antialias,
-        outputs=outputs,
-        cull=cull,
-        color_range=color_range,
-        exposure=exposure,
-        spectral=spectral,
-        threads=threads,
-        edges=edges,
-        edge_color=edge_color,
-        edge_width=edge_width,
-        ground=ground,
-    ) as renderer:
-        if camera is azimuth is elevation is None and up is not None:  # the file's camera doesn't count
-            azimuth = AZIMUTH
-        return renderer.render(camera, azimuth=azimuth, elevation=elevation, out=out)
+    if TYPE_CHECKING:  # how Jedi finds the words
+        Viewpoint(**words)
+        Renderer(scene, size, **words)
+    side, others = divided(words, Viewpoint)
+    viewpoint = Viewpoint(**side)  # what is not legal is told before a file is read
+    with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
+        return renderer.render(out=out, **vars(viewpoint))
 
 
 class Renderer:
     """Render many pictures of one scene: what doesn't depend on the camera is prepared once, and buffers are kept.
 
-    Parameters are those of `render`; cameras and angles are given for each picture. Use it as a context manager, or
-    call `close`, to end its threads. One Renderer draws one picture at a time: threads that share one take turns, so
-    each needs one of its own to draw at the same time. A forked process goes on with it, on threads of its own;
-    pickled, it becomes a new one of the same scene and options.
+    Parameters
+    ----------
+    scene, size, options, words : those of `render`, but for those that say where a picture is taken from, which are
+        given for each picture
+    camera : of the scene, as `load` takes it: "file" = the first that a model file brings
+
+    Use it as a context manager, or call `close`, to end its threads. One Renderer draws one picture at a time: threads
+    that share one take turns, so each needs one of its own to draw at the same time. A forked process goes on with it,
+    on threads of its own; pickled, it becomes a new one of the same scene and options.
     """
 
-    @checked_keywords
+    @takes_words(Look, Options, but=("size",))
     def __init__(
         self,
         scene: SceneLike | FileLike,
-        size: int | Sequence[int] = Options.size,
+        size: int | Sequence[int] | None = None,
         *,
-        shading: Shading = Options.shading,
-        tolerance: float = Options.tolerance,
-        samples: Samples = Options.samples,
-        antialias: Antialias = Options.antialias,
-        outputs: Output | Sequence[Output] = Options.outputs,
-        cull: Cull = Options.cull,
-        color_range: ColorRange = Options.color_range,
-        exposure: float = Options.exposure,
-        spectral: int | None = Options.spectral,
-        threads: int | None = Options.threads,
-        edges: EdgeType | Sequence[EdgeType] | None = Options.edges,
-        edge_color: ColorLike = Options.edge_color,
-        edge_width: float = Options.edge_width,
-        ground: bool = Options.ground,
+        options: Options | None = None,
+        camera: Camera | Literal["file"] | None = None,
+        **words: Unpack[SceneWords],
     ) -> None:
-        self.options: Options = Options(
-            size=size,
-            shading=shading,
-            tolerance=tolerance,
-            samples=samples,
-            antialias=antialias,
-            outputs=outputs,
-            cull=cull,
-            color_range=color_range,
-            exposure=exposure,
-            spectral=spectral,
-            threads=threads,
-            edges=edges,
-            edge_color=edge_color,
-            edge_width=edge_width,
-            ground=ground,
-        )
-        self.scene: Scene = load(scene)
+        if TYPE_CHECKING:  # how Jedi finds the words
+            Look(**words)
+            Options(**words)
+        look, chosen = divided(words, Look)
+        self.options: Options = make_options(options, size, chosen)
+        self.scene: Scene = load_look(scene, look, self.options, camera)
         self._prepare()
 
     def _prepare(self, like: PreparedScene | None = None) -> None:
         """Prepare the scene; `like` has the same meshes and options, and lends what it has prepared of these."""
-        if self.options.ground:
-            lights = on_tabletop(self.scene.lights, takes_shadows=self.options.shading == "phong")
-            self.scene = replace(self.scene, lights=lights)
         # The background lies behind the shadow on the ground.
         drawn = replace(self.scene, background=None) if self.options.ground else self.scene
         self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options, like)
@@ -202,7 +183,8 @@ class Renderer:
         What was prepared of the meshes is not prepared again. Raises SceneError for what are no lights.
         """
         found = object.__new__(Renderer)
-        found.options, found.scene = self.options, replace(self.scene, lights=lights)
+        found.options = self.options
+        found.scene = Look(lights=lights).change(self.scene, self.options.shading, self.options.ground)
         found._prepare(self._prepared)
         return found
 
@@ -231,7 +213,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(Renderer, **_arguments_of(self.options)), (self.scene,)
+        return partial(Renderer, options=self.options), (self.scene,)
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -239,22 +221,21 @@ class Renderer:
             self._is_closed = True
             self._prepared.threads.close()
 
-    @checked_keywords
+    @takes_words(Viewpoint, but=("camera",))
     def render(
         self,
-        camera: Camera | None = None,
+        camera: Camera | str | os.PathLike[str] | None = None,
         *,
-        azimuth: float | None = None,
-        elevation: float | None = None,
         out: NDArray[np.uint8] | None = None,
+        **words: Unpack[SideWords],
     ) -> Frame:
         """Render the scene through its own camera, or through another one, or framed from a side.
 
         Parameters
         ----------
-        camera : Camera; None = the scene's own, else one that frames it
-        azimuth, elevation : degrees, the side from which the picture is framed, as in `Camera.framing`. Where one is
-            given, the scene's own camera doesn't count. `Camera.orbit` makes the cameras of a turntable
+        camera, view, azimuth, elevation, fov, ortho, zoom, margin, eye, target : where the picture is taken from, as in
+            `rz.render`; unless one is given, that is the scene's own camera, else one that frames it. `Camera.orbit`
+            makes the cameras of a turntable
         out : (height, width, 4) uint8, without gaps, which takes the picture and becomes the frame's `rgba`: an array
             that is used again for every picture, memory that is shared, or a numpy.memmap. None = a new array
 
@@ -267,12 +248,12 @@ class Renderer:
         SceneError : what is no camera, a camera beside angles, an `out` that doesn't fit, a picture that this machine's
             memory can't hold; and after `close`
         """
-        _check_one_view(camera, azimuth=azimuth, elevation=elevation)
-        if azimuth is not None or elevation is not None:
-            camera = self._framed_from(azimuth, elevation)
-        camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, camera)):
-            return self._render(camera, words)
+        viewpoint = Viewpoint(camera=camera, **words)
+        subject = None if isinstance(viewpoint.camera, Camera) else self.subject
+        seen_by = viewpoint.camera_of(self.scene, self.options.size, subject)
+        pixels = None if out is None else checked_out(out, self.options)
+        with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, seen_by)):
+            return self._render(seen_by, pixels)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
         """Tell what a pixel shows, without a picture: no more is drawn than the rows around it.
@@ -290,7 +271,8 @@ class Renderer:
         ------
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
-        (x, y), camera = checked_pixel(x, y, self.options.size), self._checked_camera(camera)
+        x, y = checked_pixel(x, y, self.options.size)
+        camera = Viewpoint(camera=camera).camera_of(self.scene, self.options.size, self.subject)
         with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
@@ -310,24 +292,6 @@ class Renderer:
         from .engine.ground_shadow import GroundShadow
 
         return GroundShadow(self.scene, threads=self.options.threads)
-
-    def _framed_from(self, azimuth: float | None = None, elevation: float | None = None) -> Camera:
-        """Return the camera that frames the scene, with the shadow on its ground, from the side that `Camera.framing`
-        has for an angle that is None."""
-        azimuth = AZIMUTH if azimuth is None else number(azimuth, "the azimuth")
-        elevation = ELEVATION if elevation is None else number(elevation, "the elevation")
-        (width, height), subject = self.options.size, self.subject
-        if subject is self.scene and (azimuth, elevation) == (AZIMUTH, ELEVATION):
-            return self.scene.framed(width / height)  # which is kept
-        return Camera.framing(subject, azimuth, elevation, aspect=width / height, up=self.scene.up)
-
-    def _checked_camera(self, camera) -> Camera:
-        """Return the camera that a picture is taken with."""
-        if camera is None:
-            camera = self.scene.camera or self._framed_from()
-        if not isinstance(camera, Camera):
-            raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
-        return camera
 
     def _check_open(self) -> None:
         """Raise SceneError after `close`."""
@@ -388,13 +352,25 @@ class Renderer:
         )
 
 
-def _arguments_of(options: Options) -> dict:
-    """The arguments of `Renderer` that options were made of."""
-    return {field.name: getattr(options, field.name) for field in fields(options)}
+def make_options(options: Options | None, size: int | Sequence[int] | None, chosen: Mapping[str, Any]) -> Options:
+    """Return options with the size and the words that are given; SceneError where they are none."""
+    if not (options is None or isinstance(options, Options)):
+        raise SceneError(f"options must be Options or None; given {shown(options)}")
+    sized: Any = {} if size is None else {"size": size}
+    return Options(**sized, **chosen) if options is None else replace(options, **sized, **chosen)
 
 
-def _check_one_view(camera: Camera | None, **angles: float | None) -> None:
-    """Refuse a camera beside angles, which ask for another one; SceneError names them."""
-    given = [name for name, value in angles.items() if value is not None]
-    if camera is not None and given:
-        raise SceneError(f"a picture has a camera, or a side that it is framed from; given camera, {', '.join(given)}")
+def load_look(source: Any, words: Mapping[str, Any], options: Options, camera: Any = None) -> Scene:
+    """Load a scene as the words of `Look` say, and change how it looks.
+
+    Parameters
+    ----------
+    source, camera : as `load` takes them
+    words : fields of Look
+    options : of the picture
+    """
+    look = Look(**words)
+    scene = look.load(source, camera=camera)
+    if camera is None and look.up is not None and scene.camera is not None:  # another side is meant
+        scene = replace(scene, camera=None)
+    return look.change(scene, options.shading, options.ground)

@@ -4,37 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared import PreparedScene
 from ..engine.scene_tables import SceneTables
-from ..io.loader import FileLike, load
-from ..keywords import checked_keywords
+from ..io.loader import FileLike
+from ..keywords import divided, takes_words
+from ..look import Look
 from ..options import Options
 from ..reference import explain as explaining
 from ..reference.explain import Explanation
-from ..scene.camera import Camera
+from ..renderer import load_look, make_options, render
 from ..scene.scene import SceneLike
+from ..viewpoint import Viewpoint
+
+if TYPE_CHECKING:
+    from ..keywords import Unpack
+    from ..renderer import RenderWords
+
+_OVER_SURFACES = ("edges", "edge_color", "edge_width", "ground")  # what no surface is, and isn't explained
 
 
-@checked_keywords
+@takes_words(Viewpoint, Look, Options, but=("size", *_OVER_SURFACES))
 def explain(
     scene: SceneLike | FileLike,
     x: int,
     y: int,
-    size: int | Sequence[int] = Options.size,
+    size: int | Sequence[int] | None = None,
     *,
-    camera: Camera | None = None,
-    shading: Shading = Options.shading,
-    tolerance: float = Options.tolerance,
-    samples: Samples = Options.samples,
-    antialias: Antialias = Options.antialias,
-    outputs: Output | Sequence[Output] = Options.outputs,
-    cull: Cull = Options.cull,
-    color_range: ColorRange = Options.color_range,
-    exposure: float = Options.exposure,
-    spectral: int | None = Options.spectral,
-    threads: int | None = Options.threads,
+    options: Options | None = None,
+    **words: Unpack[RenderWords],
 ) -> Explanation:
     """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
 
@@ -42,13 +41,10 @@ def explain(
     ----------
     scene : Scene, or anything that `load` takes
     x, y : column and row of the pixel, from the upper left, whole numbers
-    size : (width, height) in pixels, or one number for a square
-    camera : Camera; None = that of the scene
-    shading, samples, antialias, cull, color_range, exposure, spectral : the options of the picture, as for `render`. Of
-        several samples each is explained, and the pixel's value is their mean. "global" takes the largest value of the
-        whole picture, which is then drawn, slowly
-    tolerance : decides the path that the renderer takes; the values are the reference's, which has no tolerance
-    outputs, threads : of no effect. They are taken so that the options of a picture can be handed on as they are
+    size, options, words : those of the picture, as for `render`, but edges and the ground. Of several samples each is
+        explained, and the pixel's value is their mean. `color_range` "global" takes the largest value of the whole
+        picture, which is then drawn, slowly. `tolerance` decides the path that the renderer takes; the values are the
+        reference's, which has no tolerance. `outputs` and `threads` are of no effect
 
     Returns
     -------
@@ -59,12 +55,13 @@ def explain(
     SceneError : a pixel outside the picture, or an option that is not legal
     ModelError : a mesh that is not legal
     """
-    scene = load(scene)
-    scene = scene if camera is None else replace(scene, camera=camera)
-    options = Options(
-        size=size, shading=shading, tolerance=tolerance, samples=samples, antialias=antialias, outputs=outputs,
-        cull=cull, color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
-    )  # fmt: skip
+    if TYPE_CHECKING:  # how Jedi finds the words
+        render(scene, **words)
+    side, others = divided(words, Viewpoint)
+    viewpoint, (look, chosen) = Viewpoint(**side), divided(others, Look)
+    options = make_options(options, size, chosen)
+    scene = load_look(scene, look, options, viewpoint.of_file)
+    scene = replace(scene, camera=viewpoint.camera_of(scene, options.size))
     found = explaining.explain(scene, x, y, options)
     prepared = PreparedScene(SceneTables(scene, options), options)
     paths = prepared.paths_at(scene.camera_for(options.size), (found.x, found.y))

@@ -11,8 +11,7 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..choices import VIEWS
-from ..errors import RasterizerError, SceneError, error_of
+from ..errors import RasterizerError, error_of
 from ..frame import Frame, Stats
 from ..io.loader import load
 from ..options import Options
@@ -135,22 +134,22 @@ def drop(kept: dict[str, Any]) -> None:
 
 
 def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
-    """Draw a picture of a model, by the Renderer of the one before if options and lights are the same; where the view
-    is, too, the frame is that of the one before."""
-    look = options, *_lights_key(task)
+    """Draw a picture of a model, by the Renderer of the one before if options and look are the same; where the view is,
+    too, the frame is that of the one before."""
+    look = options, pickle.dumps(task.look), pickle.dumps(task.lights), task.seed if task.is_lit_at_random else None
     if kept.get("look") != look:
-        lights = model.scene.lights if task.lights is None else lights_of(model.scene, task)
+        scene = model.scene if task.lights is None else replace(model.scene, lights=lights_of(model.scene, task))
         before, of_before = kept.pop("renderer", None), kept.pop("look", None)
         if before is not None:
             before.close()
-        if before is not None and of_before[0] == options:
-            kept["renderer"] = before.in_lights(lights)
+        if before is not None and of_before[:2] == look[:2] and not task.look:  # which may change lights
+            kept["renderer"] = before.in_lights(scene.lights)
         else:
-            kept["renderer"] = Renderer(replace(model.scene, lights=lights), **vars(options))
+            kept["renderer"] = Renderer(scene, options=options, **task.look)
         kept["look"], kept["frame"] = look, (None, None)
     view = view_of(task)
     if kept["frame"][0] != view:
-        kept["frame"] = view, kept["renderer"].render(camera_of(model.scene, task, options.size))
+        kept["frame"] = view, kept["renderer"].render(**side_of(model.scene, task, options.size))
     return kept["frame"][1]
 
 
@@ -165,48 +164,25 @@ def _annotate(model: Model, options: Options, frame: Frame, kept: dict[str, Any]
     return kept["said"][1]
 
 
-def view_of(task: RenderTask) -> tuple[Any, ...]:
-    """Return what tells the view and lights of a task from others of its model; what isn't written as text or numbers
-    equals nothing."""
-    view: Any = task.view
-    if isinstance(view, (tuple, list)) and all(isinstance(angle, (int, float)) for angle in view):
-        view = tuple(view)
-    elif view is not None and not isinstance(view, str):
-        view = object()
-    return view, task.camera, task.seed, _lights_key(task)
-
-
-def _lights_key(task: RenderTask) -> tuple[Any, ...]:
-    """Return what tells the lights of a task from those of others."""
-    if task.lights is None or isinstance(task.lights, str):
-        return task.lights, task.seed if task.lights else None
-    return (pickle.dumps((task.lights, task.seed)),)
+def view_of(task: RenderTask) -> bytes:
+    """Return what tells the view and look of a task from others of its model."""
+    return pickle.dumps((task.side, task.view, task.look, task.lights, task.seed))
 
 
 def lights_of(scene: Scene, task: RenderTask) -> Any:
     """Return the lights of a picture that has its own."""
-    if isinstance(task.lights, str) and task.lights != RANDOM:
-        raise SceneError(f"lights must be lights, {RANDOM!r}, or arguments of random_lights; given {task.lights!r}")
-    if isinstance(task.lights, (str, Mapping)):
+    if task.is_lit_at_random:
         settings: dict[str, Any] = {"seed": task.seed, "up": scene.up}
         return random_lights(**settings | dict(task.lights if isinstance(task.lights, Mapping) else {}))
     return task.lights
 
 
-def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera | None:
-    """Return the camera of a picture; None for the scene's own."""
-    if task.view is None:
-        return task.camera
-    if isinstance(task.view, Mapping) or task.view == RANDOM:
-        settings: dict[str, Any] = {"seed": task.seed, "size": size}
-        return Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))
-    angles: Any = VIEWS[task.view] if isinstance(task.view, str) else task.view
-    try:
-        azimuth, elevation = angles
-    except (TypeError, ValueError):
-        raise SceneError(f"view must be a name or (azimuth, elevation); given {task.view!r}") from None
-    width, height = size
-    return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=width / height)
+def side_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> dict[str, Any]:
+    """Return the words that say where a picture is taken from."""
+    if not task.is_seen_at_random:
+        return task.side
+    settings: dict[str, Any] = {"seed": task.seed, "size": size}
+    return task.side | {"camera": Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))}
 
 
 def encode(frame: Frame, task: RenderTask, options: Options) -> dict[str, bytes]:

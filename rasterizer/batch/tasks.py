@@ -1,6 +1,7 @@
 """What a batch draws, and what it says of each picture."""
 
 import os
+import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
@@ -10,13 +11,17 @@ from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.array_files import check_arrays
 from ..io.formats import picture_format
+from ..keywords import divided
+from ..look import Look
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.validate import whole
+from ..viewpoint import Viewpoint
 
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
 RANDOM = "random"  # a view, or lights, by the seed of a task
+_OF_LOADING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")  # what `load` takes
 
 
 @dataclass(frozen=True)
@@ -34,9 +39,10 @@ class RenderTask:
         arguments of `Camera.random`, such as {"distance": (1, 2)}, for a view by `seed`; None = the camera below, or
         the scene's own
     camera : Camera; None = by the view
-    options : Options, or a dict of some of them. `threads` is 1 unless it is given. With a dict of paths the outputs
-        are what the files hold, whatever is said here; with one path and where a dict doesn't name them, too: of a
-        picture "rgb"
+    options : Options, or a dict of words of `render`, but `view`, `camera` and `lights`, which stand here, and those
+        that say how a file is read, which stand in `load`. `threads` is 1 unless it is given. With a dict of paths the
+        outputs are what the files hold, whatever is said here; with one path and where a dict doesn't name them, too:
+        of a picture "rgb"
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
     array : which array a file at one path holds, or which ones, as in `Frame.save`; None = the picture; in a .npy file
         the first of the outputs, in .npz and .exr files all of them
@@ -112,11 +118,14 @@ class RenderTask:
         if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
             legal = f"{', '.join(VIEWS)}, {RANDOM}, or (azimuth, elevation)"
             raise SceneError(f"view must be one of {legal}; given {self.view!r}")
-        is_random = any(isinstance(each, Mapping) or _is_random(each) for each in (self.view, self.lights))
+        if isinstance(self.lights, str) and self.lights != RANDOM:
+            legal = f"lights, {RANDOM!r}, or arguments of random_lights"
+            raise SceneError(f"lights must be {legal}; given {self.lights!r}")
         if self.seed is not None:
             whole(self.seed, "seed", 0)
-        elif is_random:
+        elif self.is_seen_at_random or self.is_lit_at_random:
             raise SceneError("what is random needs a seed: a whole number, another one for each task")
+        Viewpoint(**self.side)
         options = self._options()
         files = self.files(options)
         for path, names in files.items():
@@ -129,6 +138,7 @@ class RenderTask:
                 check_arrays(held, suffix[1:], self.scale_in(path, names))
         if self.scale is not None and not any(self.scale_in(*each) for each in files.items()):
             raise SceneError(f"scale is that of depth in a PNG file, and none is written; given {shown(self.scale)}")
+        pickle.dumps((self.side, self.look, self.view, self.lights))  # other processes get them
         return options
 
     def scale_in(self, path: str, names: tuple[str, ...]) -> float | None:
@@ -160,7 +170,9 @@ class RenderTask:
         if isinstance(self.options, Options):
             values = dict(vars(self.options))
         elif isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options):
-            values = dict(self.options)
+            values = divided(divided(self.options, Viewpoint)[1], Look)[1]
+            if elsewhere := sorted({"view", "camera", "lights", *_OF_LOADING} & {*self.options}):
+                raise SceneError(f"a task has {elsewhere[0]} as a field, or in `load`; given in its options")
         else:
             raise SceneError(f"options must be Options or a dict of some; given {shown(self.options)}")
         if isinstance(self.output, Mapping) or "outputs" not in values:
@@ -172,6 +184,27 @@ class RenderTask:
         if values.get("threads") is None:
             values["threads"] = 1
         return Options(**values)
+
+    @property
+    def look(self) -> dict[str, Any]:
+        """The words of its options that change how its model looks."""
+        return divided(self.options, Look)[0] if isinstance(self.options, Mapping) else {}
+
+    @property
+    def side(self) -> dict[str, Any]:
+        """The words that say where its picture is taken from, but for a random view."""
+        words = divided(self.options, Viewpoint)[0] if isinstance(self.options, Mapping) else {}
+        return words | {"view": None if self.is_seen_at_random else self.view, "camera": self.camera}
+
+    @property
+    def is_seen_at_random(self) -> bool:
+        """Whether its view follows from its seed."""
+        return isinstance(self.view, Mapping) or _is_random(self.view)
+
+    @property
+    def is_lit_at_random(self) -> bool:
+        """Whether its lights follow from its seed."""
+        return isinstance(self.lights, Mapping) or _is_random(self.lights)
 
 
 def _is_random(value: object) -> bool:

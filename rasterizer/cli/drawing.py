@@ -75,7 +75,7 @@ def take_options(arguments, loaded, model, but=("outputs",)) -> tuple:
 
 def make_renderer(scene, options) -> Renderer:
     """Make what draws a scene with options."""
-    return Renderer(scene, **vars(options))
+    return Renderer(scene, options=options)
 
 
 def picture_warnings(frame, scene, arguments, camera, model) -> list[str]:

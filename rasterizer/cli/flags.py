@@ -9,13 +9,13 @@ import argparse
 from typing import Literal, get_args, get_origin
 
 from .. import choices
+from ..choices import AZIMUTH, ELEVATION, FOV
 from ..io import formats
 from ..options import MAX_WAVES, MIN_WAVES, Options
 from . import values
 from .messages import NORMAL, QUIET
 
 EVERY = "all"  # of arrays: color and every buffer
-AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
 UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
 _MATERIAL = """\
 KEY is ambient diffuse specular emissive fresnel metal (colours), shininess opacity levels metallic (numbers), roughness

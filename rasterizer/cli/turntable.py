@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
-from ..choices import AXES
 from ..errors import SceneError, counted
 from ..locks import cached_property
 from . import values
@@ -113,36 +112,15 @@ def _suffix_of(output) -> str:
 
 
 def _cameras(arguments, model, loaded, subject) -> list:
-    """The cameras of a round; a full one ends a step before it would begin again."""
-    from ..scene.camera import Camera, turned_cameras
-    from .cameras import camera_of, framing_settings, zoomed
-
-    n, scene, framing = arguments.frames, loaded.scene, loaded.framing
-    angles = [arguments.turn * k / n for k in range(n)]
-    if isinstance(arguments.camera, tuple):
-        is_standing, framing = arguments.camera[0] is not None, arguments.camera[1]
-    else:
-        is_standing = arguments.eye is not None or (arguments.camera == "file" and framing is None)
-        framing = None if arguments.camera == "frame" else framing
-    if is_standing:
-        camera = camera_of(arguments, None, scene, framing, subject)
-        return turned_cameras(camera, angles, AXES[scene.up], _pivot(arguments, model, camera, scene))
-    settings = framing_settings(arguments, None, scene.up, framing)
-    start = settings.pop("azimuth")
-    cameras = Camera.orbit(subject, [start + angle for angle in angles], **settings)
-    return [zoomed(camera, arguments.zoom) for camera in cameras]
-
-
-def _pivot(arguments, model, camera, scene):
-    """The point (3,) that a camera goes round: what it looks at. A model's own camera has a target in scene files
-    alone; other formats know a direction."""
+    """The cameras of a round; a full one ends a step before it would begin again. A model's own camera has a target in
+    scene files alone; other formats know a direction."""
     from ..io import formats
-    from ..scene.camera import middle_on_axis, pivot_of
+    from .cameras import cameras_round
 
+    angles = [arguments.turn * k / arguments.frames for k in range(arguments.frames)]
     entry = formats.find(arguments.input_format or Path(model).suffix)
-    if arguments.camera == "file" and not (entry is not None and entry.is_scene):
-        return middle_on_axis(camera, scene.bounds)
-    return pivot_of(camera, scene.bounds)
+    has_target = entry is not None and entry.is_scene
+    return cameras_round(arguments, angles, loaded.scene, loaded.framing, subject, has_target)
 
 
 class _Frames:

@@ -233,7 +233,7 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
 # --- lights -----------------------------------------------------------------------------------------------------------
 
 
-def make_light(text, casts, shadow):
+def make_light(text, shadow):
     """Make a light of what follows --light: its type, then the values of its class's fields.
 
         point:1,2,3,color=#f80,shadow=512/3
@@ -243,8 +243,7 @@ def make_light(text, casts, shadow):
 
     Parameters
     ----------
-    casts : whether a light that doesn't speak of shadows casts one
-    shadow : Shadow of such a light, and of one that says shadow=yes
+    shadow : Shadow of a light that says shadow=yes
 
     Returns
     -------
@@ -270,9 +269,8 @@ def make_light(text, casts, shadow):
         if field.is_needed and name not in settings:
             form = _FORMS.get(field.holds, "VALUE")
             raise SceneError(f"argument --light: a {word} light needs {name}={form}; given {text!r}")
-    if "shadow" in described:
-        own = settings.get("shadow", casts)  # yes, no, or (size, filter)
-        settings["shadow"] = Shadow(*own) if isinstance(own, tuple) else shadow if own else None
+    if own := settings.get("shadow"):  # True, or (size, filter)
+        settings["shadow"] = shadow if own is True else Shadow(*own)
     return LIGHT_TYPES[word](**settings)
 
 

@@ -355,7 +355,7 @@ def entry_of(light: Any) -> LightEntry:
 
 def shadow_of(light: Any) -> Any:
     """Return the light's Shadow; None for a light that casts none, also of a type that can't."""
-    return getattr(light, "shadow", None)
+    return getattr(light, "shadow", None) or None
 
 
 def is_black(light: Any) -> bool:

@@ -168,9 +168,7 @@ def _checked_lights(lights, has_camera):
     for i, light in enumerate(lights):
         if getattr(light, "attached", "world") == "camera" and not has_camera:
             raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
-    return tuple(
-        replace(light, shadow=None) if getattr(light, "shadow", None) is not None else light for light in lights
-    )
+    return tuple(replace(light, shadow=None) if getattr(light, "shadow", None) else light for light in lights)
 
 
 # ---------------------------------------------------------------- one light, and one reflection model

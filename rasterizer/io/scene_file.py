@@ -69,13 +69,11 @@ class SceneFile(NamedTuple):
     scene : Scene; without a camera where the file asks for framing
     options : dict of options of a picture by name, not checked
     framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
-    unshadowed : places of those lights that say `shadow = false`, other than those that say nothing
     """
 
     scene: Scene
     options: dict = {}
     framing: dict | None = None
-    unshadowed: tuple[int, ...] = ()
 
     def framed_scene(self) -> Scene:
         """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
@@ -162,9 +160,8 @@ def _read_tables(root, context) -> SceneFile:
             context.materials[key] = read_material(entry, context, key)
     meshes, up = read_meshes(top["meshes"], context)
     settings = {"up": up}
-    unshadowed = ()
     if "lights" in top:
-        settings["lights"], unshadowed = read_lights(top["lights"])
+        settings["lights"] = read_lights(top["lights"])
     camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
     if "background" in top and top["background"].value is not None:
         settings["background"] = top["background"].call(linear_rgb, color_value(top["background"]), "the color")
@@ -175,7 +172,7 @@ def _read_tables(root, context) -> SceneFile:
     scene = root.call(Scene, meshes, camera=camera, **settings)
     if framing is not None:
         top["camera"].call(Camera.framing, scene.meshes[0], up=scene.up, **framing)
-    return SceneFile(scene, _options(top.get("options")), framing, unshadowed)
+    return SceneFile(scene, _options(top.get("options")), framing)
 
 
 def _options(entry) -> dict:
@@ -518,24 +515,17 @@ def _read_texture(entry, context, make) -> Texture:
 # --- lights and cameras -------------------------------------------------------------------------------------
 
 
-def read_lights(entry) -> tuple[tuple, tuple[int, ...]]:
-    """Read the lights: a preset's name, or a list of these and of tables.
-
-    Returns
-    -------
-    the lights, and the places of those that say `shadow = false`; raises SceneError
-    """
-    found, unshadowed = [], []
+def read_lights(entry) -> tuple:
+    """Read the lights: a preset's name, or a list of these and of tables; SceneError for anything else."""
+    found = []
     for item in [entry] if isinstance(entry.value, str) else entry.items():
         if isinstance(item.value, str):
             if item.value not in PRESETS:
                 raise item.fault(f"must be a table, or one of {', '.join(PRESETS)}; given {shown(item.value)}")
             found += PRESETS[item.value]()
             continue
-        if isinstance(item.value, dict) and item.value.get("shadow") is False:
-            unshadowed.append(len(found))
         found.append(_read_light(item))
-    return tuple(found), tuple(unshadowed)
+    return tuple(found)
 
 
 def _read_light(entry):

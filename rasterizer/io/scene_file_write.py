@@ -162,7 +162,7 @@ def _light(light) -> dict:
     table = {"kind": light_type_of(light)}
     for name, field in describe_fields(type(light)).items():
         value = getattr(light, name)
-        if field.holds == "shadow" and value is not None:
+        if field.holds == "shadow" and value:
             table["shadow"] = {"size": value.size, "filter": value.filter}
         elif value is not None:
             table[name] = _color(value) if field.holds == "color" else _plain(value)

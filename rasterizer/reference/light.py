@@ -82,7 +82,7 @@ def make_lighting(
     n_wave = count_waves(scene, spectral)
     textures = tuple(material.texture for material in palette)
     casters = None
-    if any(getattr(light, "shadow", None) is not None for light in scene.lights):
+    if any(getattr(light, "shadow", None) for light in scene.lights):
         is_opaque = np.array([material.is_opaque for material in palette])[surface.material]
         owner = surface.polygon if shading == "flat" else np.arange(len(surface.corners))
         casters = gather_casters(surface.corners, owner, is_opaque)
@@ -171,7 +171,7 @@ def contributions(
                 continue
             n_dot_l = dot(normals, arrival.light_dirs)
             is_lit = n_dot_l > 0
-            if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None) is not None:
+            if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None):
                 is_lit[is_lit] = _is_reached(lamp, arrival, origins, is_lit, lighting.casters)
             diffuse, specular, metal = reflect(table, normals, arrival.light_dirs, view_dirs, brush)
             with np.errstate(invalid="ignore"):  # an amplifying light in the very point

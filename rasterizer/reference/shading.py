@@ -142,7 +142,8 @@ def cue_factors(depth: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     """Return what the depth cue leaves of the light at depths (n,); its own colour takes the place of the rest."""
     if lighting.cue is None:
         return np.ones(len(depth))
-    return 1 / (1 + np.maximum(depth - lighting.cue.start, 0) / lighting.cue.scale)
+    with np.errstate(over="ignore"):  # nothing is left beside the smallest scale
+        return 1 / (1 + np.maximum(depth - lighting.cue.start, 0) / lighting.cue.scale)
 
 
 def sample_normals(surface: Surface, fragments: Fragments) -> NDArray[np.float64]:

@@ -106,7 +106,8 @@ class DirectionalLight:
     direction : three numbers, the direction in which the light travels; any length, stored as a unit vector
     color : intensity Ip, linear: a number, three numbers, hex or CSS text, or a Spectrum
     attached : "world", or "camera" where `direction` is given in the camera's frame
-    shadow : Shadow, or True for the default one; None or False = the light casts no shadows
+    shadow : Shadow, or True for the default one; None = the light casts no shadows, unless all lights shall
+        (`render(shadows=True)`); False = not even then
 
     Raises
     ------
@@ -146,7 +147,8 @@ class PointLight:
     amplify : whether the attenuation may exceed 1
     range : scene units, above 0, or None: the intensity is multiplied by max(0, 1 - (d/range)^4), as glTF's
         KHR_lights_punctual recommends, so that nothing beyond is lit
-    shadow : Shadow, or True for the default one; None or False = the light casts no shadows
+    shadow : Shadow, or True for the default one; None = the light casts no shadows, unless all lights shall
+        (`render(shadows=True)`); False = not even then
 
     Raises
     ------
@@ -367,7 +369,7 @@ def _check_count(lights: Iterable) -> None:
     """Raise SceneError where lights are more than MAX_LIGHTS, or those that cast shadows more than _MAX_SHADOWED."""
     counts = [(getattr(light, "n_cell", 1), light) for light in lights]
     n_light = sum(count for count, _ in counts)
-    n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None) is not None)
+    n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None))
     for count, limit, which in (
         (n_light, MAX_LIGHTS, "lights"),
         (n_shadowed, _MAX_SHADOWED, "lights that cast shadows"),
@@ -467,12 +469,18 @@ def on_tabletop(lights: tuple[Light, ...], takes_shadows: bool) -> tuple[Light, 
 PRESETS = {"studio": studio, "headlight": headlight, "tabletop": tabletop}
 
 
+def with_shadows(lights: Iterable[Any], shadow: Shadow) -> tuple[Any, ...]:
+    """Return lights of which all that can cast a shadow: `shadow`, but where they have or refuse one themselves."""
+    has_none = ((getattr(light, "shadow", shadow) is None, light) for light in lights)
+    return tuple(replace(light, shadow=shadow) if is_without else light for is_without, light in has_none)
+
+
 def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
     """Return lights whose shadows, where they cast any, have other fields."""
 
     def changed(light: Any) -> Any:
         shadow = getattr(light, "shadow", None)
-        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
+        return replace(light, shadow=replace(shadow, **fields)) if shadow else light
 
     return tuple(map(changed, lights))
 
@@ -554,8 +562,9 @@ def _what_holds(annotation: Any) -> str | None:
 # --- checks --------------------------------------------------------------------------------------------------
 
 
-def checked_shadow(shadow: Any, whose: str) -> Shadow | None:
-    """Return what a light's field `shadow` is stored as: a Shadow, or None for a light that casts none.
+def checked_shadow(shadow: Any, whose: str) -> Shadow | Literal[False] | None:
+    """Return what a light's field `shadow` is stored as: a Shadow; None for a light that casts none unless all shall,
+    False for one that never does.
 
     Parameters
     ----------
@@ -566,10 +575,10 @@ def checked_shadow(shadow: Any, whose: str) -> Shadow | None:
     ------
     SceneError : anything else
     """
-    if shadow is None or shadow is False:
-        return None
     if shadow is True:
         return Shadow()
+    if shadow is None or shadow is False:
+        return shadow
     if not isinstance(shadow, Shadow):
         raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
     return shadow

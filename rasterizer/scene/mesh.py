@@ -147,7 +147,7 @@ class Mesh(KeepsArrays):
 
     def __post_init__(self) -> None:
         given = dict(self.__dict__)
-        store(self, crease_angle=_checked_crease_angle(self.crease_angle))
+        store(self, crease_angle=checked_crease_angle(self.crease_angle))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
         store(self, layer=checked_layer(self.layer))
         store(self, materials=_checked_materials(self.material, self.materials))
@@ -473,7 +473,7 @@ def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
     raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
 
 
-def _checked_crease_angle(angle: object) -> float | None:
+def checked_crease_angle(angle: object) -> float | None:
     """Return the crease angle as a float within 0..180 degrees, or None."""
     if angle is None:
         return None

@@ -1,18 +1,28 @@
 """`rz.view`: the viewer in a cell of a notebook. anywidget carries messages between the cell and the kernel (the extra
 `notebook`)."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..choices import install_command
 from ..errors import SceneError, error_of
 from ..frame import Frame
-from ..io.loader import load
+from ..keywords import divided, takes_words
+from ..look import Look
 from ..options import Options
+from ..renderer import load_look, make_options, render
 from ..scene.camera import Camera
 from ..scene.scene import Scene
+from ..viewpoint import Viewpoint
 from .controls import Picked
 from .session import Session
+
+if TYPE_CHECKING:
+    from ..keywords import Unpack
+    from ..renderer import RenderWords
 
 _SIZE = (800, 600)
 _FOLDER = Path(__file__).parent / "page"
@@ -41,13 +51,13 @@ class SceneView(Protocol):
         """Take the widget out of the notebook, and end the threads that draw."""
 
 
+@takes_words(Viewpoint, Look, Options, but=("size", "outputs"))
 def view(
     scene: Any,
-    size: int | tuple[int, int] = _SIZE,
+    size: int | Sequence[int] = _SIZE,
     *,
-    camera: Camera | None = None,
-    shading: str = "phong",
-    **options: Any,
+    options: Options | None = None,
+    **words: Unpack[RenderWords],
 ) -> SceneView:
     """Show a scene in a cell of a notebook: drag to turn it, click to pick a face.
 
@@ -55,9 +65,8 @@ def view(
     ----------
     scene : Scene, or whatever `load` takes: a path, a mesh, a trimesh object
     size : (width, height) of the view in CSS pixels, or one number for a square; it is narrower where the cell is
-    camera : Camera that is looked through at first; None = the scene's own, or one that shows all of it
-    shading : "flat", "gouraud" or "phong", at first
-    options : other options of `render` but `outputs`; `samples` are those of pictures at rest
+    options, words : those of `render`, but `outputs`. Where it is taken from, and `shading`, are so at first; `samples`
+        are those of pictures at rest
 
     Returns
     -------
@@ -89,11 +98,17 @@ def view(
             super().close()
             session.close()
 
-    scene = scene if isinstance(scene, Scene) else load(scene)
-    checked = Options(size=size)
+    if TYPE_CHECKING:  # how Jedi finds the words
+        render(scene, **words)
+    side, others = divided(words, Viewpoint)
+    viewpoint, (look, chosen) = Viewpoint(**side), divided(others, Look)
+    made = make_options(options, size, chosen)
+    scene = load_look(scene, look, made, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
-    session = Session(scene, camera=camera, title=title[:80], shading=shading, **options)
-    widget = Widget(size=checked.size)
+    camera = viewpoint.camera_of(scene, made.size) if side else None
+    settings = {name: value for name, value in vars(made).items() if name not in ("size", "outputs")}
+    session = Session(scene, camera=camera, title=title[:80], **settings)
+    widget = Widget(size=made.size)
     widget.on_msg(lambda _, content, __: _answer(session, widget, content))
     return widget
 

@@ -115,7 +115,7 @@ def test_one_that_fails_does_not_stop_the_others():
         (rz.RenderTask(CUBE, "b.xyz"), "no format to write"),
         (rz.RenderTask(CUBE, "c.png", options={"sise": 3}), "did you mean size"),
         (rz.RenderTask(CUBE, "d.png", "up"), "view must be one of"),
-        (rz.RenderTask(CUBE, "e.png", "top", camera=rz.Camera.framing(np.eye(3))), "not both"),
+        (rz.RenderTask(CUBE, "e.png", "top", camera=rz.Camera.framing(np.eye(3))), "given camera, view"),
         (rz.RenderTask(CUBE, "f.png", options=[]), "options must be"),
         (rz.RenderTask(CUBE, 5), "output must be"),
         (rz.RenderTask(CUBE, "g.png", load={"creaze": 3}), "creaze"),

@@ -13,10 +13,10 @@ from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer import choices
-from rasterizer.cli.cameras import check_camera, make_camera
+from rasterizer.choices import AZIMUTH, ELEVATION, FOV
+from rasterizer.cli import cameras
 from rasterizer.cli.drawing import make_options
-from rasterizer.cli.flags import AZIMUTH, ELEVATION, FOV
-from rasterizer.cli.models import make_lights
+from rasterizer.cli.models import make_settings
 from rasterizer.cli.parser import make_command_parser, parse
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
@@ -64,10 +64,8 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
 def camera_of(*argv):
     """The camera that the arguments make for the cube."""
     parsed = parse(["render", CUBE, "-s", "300x200", *argv])
-    check_camera(parsed)
-    scene = rz.load(CUBE)
-    view = parsed.views[0] if parsed.views else None
-    return make_camera(parsed, view, scene, scene.bounds, parsed.up or "y")
+    cameras.check_camera(parsed)
+    return cameras.camera_of(parsed, parsed.views[0] if parsed.views else None, rz.load(CUBE, up=parsed.up))
 
 
 def test_cameras():
@@ -104,7 +102,8 @@ def test_zoom_enlarges_and_orthographic_keeps_the_size_of_the_target():
 
 
 def lights_of(*argv):
-    return make_lights(parse(["render", CUBE, *argv]))
+    look, *picture = make_settings(parse(["render", CUBE, *argv]))
+    return look.change(rz.load(CUBE), *picture).lights
 
 
 def test_lights():
@@ -120,7 +119,7 @@ def test_lights():
         ("point:1,2,3,attenuation=1/0.5/.25,color=3e-1", rz.PointLight((1, 2, 3), 0.3, (1, 0.5, 0.25))),
     ):
         assert (got := lights_of("--light", text)) == (expected,), f"{text}: {got} != {(expected,)}"
-    assert lights_of() is None and lights_of("--preset", "studio") == rz.studio()
+    assert lights_of() == lights_of("--preset", "studio") == rz.studio()
     both = lights_of("--preset", "headlight", "--light", "ambient:1/0.5/0", "--light", "point:1,2,3")
     assert both == (*rz.headlight(), rz.AmbientLight((1, 0.5, 0)), rz.PointLight((1, 2, 3)))
 

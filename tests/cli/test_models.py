@@ -18,7 +18,7 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer.cli.cameras import camera_of
-from rasterizer.cli.models import make_lights
+from rasterizer.cli.models import make_settings
 from rasterizer.cli.parser import parse
 from rasterizer.cli.values import MATERIAL_FIELDS
 
@@ -90,7 +90,7 @@ def test_a_texture_needs_a_file_and_coordinates(folder, capsys):
     bare = write(folder, {"meshes": [TRIANGLE]}, "bare.json")
     assert_refused(capsys, [
         ([bare, "--material", "texture=red, white.png"], "bare.json: a mesh has no texture coordinates (uv)"),
-        ([CUBE, "--material", "texture=no.png"], "--material texture: no.png"),
+        ([CUBE, "--material", "texture=no.png"], "--material: no.png"),
     ], "render", code=3)  # fmt: skip
 
 
@@ -124,7 +124,8 @@ def test_materials_that_are_not_legal(capsys):
 
 
 def lights_of(*argv):
-    return make_lights(parse(["render", CUBE, *argv]))
+    look, *picture = make_settings(parse(["render", CUBE, *argv]))
+    return look.change(rz.load(CUBE), *picture).lights
 
 
 def shadows_of(*argv) -> list:
@@ -133,7 +134,7 @@ def shadows_of(*argv) -> list:
 
 def test_lights_say_whether_they_cast_shadows():
     light = "directional:0,-1,0"
-    for flag, shadow in (("yes", SHADOW), ("no", None), ("512", rz.Shadow(512)), ("64/5", rz.Shadow(64, 5))):
+    for flag, shadow in (("yes", SHADOW), ("no", False), ("512", rz.Shadow(512)), ("64/5", rz.Shadow(64, 5))):
         found = lights_of("--light", f"{light},shadow={flag}")
         assert found == (rz.DirectionalLight((0, -1, 0), shadow=shadow),), flag
     assert lights_of("--light", light) == (rz.DirectionalLight((0, -1, 0)),)
@@ -146,15 +147,15 @@ def test_all_lights_cast_shadows_but_those_that_do_not(folder):
     flags += ["--light", "point:1,2,3,shadow=64", "--light", "point:1,2,3,shadow=yes"]
     made = lights_of(*flags, "--shadows", "--shadow-size", "256", "--shadow-filter", "3")
     assert made[0] == rz.AmbientLight(0.1)
-    assert [light.shadow for light in made[1:]] == [rz.Shadow(256, 3), None, rz.Shadow(64), rz.Shadow(256, 3)]
-    assert [light.shadow for light in lights_of(*flags)[1:]] == [None, None, rz.Shadow(64), SHADOW]
+    assert [light.shadow for light in made[1:]] == [rz.Shadow(256, 3), False, rz.Shadow(64), rz.Shadow(256, 3)]
+    assert [light.shadow for light in lights_of(*flags)[1:]] == [None, False, rz.Shadow(64), SHADOW]
     for flags in (["--shading", "gouraud"], ["--preset", "headlight"], ["--preset", "studio"]):
         ambient, *others = shadows_of(CUBE, *flags, "--shadows")
         assert ambient is None and set(others) == {SHADOW} and set(shadows_of(CUBE, *flags)) == {None}, flags
     point = {"kind": "point", "position": [0, 1, 9]}
     lights = [point, point | {"shadow": False}, point | {"shadow": {"size": 32}}]
     name = write(folder, {"lights": ["headlight", *lights]})
-    assert shadows_of(name, "--shadows") == [None, SHADOW, SHADOW, None, rz.Shadow(32)]
+    assert shadows_of(name, "--shadows") == [None, SHADOW, SHADOW, False, rz.Shadow(32)]
 
 
 def test_shadows_have_the_size_and_the_filter_of_the_flags(folder):
@@ -187,8 +188,8 @@ def test_looks_that_are_not_legal(capsys):
         "--light point:1,2,3,shadow=maybe": "shadow: yes, no, SIZE or SIZE/FILTER",
         "--light point:1,2,3,shadow=64/4": "filter must be an odd number",
         "--light directional:0,1,0,amplify=yes": "color=..., attached=..., shadow=...",
-        "--subdivide 16": "--subdivide must be within 0..15; given 16",
-        "--subdivide -1": "--subdivide must be within 0..15; given -1",
+        "--subdivide 16": "subdivide must be a whole number within 0..15; given 16",
+        "--subdivide -1": "subdivide must be a whole number within 0..15; given -1",
         "--subdivide some": "--subdivide",
         "--exposure 65": "exposure must be",
         "--spectral 2": "spectral must be 3 to 401",

@@ -171,7 +171,7 @@ def test_a_camera_comes_from_a_file(folder, capsys):
     assert_refused(capsys, [
         ([CUBE, "--camera", "none.json"], "none.json: the scene has no camera"),
         ([CUBE, "--camera", "file"], "the model brings no camera"),
-        ([CUBE, "--camera", "cam.json", "--view", "top"], "can't be used with other flags"),
+        ([CUBE, "--camera", "cam.json", "--view", "top"], "given --camera, --view"),
         ([CUBE, "--camera", "cam.json", "-o", "cam.json"], "no format to write"),
     ], "render")  # fmt: skip
     assert_refused(capsys, [([CUBE, "--camera", "gone.json"], "gone.json")], "render", code=3)

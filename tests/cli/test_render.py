@@ -169,7 +169,7 @@ def test_usage(capsys):
         ("--threads 0", "threads must be"),
         ("--tolerance -1", "tolerance must be"),
         ("--tolerance nan", "finite number"),
-        ("--crease-angle 181", "--crease-angle"),
+        ("--crease-angle 181", "the crease angle must be within 0..180 degrees; given 181"),
         ("--fov 180", "fov must be between 0 and 180"),
         ("--elevation 91", "elevation"),
         ("--zoom 0", "--zoom"),

@@ -541,8 +541,8 @@ FAULTS = (
     Fault(
         "turntable: the last frame is the first one again",
         "cli/turntable.py",
-        "[arguments.turn * k / n for",
-        "[arguments.turn * k / max(n - 1, 1) for",
+        "[arguments.turn * k / arguments.frames for",
+        "[arguments.turn * k / max(arguments.frames - 1, 1) for",
         "cli",
     ),
     # Reports
@@ -1042,11 +1042,11 @@ HELD_OUT = (
     ),
     # Scene files and scenes
     Fault(
-        "scene files: lights that say nothing of shadows get none by --shadows",
-        "io/scene_file.py",
-        'item.value.get("shadow") is False',
-        'item.value.get("shadow") is None',
-        "io cli",
+        "shadows=True: lights that refuse a shadow cast one, too",
+        "scene/lights.py",
+        'getattr(light, "shadow", shadow) is None, light)',
+        'not getattr(light, "shadow", shadow), light)',
+        "cli",
     ),
     Fault(
         "scene files: meshes are turned the other way",

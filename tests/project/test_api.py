@@ -13,6 +13,9 @@ from pathlib import Path
 import pytest
 
 import rasterizer as rz
+from rasterizer.look import Look, LookWords
+from rasterizer.options import Options, OptionWords
+from rasterizer.viewpoint import SideWords, Viewpoint, ViewWords
 
 PACKAGE = Path(rz.__file__).parent
 PUBLIC = [name for name in rz.__all__ if name != "__version__"]
@@ -32,11 +35,18 @@ def test_all_is_complete_and_each_name_leads_to_itself():
 
 
 def test_every_option_is_a_keyword_with_the_default_of_options():
-    options = {field.name: field.default for field in fields(rz.Options)}
+    options = {field.name: field.default for field in fields(rz.Options) if field.name != "size"}
     for function in (rz.render, rz.Renderer, rz.Renderer.__init__):
         found = {name: each for name, each in inspect.signature(function).parameters.items() if name in options}
         assert {name: each.default for name, each in found.items()} == options, function.__qualname__
-        assert all(each.kind is each.KEYWORD_ONLY for name, each in found.items() if name != "size")
+        assert all(each.kind is each.KEYWORD_ONLY for each in found.values())
+
+
+def test_what_type_checkers_read_of_the_words_is_what_is_taken():
+    """A TypedDict has the fields of the dataclass beside it."""
+    for group, typed in ((Options, OptionWords), (Look, LookWords), (Viewpoint, ViewWords)):
+        assert {field.name for field in fields(group)} - {"size"} == set(typed.__annotations__), typed
+    assert set(ViewWords.__annotations__) - set(SideWords.__annotations__) == {"camera"}
 
 
 def test_one_tree_of_errors():
@@ -56,13 +66,22 @@ def test_an_editor_completes_the_names_and_what_they_return():
     assert {each.name for each in editor.complete(3, 17)} >= {"meshes", "lights", "camera"}
     for line, expected in (
         ("rz.render('x.obj').", {"rgba", "depth", "save", "stats"}),
-        ("rz.render('x.obj', shad", {"shading="}),
+        ("rz.render('x.obj', sha", {"shading=", "shadows="}),
+        ("rz.render('x.obj', vi", {"view="}),
+        ("rz.Renderer('x.obj', col", {"color=", "color_range="}),
+        ("rz.Renderer('x.obj').render(ey", {"eye="}),
+        ("rz.turntable('x.obj', mat", {"material="}),
+        ("rz.explain('x.obj', 1, 2, mat", {"material="}),
+        ("rz.Options(shad", {"shading="}),
         ("rz.Camera.framing(scene, azi", {"azimuth="}),
         ("rz.Material(diff", {"diffuse="}),
         ("rz.explain('x.obj', 1, 2).", {"samples", "layers", "linear"}),
     ):
         editor = jedi.Script(f"import rasterizer as rz\n{line}", project=jedi.Project(PACKAGE.parent))
         assert {each.name for each in editor.complete(2, len(line))} >= expected, line
+    for line, expected in (("rz.render('x.obj', sha", ["shading=", "shadows="]), ("rz.Renderer(1, mat", ["material="])):
+        cell = jedi.Interpreter(line, [{"rz": rz}]).complete()  # as a notebook asks, which has the modules
+        assert [each.name for each in cell if each.name.endswith("=")] == expected, line
 
 
 def test_what_editors_see_of_a_dataclass_is_what_it_takes():
@@ -73,8 +92,11 @@ def test_what_editors_see_of_a_dataclass_is_what_it_takes():
         for stub in (node for node in nodes if isinstance(node, ast.FunctionDef) and node.name == "__init__"):
             n_stub += 1
             real = [each for each in inspect.signature(value).parameters.values() if each.name != "_"]
-            shown = [*stub.args.args[1:], *stub.args.kwonlyargs]
-            assert [each.name for each in real] == [each.arg for each in shown], value
+            shown = [each.arg for each in (*stub.args.args[1:], *stub.args.kwonlyargs)]
+            shown += OptionWords.__annotations__ if value is Options else ()  # as **options
+            assert [each.name for each in real] == shown, value
+            if value is Options:
+                continue
             keywords = [each.name for each in real if each.kind is each.KEYWORD_ONLY]
             assert keywords == [each.arg for each in stub.args.kwonlyargs], value
             with_default = len(stub.args.defaults) + sum(each is not None for each in stub.args.kw_defaults)

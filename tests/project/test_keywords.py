@@ -1,6 +1,7 @@
 """Keywords that a function doesn't have: one error, which names the nearest that it has."""
 
 import inspect
+import re
 import traceback
 
 import numpy as np
@@ -59,15 +60,20 @@ def test_words_of_others_are_understood():
                 rz.render("x.obj", **{given: 1})
 
 
-def test_what_the_command_line_has_flags_for_is_said_where_it_is_set():
-    for given in (
-        "shadow", "shadows", "material", "preset", "fov", "margin", "view", "color", "colour", "subdivide",
-        "texture",
-    ):  # fmt: skip
-        with pytest.raises(rz.OptionError) as caught:
-            rz.render("x.obj", **{given: 1})
-        text = str(caught.value)
-        assert "did you mean" not in text and text.partition(f"{given!r}: ")[2].partition(". Options are ")[1], text
+def test_a_word_that_another_function_has_is_said():
+    for given in ("material", "preset", "shadows", "fov", "margin", "view", "colour", "subdivide", "texture"):
+        for call in (rz.load, rz.Scene, rz.render if given in ("colour", "texture") else rz.Scene):
+            with pytest.raises(rz.OptionError) as caught:
+                call("x.obj", **{given: 1})
+            text = str(caught.value)
+            assert "did you mean" not in text and text.partition(f"{given!r}: ")[2].partition(". Options are ")[1], text
+
+
+def test_a_message_of_many_options_is_short():
+    for call in (rz.render, rz.Renderer, rz.turntable):
+        with pytest.raises(rz.OptionError, match=r"Options are those of help\(rz\.\w+\)") as caught:
+            call("x.obj", nonsense=1)
+        assert len(str(caught.value)) < 300
 
 
 def test_it_is_an_error_of_the_package_and_one_of_python():
@@ -90,6 +96,10 @@ def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(tmp_path):
         lambda: rz.Mesh(*holed),
         lambda: rz.Material(diffuse=(255, 0, 0)),
         lambda: rz.Scene.load("none.json"),
+        lambda: rz.render(TRIANGLE, 8, material="cheese"),
+        lambda: rz.render(TRIANGLE, 8, eye=(1, 2, 3), view="top"),
+        lambda: rz.render(TRIANGLE, 8, nonsense=3),
+        lambda: rz.Renderer(TRIANGLE, 8, shadows=3),
         lambda: rz.turntable(TRIANGLE, shading="none"),
         lambda: rz.sheet([3]),
         lambda: frame.save("x.foo"),
@@ -106,15 +116,20 @@ def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(tmp_path):
     assert len(traceback.extract_tb(caught.value.__cause__.__traceback__)) > 1, "a fault of ours keeps all of it"
 
 
-def test_signatures_name_types_as_they_are_written():
+def test_signatures_fit_a_screen_and_the_text_says_what_each_word_is():
     for function in (rz.render, rz.Renderer, rz.load, rz.explain, rz.turntable):
         text = str(inspect.signature(function))
         assert "_typing" not in text and len(text) < 1000, text
+    text = inspect.getdoc(rz.render)
+    for name in inspect.signature(rz.render).parameters:
+        assert re.search(rf"^(\w+, )*{name}(, \w+)* : ", text, re.MULTILINE), name
 
 
 def test_signatures_are_those_that_are_written():
     """Editors and `help` show the parameters, not (*args, **kwargs)."""
-    for function in (rz.render, rz.load, rz.Renderer, rz.Renderer.render, rz.Material, rz.Camera.framing, rz.Options):
+    for function in (
+        rz.render, rz.load, rz.Renderer, rz.Renderer.render, rz.turntable, rz.Material, rz.Camera.framing, rz.Options,
+    ):  # fmt: skip
         kinds = {each.kind for each in inspect.signature(function).parameters.values()}
         assert not kinds & {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}
         assert inspect.getdoc(function)

@@ -1,0 +1,180 @@
+"""How a model looks: words such as `shadows=True` or `material="gold"`, of a program or of the command line, change the
+scene that is loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
+
+from .choices import Axis, Preset, Weighting
+from .errors import ModelError, SceneError, shown
+from .io.loader import FileLike, load
+from .keywords import checked_fields
+from .options import Options
+from .scene.color import linear_rgb
+from .scene.lights import (
+    PRESETS,
+    Light,
+    Shadow,
+    checked_lights,
+    on_tabletop,
+    with_shadow_fields,
+    with_shadows,
+    without_shadows,
+)
+from .scene.material import Material, named_fields
+from .scene.mesh import Mesh, checked_crease_angle
+from .scene.scene import DepthCue, Scene, SceneLike, checked_cue
+from .scene.validate import choice, whole
+
+if TYPE_CHECKING:
+    from .scene.color import ColorLike
+
+MAX_SUBDIVISIONS = 15
+
+
+class LookWords(TypedDict, total=False):
+    """The fields of `Look`, for type checkers."""
+
+    lights: Light | Iterable[Any] | None
+    preset: Preset | None
+    shadows: bool | Shadow
+    material: Material | str | Mapping[str, Any] | None
+    color: ColorLike | None
+    reflection: str | None
+    background: ColorLike | None
+    depth_cue: DepthCue | float | Literal["none"] | None
+    up: Axis | None
+    format: str | None
+    crease_angle: float | None
+    weighting: Weighting | None
+    subdivide: int
+    drop_bad_faces: bool
+    allow_outside: bool
+
+
+@checked_fields
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """Hold how a model is read, and what is changed of its scene; `render` says what each field is.
+
+    `material` is stored as a dict of the fields that every material gets, those of `color` and `reflection` among them.
+
+    Raises
+    ------
+    SceneError : a value that is not legal
+    ModelError : a material's texture that can't be read
+    """
+
+    lights: Any = None
+    preset: str | None = None
+    shadows: bool | Shadow = False
+    material: Any = None
+    color: Any = None
+    reflection: str | None = None
+    background: Any = None
+    depth_cue: Any = None
+    up: str | None = None
+    format: str | None = None
+    crease_angle: float | None = None
+    weighting: str | None = None
+    subdivide: int = 0
+    drop_bad_faces: bool = False
+    allow_outside: bool = False
+
+    def __post_init__(self) -> None:
+        if self.preset is not None:
+            choice(self.preset, tuple(PRESETS), "preset")
+        if not isinstance(self.shadows, (bool, Shadow)):
+            raise SceneError(f"shadows must be True, False or a Shadow; given {shown(self.shadows)}")
+        checked_crease_angle(self.crease_angle)
+        object.__setattr__(self, "subdivide", whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS))
+        object.__setattr__(self, "material", self._material_fields())
+
+    def load(self, source: SceneLike | FileLike, **settings: Any) -> Scene:
+        """Load a scene as `rz.load` does, which has the `settings`; nothing of it is changed."""
+        names = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")
+        return load(source, **{name: getattr(self, name) for name in names}, **settings)
+
+    def change(
+        self,
+        scene: Scene,
+        shading: str = Options.shading,
+        ground: bool = Options.ground,
+        shadow_fields: Mapping[str, int] | None = None,
+    ) -> Scene:
+        """Return a scene with other lights, materials, background and finer meshes, as the words say.
+
+        Parameters
+        ----------
+        scene : Scene
+        shading, ground : options of the picture. A tabletop's key light casts shadows by Phong's method alone: by the
+            others a polygon or a vertex lies in the shadow as a whole
+        shadow_fields : fields of Shadow by name, of lights that cast one; but for `lights`, which have their own
+
+        Raises
+        ------
+        SceneError : a value that is not legal
+        ModelError : a mesh that can't take the texture, or would have too many faces
+        """
+        lights = self._change_lights(scene.lights, shading == "phong", ground, shadow_fields or {})
+        changes: dict[str, Any] = {} if lights is scene.lights else {"lights": lights}
+        if self.background is not None:
+            is_none = isinstance(self.background, str) and self.background == "transparent"
+            changes["background"] = None if is_none else linear_rgb(self.background, "the background")
+        if self.depth_cue is not None:
+            is_none = isinstance(self.depth_cue, str) and self.depth_cue == "none"
+            changes["depth_cue"] = None if is_none else checked_cue(self.depth_cue)
+        if self.material or self.subdivide:
+            changes["meshes"] = tuple(self._change_mesh(mesh) for mesh in scene.meshes)
+        return replace(scene, **changes) if changes else scene
+
+    def _change_lights(self, lights: Any, is_phong: bool, ground: bool, shadow_fields: Mapping[str, int]) -> Any:
+        """Return the lights of a preset and those given, else a scene's own; with shadows where that is asked for."""
+        takes_shadows, given = is_phong and not self.shadows, ()
+        if self.preset is not None or self.lights is not None:
+            lights = () if self.preset is None else PRESETS[self.preset]()
+            lights = lights if takes_shadows else without_shadows(lights)
+            given = () if self.lights is None else checked_lights(self.lights)
+        if ground and not (lights and given):
+            lights, given = on_tabletop(lights, takes_shadows), on_tabletop(given, takes_shadows)
+        lights = (with_shadow_fields(lights, **shadow_fields) if shadow_fields else lights) + given
+        if not self.shadows:
+            return lights
+        return with_shadows(lights, self.shadows if isinstance(self.shadows, Shadow) else Shadow())
+
+    def _material_fields(self) -> dict[str, Any]:
+        """Return the fields that every material gets; textures are read once."""
+        given, found = self.material, {} if self.reflection is None else {"reflection": self.reflection}
+        if isinstance(given, Material):
+            found |= {each.name: getattr(given, each.name) for each in fields(Material)}
+        elif isinstance(given, str):
+            found |= named_fields(given)
+        elif isinstance(given, Mapping) and all(isinstance(name, str) for name in given):
+            found |= given
+        elif given is not None:
+            legal = "a Material, the name of one, or a dict of some of its fields"
+            raise SceneError(f"material must be {legal}; given {shown(given)}")
+        if self.color is not None:
+            found["diffuse"] = self.color
+        made = Material(**found)
+        return found | {name: getattr(made, name) for name in ("texture", "metallic_roughness") if name in found}
+
+    def _change_mesh(self, mesh: Mesh) -> Mesh:
+        """Return a mesh with other materials, and subdivided."""
+        if self.material:
+            for name in ("texture", "metallic_roughness"):
+                if self.material.get(name) is not None and mesh.uv is None:
+                    which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
+                    raise ModelError(f"{which} has no texture coordinates (uv), which the material's {name} needs")
+            materials = tuple(self._change_material(material) for material in mesh.palette)
+            of_faces = {} if mesh.materials is None else {"materials": materials}
+            mesh = replace(mesh, material=materials[0], **of_faces)
+        return mesh.subdivide(self.subdivide) if self.subdivide else mesh
+
+    def _change_material(self, material: Material) -> Material:
+        """Return a material with other fields; the ambient coefficient, and that of metal, follow the diffuse one
+        unless they are given too."""
+        follows = {"ambient": None, "metal": None} if "diffuse" in self.material else {}
+        return replace(material, **follows | self.material)

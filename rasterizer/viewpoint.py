@@ -1,0 +1,213 @@
+"""Where a picture is taken from: words such as `view="front"` or `eye=(3, 2, 4)`, of a program or of the command line,
+become a Camera."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
+
+import numpy as np
+
+from .choices import AXES, AZIMUTH, ELEVATION, FOV, VIEWS, ViewName
+from .errors import SceneError, shown
+from .io.scene_file import read_camera_file
+from .keywords import checked_fields
+from .scene.camera import Camera, middle_on_axis, pivot_of, turned_cameras
+from .scene.validate import number
+
+if TYPE_CHECKING:
+    from .scene.arrays import VectorLike
+    from .scene.scene import Scene
+
+
+class SideWords(TypedDict, total=False):
+    """What says from where a scene is seen, for type checkers: the fields of `Viewpoint` but `camera`."""
+
+    view: ViewName | Sequence[float] | None
+    azimuth: float | None
+    elevation: float | None
+    fov: float | None
+    ortho: bool
+    zoom: float
+    margin: float | None
+    eye: VectorLike | None
+    target: VectorLike | None
+
+
+class ViewWords(SideWords, total=False):
+    """The fields of `Viewpoint`, for type checkers."""
+
+    camera: Camera | str | os.PathLike[str] | None
+
+
+@checked_fields
+@dataclass(frozen=True, kw_only=True)
+class Viewpoint:
+    """Hold where a picture is taken from; `render` says what each field is.
+
+    A path of a camera is read at once, and replaced by the Camera that it holds, or by the arguments of
+    `Camera.framing`.
+
+    Raises
+    ------
+    SceneError : a value that is not legal, or fields that contradict each other
+    ModelError : a camera's file that can't be read
+    """
+
+    camera: Any = None
+    view: Any = None
+    azimuth: float | None = None
+    elevation: float | None = None
+    fov: float | None = None
+    ortho: bool = False
+    zoom: float = 1.0
+    margin: float | None = None
+    eye: Any = None
+    target: Any = None
+
+    def __post_init__(self) -> None:
+        check_words(vars(self))
+        if isinstance(self.camera, (str, os.PathLike)) and self.camera not in ("file", "frame"):
+            camera, framing = read_camera_file(self.camera)
+            object.__setattr__(self, "camera", framing if camera is None else camera)
+
+    @property
+    def of_file(self) -> Literal["file"] | None:
+        """What `load` takes as its `camera`: "file" where the model's own is asked for."""
+        return "file" if isinstance(self.camera, str) and self.camera == "file" else None
+
+    def camera_of(self, scene: Scene, size: tuple[int, int], subject: Any = None, framing: Any = None) -> Camera:
+        """Make the camera for a picture of a scene: the scene's own where there is one and no word asks for another.
+
+        Parameters
+        ----------
+        scene : Scene
+        size : (width, height) of the picture, pixels
+        subject : Scene or points (n, 3), what is framed; None = the scene
+        framing : dict of the arguments of `Camera.framing` that a scene file gives instead of a camera, or None; words
+            that are given come first
+
+        Raises
+        ------
+        SceneError : a value that is not legal
+        """
+        own, given = scene.camera, words_given(vars(self))
+        if isinstance(self.camera, Camera):
+            return zoomed(self.camera, self.zoom)
+        if self.camera == "file" and own is None and framing is None:
+            raise SceneError('camera "file": the model brings no camera; leave it out to fill the picture')
+        if self.camera == "frame":
+            own = framing = None
+        elif isinstance(self.camera, Mapping):
+            own, framing = None, self.camera
+        if own is not None and framing is None and not given:
+            return zoomed(own, self.zoom)
+        if self.eye is not None:
+            return zoomed(self._standing(scene, framing or {}), self.zoom)
+        if framing is None and not given and (subject is None or subject is scene):
+            return zoomed(scene.framed(size[0] / size[1]), self.zoom)  # which is kept
+        camera = Camera.framing(scene if subject is None else subject, **self.framing(scene.up, size, framing))
+        return zoomed(camera, self.zoom)
+
+    def framing(self, up: str, size: tuple[int, int], framing: Any = None) -> dict[str, Any]:
+        """Return the arguments of `Camera.framing`, but for the subject: of words, else of `framing`, else the
+        defaults."""
+        settings: dict[str, Any] = {"azimuth": AZIMUTH, "elevation": ELEVATION, "fov": FOV, **(framing or {})}
+        if self.view is not None:
+            settings["azimuth"], settings["elevation"] = VIEWS[self.view] if isinstance(self.view, str) else self.view
+        for name in ("azimuth", "elevation", "fov", "margin"):
+            if getattr(self, name) is not None:
+                settings[name] = getattr(self, name)
+        settings["orthographic"] = bool(self.ortho) or settings.get("orthographic", False)
+        return settings | {"up": up, "aspect": size[0] / size[1]}
+
+    def _standing(self, scene: Scene, framing: Mapping[str, Any]) -> Camera:
+        """Make the camera at `eye`; an orthographic one shows of the target's plane what it would with perspective."""
+        fov = framing.get("fov", FOV) if self.fov is None else self.fov
+        target = scene.bounds.mean(axis=0) if self.target is None else self.target
+        camera = Camera.perspective(self.eye, target, scene.up, fov)
+        if not self.ortho:
+            return camera
+        distance = math.dist(camera.position, camera.target)
+        height = 2.0 * distance * math.tan(math.radians(fov) / 2.0)
+        return Camera.orthographic(self.eye, target, scene.up, height)
+
+    def cameras_round(
+        self,
+        angles: Sequence[float],
+        scene: Scene,
+        size: tuple[int, int],
+        subject: Any = None,
+        framing: Any = None,
+        *,
+        has_target: bool = True,
+    ) -> list[Camera]:
+        """Make the cameras of a turntable, as many degrees from the first one as the angles say: they keep a distance
+        that shows the subject from all sides, or one that is given goes round what it looks at.
+
+        Parameters
+        ----------
+        angles : degrees
+        scene, size, subject, framing : as in `camera_of`
+        has_target : whether the scene's own camera looks at its target, or just into its direction
+        """
+        is_own = self.camera == "file" and framing is None
+        if is_own or self.eye is not None or isinstance(self.camera, Camera):
+            camera = self.camera_of(scene, size, subject, framing)
+            pivot = pivot_of if has_target or not is_own else middle_on_axis
+            return turned_cameras(camera, angles, AXES[scene.up], pivot(camera, scene.bounds))
+        framing = None if self.camera == "frame" else self.camera if isinstance(self.camera, Mapping) else framing
+        settings = self.framing(scene.up, size, framing)
+        start = settings.pop("azimuth")
+        cameras = Camera.orbit(scene if subject is None else subject, [start + angle for angle in angles], **settings)
+        return [zoomed(camera, self.zoom) for camera in cameras]
+
+
+def words_given(words: Mapping[str, Any]) -> list[str]:
+    """List which fields of `Viewpoint` say where the picture is taken from, and how: all that are given but `camera`
+    and `zoom`."""
+    names = ("view", "azimuth", "elevation", "fov", "eye", "target", "margin")
+    return [name for name in names if words[name] is not None] + ["ortho"] * bool(words["ortho"])
+
+
+def check_words(words: Mapping[str, Any], mark: str = "") -> None:
+    """Raise SceneError where the fields of `Viewpoint` can't be together, or are no words; `mark` is what stands before
+    their names, -- on the command line."""
+    camera, view = words["camera"], words["view"]
+    if not (camera is None or isinstance(camera, (Camera, str, os.PathLike, Mapping))):
+        raise SceneError(f'{mark}camera must be a Camera, "file", "frame", a path or None; given {shown(camera)}')
+    is_pair = isinstance(view, (tuple, list, np.ndarray)) and len(view) == 2
+    if not (view is None or is_pair or (isinstance(view, str) and view in VIEWS)):
+        raise SceneError(f"{mark}view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {shown(view)}")
+    if number(words["zoom"], f"{mark}zoom") <= 0.0:
+        raise SceneError(f"{mark}zoom must be above 0; given {words['zoom']:g}")
+    if not isinstance(words["ortho"], (bool, np.bool_)):
+        raise SceneError(f"{mark}ortho must be True or False; given {shown(words['ortho'])}")
+    given = words_given(words)
+    if given and camera is not None and not (isinstance(camera, str) and camera == "frame"):
+        others = ", ".join(mark + name for name in given)
+        raise SceneError(f"a picture has a camera, or a side that it is framed from; given {mark}camera, {others}")
+    if words["eye"] is None and words["target"] is not None:
+        raise SceneError(f"{mark}target needs {mark}eye")
+    if words["eye"] is not None and {"view", "azimuth", "elevation"} & {*given}:
+        others = f"{mark}view, {mark}azimuth or {mark}elevation"
+        raise SceneError(f"{mark}eye and {mark}target can't be used with {others}")
+
+
+def zoomed(camera: Camera, zoom: float) -> Camera:
+    """Make everything `zoom` times larger in the picture, from the same place."""
+    if zoom == 1.0:
+        return camera
+    if camera.intrinsics is not None and camera.size is not None:
+        fx, fy, cx, cy = camera.intrinsics
+        (width, height), (x, y) = camera.size, (cx + 0.5, cy + 0.5)
+        # The middle of the picture stays where it is; OpenCV counts from the centre of the first pixel.
+        x, y = width / 2 + (x - width / 2) * zoom, height / 2 + (y - height / 2) * zoom
+        return replace(camera, intrinsics=(fx * zoom, fy * zoom, x - 0.5, y - 0.5), skew=camera.skew * zoom)
+    if camera.height is not None:
+        return replace(camera, height=camera.height / zoom)
+    slope = math.tan(math.radians(camera.fov or 0.0) / 2.0) / zoom
+    return replace(camera, fov=math.degrees(2.0 * math.atan(slope)))

@@ -1,0 +1,218 @@
+"""One set of words: each flag of `raster render` is a word of `rz.render` that draws the same picture, or is on a list
+with the reason why it is none."""
+
+import numpy as np
+import pytest
+from helpers.arrays import differences
+from helpers.command import picture, raster
+from helpers.model_bytes import rich_gltf
+from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.cli.parser import make_command_parser
+
+pytestmark = pytest.mark.usefixtures("folder")
+SIZE, TORUS = (36, 27), str(ROOT / "models" / "torus.obj")
+LAMP, SUN = ["--light", "directional:-1,-0.4,-0.2"], (rz.DirectionalLight((-1, -0.4, -0.2)),)
+TEAL = "--color teal --exposure 3"
+TEALS = {"color": "teal", "exposure": 3.0}
+
+# Each flag by its name; what is written behind `raster render MODEL`, and the same as words.
+SAME = {
+    "azimuth": ("--azimuth 70", {"azimuth": 70}),
+    "elevation": ("--elevation -20", {"elevation": -20}),
+    "fov": ("--fov 60", {"fov": 60}),
+    "ortho": ("--ortho", {"ortho": True}),
+    "zoom": ("--zoom 2", {"zoom": 2}),
+    "margin": ("--margin 20%", {"margin": 0.2}),
+    "camera": ("--camera eye.json", {"camera": "eye.json"}),
+    "eye": ("--eye 3,2,4 --fov 40", {"eye": (3, 2, 4), "fov": 40}),
+    "target": ("--eye 3,2,4 --target 0,0.5,0 --ortho", {"eye": [3, 2, 4], "target": (0, 0.5, 0), "ortho": True}),
+    "up": ("--up z", {"up": "z"}),
+    "preset": ("--preset headlight", {"preset": "headlight"}),
+    "shadows": ([*LAMP, "--shadows"], {"lights": SUN, "shadows": True}),
+    "material": ("--material gold", {"material": "gold"}),
+    "color": ("--color orange", {"color": "orange"}),
+    "reflection": ("--reflection toon", {"reflection": "toon"}),
+    "background": ("--background 0.2/0.1/0", {"background": (0.2, 0.1, 0)}),
+    "depth-cue": ("--depth-cue 2,color=red", {"depth_cue": rz.DepthCue(2, color="red")}),
+    "crease-angle": ("--crease-angle 1", {"crease_angle": 1}),
+    "weighting": ("--weighting uniform --crease-angle 180", {"weighting": "uniform", "crease_angle": 180}),
+    "subdivide": ("--subdivide 1 --shading gouraud", {"subdivide": 1, "shading": "gouraud"}),
+    "shading": ("--shading flat", {"shading": "flat"}),
+    "samples": ("--samples 1", {"samples": 1}),
+    "antialias": ("--antialias shade-once", {"antialias": "shade-once"}),
+    "cull": ("--cull back --eye 1,0,0 --target 1,0,5", {"cull": "back", "eye": (1, 0, 0), "target": (1, 0, 5)}),
+    "color-range": (f"{TEAL} --color-range local", TEALS | {"color_range": "local"}),
+    "exposure": (TEAL, TEALS),
+    "spectral": (
+        "--light directional:0,-1,0,color=orange --color teal --spectral 5",
+        {"lights": rz.DirectionalLight((0, -1, 0), "orange"), "color": "teal", "spectral": 5},
+    ),
+    "edges": ("--edges wire,silhouette", {"edges": ("wire", "silhouette")}),
+    "edge-color": ("--edges all --edge-color red", {"edges": "all", "edge_color": "red"}),
+    "edge-width": ("--edges all --edge-width 3", {"edges": "all", "edge_width": 3}),
+    "ground": ("--ground", {"ground": True}),
+    "size": ("-s 20", {"size": 20}),
+}
+# What these say isn't seen in the picture of a torus.
+UNSEEN = {
+    "tolerance": ("--tolerance 1/256", {"tolerance": 1 / 256}),
+    "threads": ("--threads 2", {"threads": 2}),
+    "drop-bad-faces": ("--drop-bad-faces", {"drop_bad_faces": True}),
+    "allow-outside": ("--allow-outside", {"allow_outside": True}),
+}
+# Other words for the same, which are objects of a program.
+OTHER = {
+    "view": ("--view left", {"view": "left"}, "several, with commas, make a picture each"),
+    "light": (LAMP, {"lights": SUN}, "a list of lights"),
+    "shadow-size": ([*LAMP, "--shadows", "--shadow-size", "16"], {"lights": SUN, "shadows": rz.Shadow(16)}, "a Shadow"),
+    "shadow-filter": (
+        [*LAMP, "--shadows", "--shadow-filter", "9"], {"lights": SUN, "shadows": rz.Shadow(filter=9)}, "a Shadow",
+    ),
+    "no-ground": ("--no-ground", {"ground": False}, "True and False"),
+    "input-format": ("--input-format obj", {"format": "obj"}, "rz.load has it by that name"),
+}  # fmt: skip
+# What isn't of a picture: the word that a program tries, and what the error says of it.
+REFUSED = {
+    "help": ("help", "Options are"),
+    "recursive": ("recursive", "rglob"),
+    "output": ("output", "save"),
+    "skip-existing": ("skip_existing", "render_many"),
+    "json": ("json", "frame.stats"),
+    "verbose": ("verbose", "log=print"),
+    "quiet": ("quiet", "warnings"),
+    "array": ("array", "did you mean outputs?"),
+    "scale": ("scale", "save"),
+    "processes": ("processes", "n_process"),
+}
+
+
+def test_every_flag_is_a_word_or_on_the_list():
+    actions = make_command_parser("render")._actions  # noqa: SLF001 - argparse has no public list
+    flags = {flag.removeprefix("--") for action in actions for flag in action.option_strings if flag.startswith("--")}
+    tables = [set(table) for table in (SAME, UNSEEN, OTHER, REFUSED)]
+    assert flags == set().union(*tables) and len(flags) == sum(map(len, tables))
+    words = {word for _, words in (*SAME.values(), *UNSEEN.values()) for word in words}
+    assert {flag.replace("-", "_") for flag in (*SAME, *UNSEEN)} <= words, "a flag's word has its name"
+
+
+def draw(flags, words, model=TORUS) -> bytes:
+    """Draw the picture of flags, which must be that of the words; return its bytes."""
+    flags = flags.split() if isinstance(flags, str) else flags
+    assert raster("render", model, "-o", "x.png", "-s", f"{SIZE[0]}x{SIZE[1]}", *flags) == 0
+    frame, written = rz.render(model, **{"size": SIZE} | words), picture("x.png")
+    drawn = frame.rgba if written.shape[2] == 4 else frame.rgb
+    assert not differences(written, drawn), f"{flags} draws another picture than {words}"
+    return frame.rgba.tobytes()
+
+
+def test_a_flag_draws_what_its_word_draws(folder, capsys):
+    camera = '{"position": [3, 2, 4], "target": [0, 0.2, 0], "fov": 50}'
+    (folder / "eye.json").write_text(camera)
+    seen = {draw("", {}): ""}
+    for name, (flags, words, *_) in (SAME | UNSEEN | OTHER).items():
+        found = seen.setdefault(draw(flags, words), name)
+        assert found == ("" if name in (*UNSEEN, "no-ground", "input-format") else name), f"--{name} draws --{found}"
+    capsys.readouterr()
+
+
+def test_words_of_what_a_file_brings(folder, capsys):
+    """A camera, a background, a depth cue, lights of which one refuses a shadow."""
+    (folder / "a.gltf").write_bytes(rich_gltf())
+    for flags, words in (("", {}), ("--camera file", {"camera": "file"}), ("--camera frame", {"camera": "frame"})):
+        draw(flags, words, "a.gltf")
+    lights = (SUN[0], rz.DirectionalLight((1, -0.5, 0), 0.5, shadow=False))
+    camera = rz.Camera.perspective((3, 3, 3))
+    rz.Scene(rz.load(TORUS).meshes, lights, camera, background="navy", depth_cue=2).save("a.json")
+    assert rz.load("a.json").lights == lights
+    pictures = [
+        draw(flags, words, "a.json")
+        for flags, words in (
+            ("", {}),
+            ("--shadows", {"shadows": True}),
+            ("--camera frame", {"camera": "frame"}),
+            ("--zoom 2", {"zoom": 2}),
+            ("--up z", {"up": "z"}),
+            ("--background transparent", {"background": "transparent"}),
+            ("--depth-cue none", {"depth_cue": "none"}),
+        )
+    ]
+    assert len(set(pictures)) == len(pictures)
+    with pytest.raises(rz.SceneError, match="brings no camera"):
+        rz.render(TORUS, SIZE, camera="file")
+    capsys.readouterr()
+
+
+def test_words_are_combined_as_flags_are(capsys):
+    for flags, words in (
+        ("--material jade --color red --reflection blinn", {"material": "jade", "color": "red", "reflection": "blinn"}),
+        (
+            "--material diffuse=red,shininess=80,specular=0.5",
+            {"material": {"diffuse": "red", "shininess": 80, "specular": 0.5}},
+        ),
+        ("--preset tabletop", {"preset": "tabletop"}),
+        ("--preset tabletop --shadows", {"preset": "tabletop", "shadows": True}),
+        ("--preset tabletop --shading gouraud", {"preset": "tabletop", "shading": "gouraud"}),
+        (["--preset", "headlight", *LAMP, "--shadows"], {"preset": "headlight", "lights": SUN, "shadows": True}),
+        ("--ground --shadows --color teal", {"ground": True, "shadows": True, "color": "teal"}),
+        ("--ground --view left --ortho", {"ground": True, "view": "left", "ortho": True}),
+        ("--view left --elevation 5 --zoom 1.5", {"view": "left", "elevation": 5, "zoom": 1.5}),
+        ("--azimuth -40 --elevation 10", {"view": (-40, 10)}),
+    ):
+        draw(flags, words)
+    capsys.readouterr()
+
+
+def test_what_is_no_word_says_how_it_is_written():
+    for word, said in REFUSED.values():
+        with pytest.raises(rz.OptionError, match="render has no option") as caught:
+            rz.render(TORUS, SIZE, **{word: 1})
+        assert said in str(caught.value), word
+
+
+def test_every_entry_takes_the_words():
+    words = {"color": "orange", "shadows": True, "lights": SUN, "crease_angle": 10}
+    side = {"view": "left", "zoom": 1.5}
+    expected = rz.render(TORUS, SIZE, **words, **side).rgba
+    with rz.Renderer(TORUS, SIZE, **words) as renderer:
+        assert not differences(renderer.render(**side).rgba, expected)
+    options = rz.Options(size=SIZE, samples=1)
+    assert rz.render(TORUS, options=options, samples=4, **words, **side).rgba.tobytes() == expected.tobytes()
+    assert not differences(rz.turntable(TORUS, SIZE, 1, options=options, samples=4, **words, eye=(3, 2, 4)).frames[0],
+                           rz.render(TORUS, SIZE, **words, eye=(3, 2, 4)).rgba)  # fmt: skip
+    drawn = rz.render(TORUS, SIZE, **words, **side, samples=1).color
+    y, x = np.argwhere(drawn.any(axis=2))[0]
+    assert np.allclose(rz.explain(TORUS, x, y, SIZE, **words, **side, samples=1).linear, drawn[y, x], atol=1e-3)
+    task = {"color": "orange", "shadows": True, "lights": SUN, "size": SIZE, "zoom": 1.5}
+    with rz.render_many(
+        [rz.RenderTask(TORUS, "many.png", "left", options=task, load={"crease_angle": 10})], n_process=1
+    ) as batch:
+        assert [record.error for record in batch] == [None]
+    assert not differences(picture("many.png"), expected)
+
+
+def test_words_that_contradict_each_other_or_are_not_legal():
+    for words, said in (
+        ({"eye": (1, 2, 3), "view": "top"}, "eye and target can't be used with view"),
+        ({"target": (1, 2, 3)}, "target needs eye"),
+        ({"camera": rz.Camera.perspective((1, 2, 3)), "fov": 3}, "given camera, fov"),
+        ({"camera": 3}, 'camera must be a Camera, "file", "frame", a path or None; given 3'),
+        ({"camera": "none.json"}, "none.json: no such file"),
+        ({"view": "up"}, r"view must be one of iso, front, .*, or \(azimuth, elevation\); given 'up'"),
+        ({"view": (1, 2, 3)}, "view must be one of"),
+        ({"zoom": 0}, "zoom must be above 0; given 0"),
+        ({"ortho": "yes"}, "ortho must be True or False; given 'yes'"),
+        ({"shadows": "yes"}, "shadows must be True, False or a Shadow; given 'yes'"),
+        ({"preset": "sun"}, "preset must be one of"),
+        ({"material": "cheese"}, "a named material is one of"),
+        ({"material": 3}, "material must be a Material, the name of one, or a dict of some of its fields; given 3"),
+        ({"material": {"color": 1}}, "Material has no option 'color': did you mean diffuse"),
+        ({"material": {"texture": np.eye(3)}}, "no texture coordinates"),
+        ({"color": (255, 0, 0)}, "diffuse"),
+        ({"subdivide": 16}, "subdivide must be a whole number within 0..15; given 16"),
+        ({"options": {"samples": 1}}, "options must be Options or None"),
+    ):
+        with pytest.raises(rz.RasterizerError, match=said) as caught:
+            rz.render(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), 8, **words)
+        assert len(str(caught.value)) < 400, words
