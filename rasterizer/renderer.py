@@ -177,7 +177,7 @@ class Renderer:
             self._plan = summarize(self._prepared.view_plans.plan)
         self._is_closed = False
 
-    def in_lights(self, lights: Light | Iterable[Any]) -> Renderer:
+    def in_lights(self, lights: Any) -> Renderer:
         """Return another Renderer of the same scene and options in other lights, a light or several.
 
         What was prepared of the meshes is not prepared again. Raises SceneError for what are no lights.

@@ -20,7 +20,7 @@ from ..scene.camera import Camera
 from ..scene.lights import random_lights
 from ..scene.scene import Scene
 from .annotations import Annotator
-from .tasks import RANDOM, RenderTask
+from .tasks import RenderTask
 
 
 class Run(NamedTuple):
@@ -182,7 +182,9 @@ def side_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> dict[str, 
     if not task.is_seen_at_random:
         return task.side
     settings: dict[str, Any] = {"seed": task.seed, "size": size}
-    return task.side | {"camera": Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))}
+    return task.side | {
+        "camera": Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))
+    }
 
 
 def encode(frame: Frame, task: RenderTask, options: Options) -> dict[str, bytes]:
