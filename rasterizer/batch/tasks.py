@@ -113,8 +113,8 @@ class RenderTask:
             raise SceneError(f"load must be a dict of arguments of rz.load; given {shown(self.load)}")
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(self.camera)}")
-        if self.camera is not None and self.view is not None:
-            raise SceneError("a task takes a view or a camera, not both")
+        if self.camera is not None and self.is_seen_at_random:
+            raise SceneError("a picture has a camera, or a random view; given both")
         if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
             legal = f"{', '.join(VIEWS)}, {RANDOM}, or (azimuth, elevation)"
             raise SceneError(f"view must be one of {legal}; given {self.view!r}")
