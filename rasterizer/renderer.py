@@ -69,7 +69,8 @@ def render(
     camera : Camera; "file" = the first that a model file brings; "frame" = none that the scene brings; or the path of a
         scene file, or of a file that holds a camera alone
     view : "iso", "front", "back", "left", "right", "top", "bottom", or (azimuth, elevation) in degrees
-    azimuth, elevation : degrees about the up axis, 0 = front, and above the horizon; as in `Camera.framing`: 35 and 25
+    azimuth, elevation : degrees about the up axis, 0 = front, and above the horizon; None = 35 and 25, as in
+        `Camera.framing`
     fov : degrees, vertical field of view of the camera that frames, or stands at `eye`; None = 30
     ortho : without perspective; with `eye`, the target keeps its size
     zoom : enlarges the middle of the picture as many times
@@ -78,13 +79,13 @@ def render(
 
     How the model looks
     lights : a light or a sequence of them; None = those of the scene or file, else studio lights
-    preset : "studio", "headlight" or "tabletop": ready-made lights, to which `lights` are added
+    preset : "studio", "headlight" or "tabletop", ready-made lights, to which `lights` are added
     shadows : True = all lights but ambient ones cast shadows, unless one has `shadow=False`; or a Shadow, that of those
         that have none of their own
     material : Material, the name of one of the classic table ("gold", "jade", "red plastic" ..., see `Material.named`),
         or a dict of some fields; replaces them in every material. Without "ambient" that follows "diffuse"
-    color : colour, short for material={"diffuse": ...}
-    reflection : text, short for material={"reflection": ...}
+    color : colour, short for the "diffuse" of `material`
+    reflection : "phong", "blinn", "lambert", "oren-nayar", "cook-torrance" or "toon", short for that of `material`
     background : colour, or "transparent"; None = that of the scene or file, else transparent
     depth_cue : DepthCue, or a number, its scale; "none" = none; None = that of the scene or file
     up : text, up axis "x", "y", "z" or with a minus sign; None = as `load` has it. Where it is given, a camera that the
@@ -93,7 +94,7 @@ def render(
     How a file or mesh is read; as in `load`, but for `subdivide`
     format : text, the format of bytes, or of a file whose suffix doesn't tell it
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp
-    weighting : "angle", "area" or "uniform": what faces count by where normals are averaged
+    weighting : "angle", "area" or "uniform", what faces count by where normals are averaged
     subdivide : how often every triangle is cut in four, 0 to 15
     drop_bad_faces : leave out faces with NaN or infinite coordinates
     allow_outside : read also textures, buffers and parts that lie outside the folder of the file that names them
