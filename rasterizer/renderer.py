@@ -19,7 +19,8 @@ from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
-from .io.loader import FileLike
+from .io.files import name_of
+from .io.loader import FileLike, SceneFile
 from .keywords import divided, takes_words
 from .locks import cached_property
 from .look import Look, LookWords
@@ -61,8 +62,8 @@ def render(
     ----------
     scene : Scene, or anything that `load` takes: a path, the bytes of a file, an open file, a Mesh or several, a
         trimesh.Trimesh or trimesh.Scene, or (vertices, faces)
-    size : (width, height) in pixels, or one number for a square; None = that of `options`, (640, 480)
-    options : Options, of which the words below replace some; None = the default ones
+    size : (width, height) in pixels, or one number for a square; None = that of the options, (640, 480)
+    options : Options, of which the words below replace some; None = those of a scene file, else the default ones
     out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
 
     Where it is taken from. Unless one of these is given, that is the scene's own camera, else one that frames it
@@ -164,9 +165,9 @@ class Renderer:
         if TYPE_CHECKING:  # how Jedi finds the words
             Look(**words)
             Options(**words)
-        look, chosen = divided(words, Look)
-        self.options: Options = make_options(options, size, chosen)
-        self.scene: Scene = load_look(scene, look, self.options, camera)
+        self.scene: Scene
+        self.options: Options
+        self.scene, self.options, self._framing = load_look(scene, words, size, options, camera)
         ground = self.options.ground
         # The background lies behind the shadow on the ground.
         drawn = replace(self.scene, background=None) if ground else self.scene
@@ -179,6 +180,11 @@ class Renderer:
     def plan(self) -> PlanSummary:
         """What the last picture needed; before the first one, what the scene says of it."""
         return self._plan
+
+    @property
+    def framing(self) -> dict[str, Any] | None:
+        """How a scene file asks for framing: arguments of `Camera.framing`; None where it doesn't."""
+        return self._framing
 
     @property
     def subject(self) -> Scene | NDArray[np.float64]:
@@ -200,7 +206,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(Renderer, options=self.options), (self.scene,)
+        return partial(Renderer, options=self.options), (self.scene,), {"_framing": self._framing}
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -236,7 +242,7 @@ class Renderer:
             memory can't hold; and after `close`
         """
         viewpoint = Viewpoint(camera=camera, **words)
-        seen_by = viewpoint.camera_of(self.scene, self.options.size, self.subject)
+        seen_by = viewpoint.camera_of(self.scene, self.options.size, self.subject, self._framing)
         pixels = None if out is None else checked_out(out, self.options)
         with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, seen_by)):
             return self._render(seen_by, pixels)
@@ -258,7 +264,7 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         x, y = checked_pixel(x, y, self.options.size)
-        camera = Viewpoint(camera=camera).camera_of(self.scene, self.options.size, self.subject)
+        camera = Viewpoint(camera=camera).camera_of(self.scene, self.options.size, self.subject, self._framing)
         with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
@@ -338,25 +344,36 @@ class Renderer:
         )
 
 
-def make_options(options: Options | None, size: int | Sequence[int] | None, chosen: Mapping[str, Any]) -> Options:
-    """Return options with the size and the words that are given; SceneError where they are none."""
-    if not (options is None or isinstance(options, Options)):
-        raise SceneError(f"options must be Options or None; given {shown(options)}")
-    sized: Any = {} if size is None else {"size": size}
-    return Options(**sized, **chosen) if options is None else replace(options, **sized, **chosen)
-
-
-def load_look(source: Any, words: Mapping[str, Any], options: Options, camera: Any = None) -> Scene:
-    """Load a scene as the words of `Look` say, and change how it looks.
+def load_look(
+    source: Any,
+    words: Mapping[str, Any],
+    size: int | Sequence[int] | None = None,
+    options: Options | None = None,
+    camera: Any = None,
+) -> SceneFile:
+    """Load a scene, and let it look as words say.
 
     Parameters
     ----------
     source, camera : as `load` takes them
-    words : fields of Look
-    options : of the picture
+    words : those of Look and of Options
+    size, options : as `render` takes them; without `options`, those of a scene file are the ones that words replace
+
+    Returns
+    -------
+    SceneFile, with Options
     """
-    look = Look(**words)
-    scene = look.load(source, camera=camera)
+    if not (options is None or isinstance(options, Options)):
+        raise SceneError(f"options must be Options or None; given {shown(options)}")
+    words, chosen = divided(words, Look)
+    chosen |= {} if size is None else {"size": size}
+    made, look = replace(options or Options(), **chosen), Look(**words)
+    scene, own, framing = look.read(source, camera)
+    if own and options is None:
+        try:
+            made = Options(**own | chosen)
+        except SceneError as fault:
+            raise SceneError(f"{name_of(source)}: options: {fault}") from fault
     if camera is None and look.up is not None and scene.camera is not None:  # another side is meant
         scene = replace(scene, camera=None)
-    return look.change(scene, options.shading, options.ground)
+    return SceneFile(look.change(scene, made.shading, made.ground), made, framing)

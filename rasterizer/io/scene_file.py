@@ -27,7 +27,6 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
@@ -46,7 +45,7 @@ from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
 from .files import Folder, name_of, open_member, read_source
 from .limits import Allowance, most
-from .loader import keep_quiet, load_model
+from .loader import SceneFile, keep_quiet, load_model
 from .model_file import MeshSettings, bytes_of_copy
 
 _OWN_SETTINGS = MeshSettings()  # of the file, that is
@@ -60,31 +59,6 @@ OPTIONS = (
     "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
     "threads", "edges", "edge_color", "edge_width", "ground",
 )  # fmt: skip
-
-
-class SceneFile(NamedTuple):
-    """What a scene file holds.
-
-    Parameters
-    ----------
-    scene : Scene; without a camera where the file asks for framing
-    options : dict of options of a picture by name, not checked
-    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
-    """
-
-    scene: Scene
-    options: dict = {}
-    framing: dict | None = None
-
-    def framed_scene(self) -> Scene:
-        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
-        4:3."""
-        if self.framing is None:
-            return self.scene
-        size = self.options.get("size", (4, 3))
-        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
-        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
-        return replace(self.scene, camera=camera)
 
 
 def read_scene(
