@@ -1,8 +1,7 @@
 """An exact, fast, classic scanline rasterizer: meshes to pictures and buffers, without GPU, OpenGL or display.
 
     import rasterizer as rz
-    scene = rz.load("models/teapot.obj", crease_angle=30)
-    frame = rz.render(scene, size=(640, 480), shading="gouraud")
+    frame = rz.render("models/teapot.obj", size=(640, 480), view="front", material="gold", shading="gouraud")
     frame.save("teapot.png")
 
 What lives where, from the top downwards; a folder's `__init__` says what its files hold:
@@ -10,6 +9,7 @@ What lives where, from the top downwards; a folder's `__init__` says what its fi
     cli, viewer, batch    the command `raster`; the page and the widget; many pictures in many processes
     analysis              pictures compared, sheets, Mach bands, speed against error
     renderer, frame       `render` and `Renderer`; the picture and its buffers; animation and picking stand beside them
+    look, viewpoint       words such as `material="gold"` and `view="front"`, of programs and of the command line
     reference             the judge: a slow renderer in float64, which shares no kernel with the fast one
     engine                draws a scene: plans it, prepares it, and calls the pipeline
     pipeline              the kernels, in the order in which a polygon meets them

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from .choices import Axis, Preset, Weighting
 from .errors import ModelError, SceneError, shown
-from .io.loader import FileLike, load
+from .io.loader import FileLike, SceneFile, read_source
+from .io.model_file import MeshSettings
 from .keywords import checked_fields
 from .options import Options
 from .scene.color import linear_rgb
@@ -92,10 +93,11 @@ class Look:
         object.__setattr__(self, "subdivide", whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS))
         object.__setattr__(self, "material", self._material_fields())
 
-    def load(self, source: SceneLike | FileLike, **settings: Any) -> Scene:
-        """Load a scene as `rz.load` does, which has the `settings`; nothing of it is changed."""
-        names = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")
-        return load(source, **{name: getattr(self, name) for name in names}, **settings)
+    def read(self, source: SceneLike | FileLike, camera: Any = None, **settings: Any) -> SceneFile:
+        """Read what `load` does, and what a scene file says of the picture; nothing of the scene is changed."""
+        mesh_settings = MeshSettings(self.crease_angle, self.weighting, self.drop_bad_faces)
+        more = {"format": self.format, "allow_outside": self.allow_outside, **settings}
+        return read_source(source, mesh_settings, {"up": self.up}, camera, **more)
 
     def change(
         self,

@@ -19,7 +19,8 @@ from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
-from .io.loader import FileLike
+from .io.files import name_of
+from .io.loader import FileLike, SceneFile
 from .keywords import divided, takes_words
 from .locks import cached_property
 from .look import Look, LookWords
@@ -61,15 +62,16 @@ def render(
     ----------
     scene : Scene, or anything that `load` takes: a path, the bytes of a file, an open file, a Mesh or several, a
         trimesh.Trimesh or trimesh.Scene, or (vertices, faces)
-    size : (width, height) in pixels, or one number for a square; None = that of `options`, (640, 480)
-    options : Options, of which the words below replace some; None = the default ones
+    size : (width, height) in pixels, or one number for a square; None = that of the options, (640, 480)
+    options : Options, of which the words below replace some; None = those of a scene file, else the default ones
     out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
 
     Where it is taken from. Unless one of these is given, that is the scene's own camera, else one that frames it
     camera : Camera; "file" = the first that a model file brings; "frame" = none that the scene brings; or the path of a
         scene file, or of a file that holds a camera alone
     view : "iso", "front", "back", "left", "right", "top", "bottom", or (azimuth, elevation) in degrees
-    azimuth, elevation : degrees about the up axis, 0 = front, and above the horizon; as in `Camera.framing`: 35 and 25
+    azimuth, elevation : degrees about the up axis, 0 = front, and above the horizon; None = 35 and 25, as in
+        `Camera.framing`
     fov : degrees, vertical field of view of the camera that frames, or stands at `eye`; None = 30
     ortho : without perspective; with `eye`, the target keeps its size
     zoom : enlarges the middle of the picture as many times
@@ -78,13 +80,13 @@ def render(
 
     How the model looks
     lights : a light or a sequence of them; None = those of the scene or file, else studio lights
-    preset : "studio", "headlight" or "tabletop": ready-made lights, to which `lights` are added
+    preset : "studio", "headlight" or "tabletop", ready-made lights, to which `lights` are added
     shadows : True = all lights but ambient ones cast shadows, unless one has `shadow=False`; or a Shadow, that of those
         that have none of their own
     material : Material, the name of one of the classic table ("gold", "jade", "red plastic" ..., see `Material.named`),
         or a dict of some fields; replaces them in every material. Without "ambient" that follows "diffuse"
-    color : colour, short for material={"diffuse": ...}
-    reflection : text, short for material={"reflection": ...}
+    color : colour, short for the "diffuse" of `material`
+    reflection : "phong", "blinn", "lambert", "oren-nayar", "cook-torrance" or "toon", short for that of `material`
     background : colour, or "transparent"; None = that of the scene or file, else transparent
     depth_cue : DepthCue, or a number, its scale; "none" = none; None = that of the scene or file
     up : text, up axis "x", "y", "z" or with a minus sign; None = as `load` has it. Where it is given, a camera that the
@@ -93,7 +95,7 @@ def render(
     How a file or mesh is read; as in `load`, but for `subdivide`
     format : text, the format of bytes, or of a file whose suffix doesn't tell it
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp
-    weighting : "angle", "area" or "uniform": what faces count by where normals are averaged
+    weighting : "angle", "area" or "uniform", what faces count by where normals are averaged
     subdivide : how often every triangle is cut in four, 0 to 15
     drop_bad_faces : leave out faces with NaN or infinite coordinates
     allow_outside : read also textures, buffers and parts that lie outside the folder of the file that names them
@@ -163,9 +165,9 @@ class Renderer:
         if TYPE_CHECKING:  # how Jedi finds the words
             Look(**words)
             Options(**words)
-        look, chosen = divided(words, Look)
-        self.options: Options = make_options(options, size, chosen)
-        self.scene: Scene = load_look(scene, look, self.options, camera)
+        self.scene: Scene
+        self.options: Options
+        self.scene, self.options, self._framing = load_look(scene, words, size, options, camera)
         self._prepare()
 
     def _prepare(self, like: PreparedScene | None = None) -> None:
@@ -183,7 +185,7 @@ class Renderer:
         What was prepared of the meshes is not prepared again. Raises SceneError for what are no lights.
         """
         found = object.__new__(Renderer)
-        found.options = self.options
+        found.options, found._framing = self.options, self._framing
         found.scene = Look(lights=lights).change(self.scene, self.options.shading, self.options.ground)
         found._prepare(self._prepared)
         return found
@@ -192,6 +194,11 @@ class Renderer:
     def plan(self) -> PlanSummary:
         """What the last picture needed; before the first one, what the scene says of it."""
         return self._plan
+
+    @property
+    def framing(self) -> dict[str, Any] | None:
+        """How a scene file asks for framing: arguments of `Camera.framing`; None where it doesn't."""
+        return self._framing
 
     @property
     def subject(self) -> Scene | NDArray[np.float64]:
@@ -213,7 +220,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(Renderer, options=self.options), (self.scene,)
+        return partial(Renderer, options=self.options), (self.scene,), {"_framing": self._framing}
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -250,7 +257,7 @@ class Renderer:
         """
         viewpoint = Viewpoint(camera=camera, **words)
         subject = None if isinstance(viewpoint.camera, Camera) else self.subject
-        seen_by = viewpoint.camera_of(self.scene, self.options.size, subject)
+        seen_by = viewpoint.camera_of(self.scene, self.options.size, subject, self._framing)
         pixels = None if out is None else checked_out(out, self.options)
         with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, seen_by)):
             return self._render(seen_by, pixels)
@@ -272,7 +279,7 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         x, y = checked_pixel(x, y, self.options.size)
-        camera = Viewpoint(camera=camera).camera_of(self.scene, self.options.size, self.subject)
+        camera = Viewpoint(camera=camera).camera_of(self.scene, self.options.size, self.subject, self._framing)
         with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
@@ -352,25 +359,36 @@ class Renderer:
         )
 
 
-def make_options(options: Options | None, size: int | Sequence[int] | None, chosen: Mapping[str, Any]) -> Options:
-    """Return options with the size and the words that are given; SceneError where they are none."""
-    if not (options is None or isinstance(options, Options)):
-        raise SceneError(f"options must be Options or None; given {shown(options)}")
-    sized: Any = {} if size is None else {"size": size}
-    return Options(**sized, **chosen) if options is None else replace(options, **sized, **chosen)
-
-
-def load_look(source: Any, words: Mapping[str, Any], options: Options, camera: Any = None) -> Scene:
-    """Load a scene as the words of `Look` say, and change how it looks.
+def load_look(
+    source: Any,
+    words: Mapping[str, Any],
+    size: int | Sequence[int] | None = None,
+    options: Options | None = None,
+    camera: Any = None,
+) -> SceneFile:
+    """Load a scene, and let it look as words say.
 
     Parameters
     ----------
     source, camera : as `load` takes them
-    words : fields of Look
-    options : of the picture
+    words : those of Look and of Options
+    size, options : as `render` takes them; without `options`, those of a scene file are the ones that words replace
+
+    Returns
+    -------
+    SceneFile, with Options
     """
-    look = Look(**words)
-    scene = look.load(source, camera=camera)
+    if not (options is None or isinstance(options, Options)):
+        raise SceneError(f"options must be Options or None; given {shown(options)}")
+    words, chosen = divided(words, Look)
+    chosen |= {} if size is None else {"size": size}
+    made, look = replace(options or Options(), **chosen), Look(**words)
+    scene, own, framing = look.read(source, camera)
+    if own and options is None:
+        try:
+            made = Options(**own | chosen)
+        except SceneError as fault:
+            raise SceneError(f"{name_of(source)}: options: {fault}") from fault
     if camera is None and look.up is not None and scene.camera is not None:  # another side is meant
         scene = replace(scene, camera=None)
-    return look.change(scene, options.shading, options.ground)
+    return SceneFile(look.change(scene, made.shading, made.ground), made, framing)

@@ -14,7 +14,7 @@ from ..look import Look
 from ..options import Options
 from ..reference import explain as explaining
 from ..reference.explain import Explanation
-from ..renderer import load_look, make_options, render
+from ..renderer import load_look, render
 from ..scene.scene import SceneLike
 from ..viewpoint import Viewpoint
 
@@ -58,10 +58,9 @@ def explain(
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
     side, others = divided(words, Viewpoint)
-    viewpoint, (look, chosen) = Viewpoint(**side), divided(others, Look)
-    options = make_options(options, size, chosen)
-    scene = load_look(scene, look, options, viewpoint.of_file)
-    scene = replace(scene, camera=viewpoint.camera_of(scene, options.size))
+    viewpoint = Viewpoint(**side)
+    scene, options, framing = load_look(scene, others, size, options, viewpoint.of_file)
+    scene = replace(scene, camera=viewpoint.camera_of(scene, options.size, framing=framing))
     found = explaining.explain(scene, x, y, options)
     prepared = PreparedScene(SceneTables(scene, options), options)
     paths = prepared.paths_at(scene.camera_for(options.size), (found.x, found.y))

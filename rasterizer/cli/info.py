@@ -79,6 +79,7 @@ def _describe(model, arguments, messages) -> dict:
     """Load a model, and return what is known of it: a record that JSON can say."""
     from ..analysis.mesh_topology import compute_topology
     from ..io.loader import load
+    from ..scene.lights import light_type_of
     from ..scene.up_axis import guess_up
     from .models import noted_warnings, source_of
 
@@ -128,7 +129,7 @@ def _describe(model, arguments, messages) -> dict:
         "normals": _normals_of(scene),
         "materials": [_material(material) for material in materials],
         "textures": [_texture(texture) for texture in textures],
-        "lights": [type(light).__name__ for light in scene.lights],
+        "lights": [light_type_of(light) for light in scene.lights],
         "camera": None if scene.camera is None else asdict(scene.camera),
         "files_read": list(dict.fromkeys(files_read)),
         "not_drawn": _list_not_drawn(scene, said),
@@ -206,7 +207,7 @@ def _text(facts) -> str:
         ("faces", _faces(facts)),
         ("vertices", f"{facts['vertices']}"),
         ("bounds", f"{_point(low)} to {_point(high)}"),
-        ("size", " x ".join(f"{value:.6g}" for value in facts["extent"])),
+        ("extent", " x ".join(f"{value:.6g}" for value in facts["extent"])),
         ("watertight", _watertight(facts)),
         ("bodies", f"{facts['bodies']}"),
         ("area", f"{facts['area']:.6g}"),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ..errors import ModelError, SceneError
 from ..io import formats
-from ..io.model_file import MeshSettings, noticing_progress
+from ..io.model_file import noticing_progress
 from ..look import Look
 from ..options import Options
 from ..scene.color import linear_rgb
@@ -209,29 +209,19 @@ def _reading_shown(messages):
 
 def _read(model, arguments, settings, messages, files_read) -> tuple:
     """Read a model: its scene, options and framing."""
-    input_format, look = arguments.input_format, settings.look
+    look, input_format = settings.look, arguments.input_format
     source = source_of(model, input_format)
-    entry = formats.find(input_format or Path(model).suffix)
-    if entry is None or not entry.is_scene:
-        scene = look.load(source, camera="file", log=messages.detail, files_read=files_read)
-        if scene.camera is not None and arguments.camera != "file":
-            scene = replace(scene, camera=None)
+    read = look.read(source, "file", log=messages.detail, files_read=files_read)
+    entry, scene = formats.find(input_format or Path(model).suffix), read.scene
+    if entry is not None and entry.is_scene:
+        is_dropped = arguments.up is not None  # another side is meant
+    else:
+        is_dropped = scene.camera is not None and arguments.camera != "file"
+        if is_dropped:
             messages.notice(f"{model}: the file has a camera; the model is framed, --camera file looks through it")
         if entry is not None and entry.name in _UNTOLD_UP and look.up is None:
             _tell_up(model, scene, messages)
-        return scene, {}, None
-    read = entry.read()(
-        source,
-        log=messages.detail,
-        format=entry.name,
-        mesh_settings=MeshSettings(*(getattr(look, name) for name in MeshSettings._fields)),
-        allow_outside=look.allow_outside,
-        files_read=files_read,
-    )
-    scene = read.scene
-    if arguments.up is not None:  # another side is meant
-        scene = replace(scene, camera=None, up=look.up or scene.up)
-    return scene, read.options, read.framing
+    return read._replace(scene=replace(scene, camera=None)) if is_dropped else read
 
 
 def _tell_up(model, scene, messages) -> None:

@@ -109,7 +109,9 @@ def make_annotator(scene, options):
 
 def _describe_look(scene, camera, options) -> str:
     """Say in a line how a scene is shown."""
-    lights = ", ".join(dict.fromkeys(type(light).__name__.removesuffix("Light").lower() for light in scene.lights))
+    from ..scene.lights import light_type_of
+
+    lights = ", ".join(dict.fromkeys(map(light_type_of, scene.lights)))
     seen = "through its own camera" if camera is scene.camera else f"framed, {scene.up} upwards"
     samples = counted(options.samples, "sample")
     return f"{options.shading} shading, {samples} a pixel, lights: {lights or 'none'}; {seen}"

@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Literal, TypeAlias
+from typing import IO, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,12 +29,38 @@ from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
+from ..scene.validate import picture_size
 from . import formats
 from .files import Folder, name_of, opened_source
 from .limits import name_in
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, bytes_of_copy, materials_of
 
 FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
+
+
+class SceneFile(NamedTuple):
+    """What a scene file holds, or the scene alone of anything else.
+
+    Parameters
+    ----------
+    scene : Scene; without a camera where the file asks for framing
+    options : dict of options of a picture by name, not checked; once they are, Options
+    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
+    """
+
+    scene: Scene
+    options: Any = {}
+    framing: dict[str, Any] | None = None
+
+    def framed_scene(self) -> Scene:
+        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
+        4:3."""
+        if self.framing is None:
+            return self.scene
+        size = self.options.get("size", (4, 3))
+        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
+        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
+        return replace(self.scene, camera=camera)
 
 
 @checked_keywords
@@ -96,22 +122,53 @@ def load(
     UserWarning : materials, textures or texture coordinates that the file uses are missing or unreadable, values of
         materials that are taken otherwise than they stand there, polygons that cross themselves
     """
+    return read_source(
+        source,
+        MeshSettings(crease_angle, weighting, drop_bad_faces),
+        {"lights": lights, "background": background, "depth_cue": depth_cue, "up": up},
+        camera,
+        format=format,
+        log=log,
+        allow_outside=allow_outside,
+        files_read=files_read,
+    ).framed_scene()
+
+
+def read_source(
+    source: SceneLike | FileLike,
+    mesh_settings: MeshSettings,
+    settings: dict[str, Any],
+    camera: Camera | Literal["file"] | None = None,
+    *,
+    format: str | None = None,
+    log: Callable[[str], object] | None = None,
+    allow_outside: bool = False,
+    files_read: list[str] | None = None,
+) -> SceneFile:
+    """Read what `load` does, without framing it: that is done when a picture's size is known.
+
+    Parameters
+    ----------
+    mesh_settings : how meshes are made
+    settings : arguments of Scene, None = as the source says
+    source, camera, format, log, allow_outside, files_read : as `load` takes them
+
+    Returns and raises what `load` does, but a SceneFile.
+    """
     if log is not None and not callable(log):
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
-    if not isinstance(drop_bad_faces, (bool, np.bool_)):
-        raise SceneError(f"drop_bad_faces must be True or False; given {shown(drop_bad_faces)}")
+    if not isinstance(mesh_settings.drop_bad_faces, (bool, np.bool_)):
+        raise SceneError(f"drop_bad_faces must be True or False; given {shown(mesh_settings.drop_bad_faces)}")
     is_own_camera = isinstance(camera, str) and camera == "file"
     camera = None if is_own_camera else camera
-    settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
-    settings = {key: value for key, value in settings.items() if value is not None}
-    mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)
+    settings = {key: value for key, value in (settings | {"camera": camera}).items() if value is not None}
     if isinstance(source, Scene):
         if changes := mesh_settings.arguments():
             settings["meshes"] = meshes_from(source.meshes, changes)
-        return replace(source, **settings) if settings else source
+        return SceneFile(replace(source, **settings) if settings else source)
     is_file = hasattr(source, "read") and not is_one_mesh(source)  # a meshio.Mesh has a function of that name
     if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or is_file):
-        return Scene(meshes_from(source, mesh_settings.arguments()), **settings)
+        return SceneFile(Scene(meshes_from(source, mesh_settings.arguments()), **settings))
     name = name_of(source)
     if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
         raise ModelError(f"{name}: no such file")
@@ -121,7 +178,7 @@ def load(
         files = Folder(Path(name).parent if has_folder else None, None, allow_outside, files_read)
         if not is_own_camera:
             settings = {"camera": None} | settings
-        return load_model(source, mesh_settings, files, format=format, log=log, settings=settings)
+        return SceneFile(load_model(source, mesh_settings, files, format=format, log=log, settings=settings))
     with one_file(name):
         read = entry.read()(
             source,
@@ -131,8 +188,9 @@ def load(
             allow_outside=allow_outside,
             files_read=files_read,
         )
-        scene = read.framed_scene()
-    return replace(scene, **settings) if settings else scene
+        if settings:
+            read = read._replace(scene=replace(read.scene, **settings))
+        return read if camera is None else read._replace(framing=None)
 
 
 # Written by models/make_models.py: several objects and materials, one of them glass.

@@ -7,7 +7,7 @@
                 {arrays = "x.npz", mesh = 0, ...}
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
-    camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
+    camera      the fields of Camera, or {view, azimuth, elevation, fov, ortho, margin} to have the scene framed
     background  colour      up  axis      options  those of a picture, as `Options` names them
     depth_cue   a number, or {scale, start, color}
 
@@ -27,11 +27,11 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
 
+from ..choices import VIEWS
 from ..errors import ModelError, SceneError, cut, one_file, shown
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
@@ -45,7 +45,7 @@ from ..scene.validate import number, picture_size, unit3, vector3
 from . import formats
 from .files import Folder, name_of, open_member, read_source
 from .limits import Allowance, most
-from .loader import keep_quiet, load_model
+from .loader import SceneFile, keep_quiet, load_model
 from .model_file import MeshSettings, bytes_of_copy
 
 _OWN_SETTINGS = MeshSettings()  # of the file, that is
@@ -59,31 +59,6 @@ OPTIONS = (
     "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
     "threads", "edges", "edge_color", "edge_width", "ground",
 )  # fmt: skip
-
-
-class SceneFile(NamedTuple):
-    """What a scene file holds.
-
-    Parameters
-    ----------
-    scene : Scene; without a camera where the file asks for framing
-    options : dict of options of a picture by name, not checked
-    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
-    """
-
-    scene: Scene
-    options: dict = {}
-    framing: dict | None = None
-
-    def framed_scene(self) -> Scene:
-        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
-        4:3."""
-        if self.framing is None:
-            return self.scene
-        size = self.options.get("size", (4, 3))
-        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
-        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
-        return replace(self.scene, camera=camera)
 
 
 def read_scene(
@@ -294,6 +269,12 @@ class Entry:
         """Return the value, which must be text."""
         return self._of_type(str)
 
+    def choice(self, words) -> str:
+        """Return the value, which must be one of some words."""
+        if self.text() not in words:
+            raise self.fault(f"must be one of {', '.join(words)}; given {shown(self.value)}")
+        return self.value
+
     def flag(self) -> bool:
         """Return the value, which must be true or false."""
         return self._of_type(bool)
@@ -351,7 +332,7 @@ class Entry:
 
 COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "metal", "color")  # fields that are colours
 TEXTURES = ("texture", "metallic_roughness")
-FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
+FRAMING = ("view", "azimuth", "elevation", "fov", "ortho", "margin", "orthographic")  # the last as ortho
 
 
 class Context:
@@ -533,8 +514,7 @@ def _read_light(entry):
     kind = entry.names().get("kind")
     if kind is None:
         raise entry.fault(f"kind is missing; legal are {', '.join(LIGHT_TYPES)}")
-    if kind.text() not in LIGHT_TYPES:
-        raise kind.fault(f"must be one of {', '.join(LIGHT_TYPES)}; given {shown(kind.value)}")
+    kind.choice(LIGHT_TYPES)
     described = describe_fields(LIGHT_TYPES[kind.value])
     needed = [name for name, field in described.items() if field.is_needed]
     table = entry.table(["kind", *described], ["kind", *needed])
@@ -567,8 +547,10 @@ def read_camera(entry) -> tuple[Camera | None, dict | None]:
                     f"position is missing, which goes with {key}; without it, legal are {', '.join(FRAMING)}"
                 )
         table = entry.table(FRAMING)
-        framing = {key: field.flag() if key == "orthographic" else field.value for key, field in table.items()}
-        return None, framing
+        flags = [("orthographic", table.pop(key).flag()) for key in ("orthographic", "ortho") if key in table]
+        view = table.pop("view").choice(VIEWS) if "view" in table else None
+        angles = {} if view is None else dict(zip(("azimuth", "elevation"), VIEWS[view], strict=True))
+        return None, angles | {key: field.value for key, field in table.items()} | dict(flags)
     table = entry.table([field.name for field in fields(Camera)])
     settings = {key: field.value for key, field in table.items()}
     return entry.call(Camera, **settings), None

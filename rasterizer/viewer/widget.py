@@ -13,7 +13,7 @@ from ..frame import Frame
 from ..keywords import divided, takes_words
 from ..look import Look
 from ..options import Options
-from ..renderer import load_look, make_options, render
+from ..renderer import load_look, render
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from ..viewpoint import Viewpoint
@@ -101,11 +101,10 @@ def view(
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
     side, others = divided(words, Viewpoint)
-    viewpoint, (look, chosen) = Viewpoint(**side), divided(others, Look)
-    made = make_options(options, size, chosen)
-    scene = load_look(scene, look, made, viewpoint.of_file)
+    viewpoint = Viewpoint(**side)
+    scene, made, framing = load_look(scene, others, size, options, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
-    camera = viewpoint.camera_of(scene, made.size) if side else None
+    camera = viewpoint.camera_of(scene, made.size, framing=framing) if side or framing else None
     settings = {name: value for name, value in vars(made).items() if name not in ("size", "outputs")}
     session = Session(scene, camera=camera, title=title[:80], **settings)
     widget = Widget(size=made.size)

@@ -1,6 +1,9 @@
 """One set of words: each flag of `raster render` is a word of `rz.render` that draws the same picture, or is on a list
 with the reason why it is none."""
 
+import json
+import pickle
+
 import numpy as np
 import pytest
 from helpers.arrays import differences
@@ -141,6 +144,35 @@ def test_words_of_what_a_file_brings(folder, capsys):
     assert len(set(pictures)) == len(pictures)
     with pytest.raises(rz.SceneError, match="brings no camera"):
         rz.render(TORUS, SIZE, camera="file")
+    capsys.readouterr()
+
+
+def test_a_scene_file_asks_for_framing_and_options(folder, capsys):
+    """Whatever the size: the file's framing is that of the picture, words replace some of it."""
+    rz.Scene(rz.load(TORUS).meshes, rz.headlight()).save("b.json")
+    table = json.loads((folder / "b.json").read_text())
+    table |= {"camera": {"view": "left", "fov": 50}, "options": {"samples": 1, "shading": "gouraud", "size": 30}}
+    (folder / "b.json").write_text(json.dumps(table))
+    pictures = [
+        draw(flags, words, "b.json")
+        for flags, words in (
+            ("", {}),
+            ("-s 60x20", {"size": (60, 20)}),
+            ("-s 60x20 --azimuth 5", {"size": (60, 20), "azimuth": 5}),
+            ("-s 60x20 --camera frame", {"size": (60, 20), "camera": "frame"}),
+            ("--samples 4", {"samples": 4}),
+            ("--ground --shading phong", {"ground": True, "shading": "phong"}),
+        )
+    ]
+    assert len(set(pictures)) == len(pictures)
+    assert raster("render", "b.json", "-o", "x.png") == 0
+    frame = rz.render("b.json")
+    assert frame.size == (30, 30) and not differences(picture("x.png"), frame.rgba)
+    with rz.Renderer("b.json") as renderer:
+        again = pickle.loads(pickle.dumps(renderer))
+        assert again.render(zoom=2).tobytes() == renderer.render(zoom=2).tobytes() and again.options == renderer.options
+        again.close()
+    assert rz.render("b.json", options=rz.Options(size=20)).stats.samples == 4 * 20 * 20, "all of them are given"
     capsys.readouterr()
 
 

@@ -1042,6 +1042,34 @@ HELD_OUT = (
     ),
     # Scene files and scenes
     Fault(
+        "words: a scene's own camera is taken although another side is asked for",
+        "viewpoint.py",
+        "if own is not None and framing is None and not given:",
+        "if own is not None and framing is None:",
+        "cli",
+    ),
+    Fault(
+        "words: a view comes before an azimuth or elevation beside it",
+        "viewpoint.py",
+        "            if getattr(self, name) is not None:\n",
+        "            if getattr(self, name) is not None and self.view is None:\n",
+        "cli",
+    ),
+    Fault(
+        "words: a preset's key light casts shadows by any method",
+        "look.py",
+        "lights = lights if takes_shadows else without_shadows(lights)",
+        "lights = tuple(lights)",
+        "cli",
+    ),
+    Fault(
+        "words: the ambient coefficient stays behind the diffuse one",
+        "look.py",
+        'follows = {"ambient": None, "metal": None} if',
+        "follows = {} if",
+        "cli",
+    ),
+    Fault(
         "shadows=True: lights that refuse a shadow cast one, too",
         "scene/lights.py",
         'getattr(light, "shadow", shadow) is None, light)',

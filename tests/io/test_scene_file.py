@@ -175,6 +175,11 @@ def test_framing():
     assert found.scene.camera is None and found.framing == framing
     gear = rz.load(GEAR)
     assert found.framed_scene().camera == rz.Camera.framing(gear, up="z", **framing)
+    for words, meant in (
+        ({"view": "left", "fov": 20}, {"azimuth": -90, "elevation": 0, "fov": 20}),
+        ({"elevation": 5, "view": "front", "ortho": True}, {"azimuth": 0, "elevation": 5, "orthographic": True}),
+    ):
+        assert read({"meshes": [TRIANGLE], "camera": words}).framing == meant, words
     sized = read({"meshes": [{"file": "gear.stl"}], "camera": framing, "options": {"size": [400, 100]}}).framed_scene()
     assert sized.camera == rz.Camera.framing(gear, up="z", aspect=4.0, **framing)
 
@@ -206,6 +211,8 @@ TABLES = [
     ({"camera": {"target": [0, 0, 0]}}, "camera: position is missing, which goes with target"),
     ({"camera": {"azimuth": "left"}}, r"camera\.azimuth: "),
     ({"camera": {"orthographic": 1}}, r"camera\.orthographic: must be true or false"),
+    ({"camera": {"ortho": 1}}, r"camera\.ortho: must be true or false"),
+    ({"camera": {"view": "up"}}, r"camera\.view: must be one of iso, front, .*; given 'up'"),
     ({"camera": {"elevation": 100}}, r"camera\.elevation: the elevation must be within -90"),
 ]
 MESHES = [

@@ -40,6 +40,9 @@ def draw_pictures(folder: Path) -> list[Path]:
     scene = make_scene()
     frame = rz.render(scene, SIZE, shading="phong", outputs=["color", "face"], samples=1, threads=1)
     pair = rz.render((scene.meshes[0].vertices, scene.meshes[0].faces), 16, cull="back", exposure=0.5, samples=1)
+    options = rz.Options(size=SIZE, samples=1, edges="wire", edge_color="red")
+    dressed = rz.render(scene, options=options, view=(30, 10), material={"shininess": 8}, color="teal", shadows=True)
+    assert dressed.size == SIZE
     camera = rz.Camera.framing(scene, azimuth=30, aspect=SIZE[0] / SIZE[1], up="z")
     with rz.Renderer(scene, SIZE, shading="gouraud", outputs="color", color_range="global", samples=1) as renderer:
         turned = renderer.render(camera, out=np.empty((*SIZE[::-1], 4), np.uint8))
