@@ -169,7 +169,7 @@ class PictureKernels(KernelList):
         if self.options.is_flat:
             self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
         else:
-            self.add(surfaces.flag_inverted, COLUMNS, COLUMNS, CORNERS, (0, 0), FLAGS)
+            self.add(surfaces.flag_inverted, COLUMNS, ROWS, CORNERS, CORNERS, (0, 0), FLAGS)
             if any(mesh.normals is None or mesh.crease_angle is not None for mesh in self.tables.meshes):
                 rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
                 split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
@@ -190,7 +190,7 @@ class PictureKernels(KernelList):
         elif asked:
             self.add(surfaces.compute_point_clearance, COLUMNS, 0.0, 0.0, 0.0)
         if plan.is_lit_per_sample and plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
-            self.add(surfaces.find_shortest_normal, COLUMNS, CORNERS)
+            self.add(surfaces.find_shortest_normal, ROWS, CORNERS)
 
     # ------------------------------------------------ the stages up to scan
 
@@ -298,7 +298,7 @@ class PictureKernels(KernelList):
     def add_interpolated(self, parts: Parts) -> None:
         """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
         plan, workspace = self.plan, parts.workspace
-        points = SurfacePoints(COLUMNS, COLUMNS, COLUMNS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
+        points = SurfacePoints(COLUMNS, ROWS, COLUMNS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
         for dtype in plan.dtypes:
             batch, out = workspace.batch if dtype == SINGLE else workspace.double_batch, np.empty((0, 1), dtype)
             self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, out)
@@ -404,7 +404,7 @@ class PictureKernels(KernelList):
         for name in names:
             self.add_buffer(name, visible)
         if "normal" in names and not self.options.is_flat:
-            self.add(surfaces.find_shortest_normal, COLUMNS, CORNERS)
+            self.add(surfaces.find_shortest_normal, ROWS, CORNERS)
 
     def add_buffer(self, name: str, visible: buffers.VisibleSurfaces) -> None:
         """Add what writes one buffer."""

@@ -6,20 +6,32 @@
     compute_shapes          which plane is a triangle in, and how long is its longest side?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
 
-Columns: positions, normals and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face).
+Columns: positions and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face). Normals are
+rows, (n, 3).
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
-from .vectors import add, cross, divide, dot, largest_component, length, scale, subtract, vector_of_column
+from .vectors import (
+    add,
+    cross,
+    divide,
+    dot,
+    largest_component,
+    length,
+    scale,
+    subtract,
+    vector_of_column,
+    vector_of_row,
+)
 
 _MIN_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
 
 
 @kernel
-def flag_inverted(positions, normals, vertex, part, out_is_inverted):
+def flag_inverted(positions, normals, vertex, corner, part, out_is_inverted):
     """Flag the triangles of a part whose corner normals look, on the whole, against their winding.
 
     Normals at right angles to the triangle, to within 2^-40, agree with it: which way they look is no rounding's to
@@ -27,8 +39,9 @@ def flag_inverted(positions, normals, vertex, part, out_is_inverted):
 
     Parameters
     ----------
-    positions, normals : (3, n) float64
-    vertex : (3, n_face) uint32
+    positions : (3, n_vertex) float64
+    normals : (n_point, 3) float64
+    vertex, corner : (3, n_face) uint32
     part : (start, end) of the triangles
     out_is_inverted : (n_face,) uint8, 1 where they look against it
     """
@@ -36,7 +49,8 @@ def flag_inverted(positions, normals, vertex, part, out_is_inverted):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
         a = vector_of_column(positions, i)
         e1, e2 = subtract(vector_of_column(positions, j), a), subtract(vector_of_column(positions, k), a)
-        n = add(add(vector_of_column(normals, i), vector_of_column(normals, j)), vector_of_column(normals, k))
+        i, j, k = corner[0, face], corner[1, face], corner[2, face]
+        n = add(add(vector_of_row(normals, i), vector_of_row(normals, j)), vector_of_row(normals, k))
         area = cross(e1, e2)
         agreement = dot(n, area)
         out_is_inverted[face] = agreement < -_MIN_AGREEMENT * (abs(area[0]) + abs(area[1]) + abs(area[2]))
@@ -86,13 +100,13 @@ def find_shortest_normal(normals, corner):
 
     Parameters
     ----------
-    normals : (3, n) float64, unit length or zero
+    normals : (n, 3) float64, unit length or zero
     corner : (3, n_face) uint32
     """
     least = 1.0
     for face in range(np.uint64(corner.shape[1])):
         i, j, k = corner[0, face], corner[1, face], corner[2, face]
-        a, b, c = vector_of_column(normals, i), vector_of_column(normals, j), vector_of_column(normals, k)
+        a, b, c = vector_of_row(normals, i), vector_of_row(normals, j), vector_of_row(normals, k)
         # A cheap test first: with the least cosine c > 0 nothing is shorter than √((1 + 2 c)/3), see
         # pipeline/records.py.
         cosine = min(dot(a, b), dot(b, c), dot(c, a))
@@ -162,7 +176,7 @@ def compute_shapes(positions, vertex, out_shape):
         out_shape[face, 4] = max(length(subtract(b, a)), length(subtract(c, b)), length(subtract(a, c)))
 
 
-def compute_normal_offsets(geometry) -> NDArray[np.float64]:
+def compute_normal_offsets(geometry, is_flat: bool) -> NDArray[np.float64]:
     """Compute how far points are moved along their normals for shadows, (2, n_point) float64, scene units: where they
     are seen from the side of their normals, and where from the other side.
 
@@ -171,9 +185,8 @@ def compute_normal_offsets(geometry) -> NDArray[np.float64]:
     """
     offsets = np.zeros((2, geometry.points.shape[1]))
     for k, corner in enumerate(geometry.corner):
-        start, normal = geometry.points[:, corner], geometry.normals[:, corner]
-        others = geometry.vertex[[k]] if geometry.points is not geometry.positions else geometry.vertex
-        for vertex in others:
+        start, normal = geometry.points[:, corner], geometry.normals[corner].T
+        for vertex in geometry.vertex[[k]] if is_flat else geometry.vertex:
             height = ((geometry.positions[:, vertex] - start) * normal).sum(axis=0)
             np.maximum.at(offsets[0], corner, height)
             np.maximum.at(offsets[1], corner, -height)

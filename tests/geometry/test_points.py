@@ -34,7 +34,7 @@ def test_a_cube_is_split_at_its_edges():
     area = np.cross(CUBE[mesh.faces[:, 1]] - CUBE[mesh.faces[:, 0]], CUBE[mesh.faces[:, 2]] - CUBE[mesh.faces[:, 0]])
     assert np.abs(normals - unit(area)[:, None]).max() < 1e-15
     assert len(smooth_part(rz.Mesh(CUBE, QUADS, crease_angle=180)).points) == 8
-    assert part.albedo is None and part.vertex is part.corner
+    assert part.albedo is None and part.vertex is mesh.faces, "vertices stand where they were"
     one_group = {"smoothing": np.ones(12, int)}
     assert len(smooth_part(rz.Mesh(CUBE, mesh.faces, **one_group)).points) == 8
     assert len(smooth_part(rz.Mesh(CUBE, mesh.faces, crease_angle=30, **one_group)).points) == 24, "the angle overrides"
@@ -184,7 +184,9 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
     assert not differences(geometry.positions[:, geometry.vertex].T, corners)
     assert geometry.corner.shape == geometry.vertex.shape == (3, scene.n_face)
-    assert (geometry.points is geometry.positions) == (not is_flat)
+    assert is_flat or not differences(geometry.points[:, geometry.corner].T, corners)
+    unasked = gather_geometry(scene.meshes, is_flat, has_lit_points=False)
+    assert not differences(unasked.normals, geometry.normals) and not differences(unasked.corner, geometry.corner)
     for mesh in range(3):
         start, stop = scene.face_offsets[mesh : mesh + 2]
         first, last = geometry.point_offsets[mesh : mesh + 2]
@@ -223,7 +225,8 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
         gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]).meshes, True).is_inverted, 0
     )
     nothing = np.ones(len(faces), np.uint8)
-    flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, (0, len(nothing)), nothing)
+    indices = geometry.vertex, geometry.corner
+    flag_inverted(geometry.positions, 0 * geometry.normals, *indices, (0, len(nothing)), nothing)
     assert not nothing.any(), "no normal is no contradiction"
 
 
