@@ -208,7 +208,7 @@ class NormalAttributes:
         key = dtype, n_attribute
         if key not in self._kept:
             geometry, n_point = self._geometry, len(self._geometry.normals)
-            given = geometry.normals, geometry.albedo, geometry.uv, geometry.tangents.T
+            given = geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
             columns = [column for column in given if len(column) == n_point]
             joined = np.concatenate(columns, axis=1) if len(columns) > 1 else columns[0]
             self._kept[key] = np.ascontiguousarray(joined[None, :, :n_attribute], dtype)
@@ -217,7 +217,7 @@ class NormalAttributes:
     def of_faces(self, view, screen) -> Attributes:
         """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
         normals = self._geometry.normals
-        away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
+        away = (self._geometry.points - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return NONE._replace(double=np.stack([toward, -toward]))
 

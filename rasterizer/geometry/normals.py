@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 
-_ROUND = 1 << 19  # corners that are split before the split vertices of others are: these go where all are, then
+_ROUND = 1 << 18  # corners that are split before the split vertices of others are: these go where all are, then
 
 _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 

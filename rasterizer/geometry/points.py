@@ -19,16 +19,16 @@ from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
 from .weld import unique_rows
 
-NO_TANGENTS = np.empty((3, 0))
+NO_TANGENTS = np.empty((0, 3))
 
 
 class Geometry(NamedTuple):
     """The scene as arrays, meshes one behind the other."""
 
-    positions: NDArray[np.float64]  # (3, n_vertex) world space
+    positions: NDArray[np.float64]  # (n_vertex, 3) world space
     vertex: NDArray[np.uint32]  # (3, n_face) the vertices of each triangle
     corner: NDArray[np.uint32]  # (3, n_face) the points at its corners
-    points: NDArray[np.float64]  # (3, n_point) world space; (3, 0) where they are vertices that nobody asks for
+    points: NDArray[np.float64]  # (n_point, 3) world space; (0, 3) where they are vertices that nobody asks for
     normals: NDArray[np.float64]  # (n_point, 3) unit length or zero; at centres the means of the corners'
     albedo: NDArray[np.float64]  # (n_point, 3) linear; (0, 3) where no mesh has colours and no material a texture
     is_inverted: NDArray[np.uint8]  # (n_face,) 1 where the normals look against the winding
@@ -36,7 +36,7 @@ class Geometry(NamedTuple):
     group_material: NDArray[np.int64]  # (n_group,) a material may have several groups
     face_material: NDArray[np.uint32]  # (n_face,) empty where there is one material
     uv: NDArray[np.float64]  # (n_point, 2 or 4) texture coordinates; (0, 2) where no material has a texture
-    tangents: NDArray[np.float64] = NO_TANGENTS  # (3, n_point) where u grows to; (3, 0) where no material needs them
+    tangents: NDArray[np.float64] = NO_TANGENTS  # (n_point, 3) where u grows to; (0, 3) where no material needs them
     face: NDArray[np.uint32] = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
     centers: Centers | None = None  # the last points, which are means of others; None where there are none
     layers: NDArray[np.int16] = np.empty(0, np.int16)  # (n_vertex,) the layer of the mesh; empty where all are 0
@@ -88,7 +88,7 @@ def gather_geometry(
         point_offsets=offsets,
         group_material=group_material,
         face_material=_face_materials(meshes, numbers) if len(materials) > 1 else np.empty(0, np.uint32),
-        tangents=_columns([part.tangents for part in parts], np.float64) if is_brushed else NO_TANGENTS,
+        tangents=_rows([part.tangents for part in parts]) if is_brushed else NO_TANGENTS,
     )
     if not is_flat:
         geometry = about_centers(geometry, meshes, parts)
@@ -100,7 +100,7 @@ def gather_geometry(
 def with_layers(geometry: Geometry, meshes: Sequence[Mesh]) -> Geometry:
     """Give the vertices the layers of their meshes."""
     of_loaded = np.repeat([mesh.layer for mesh in meshes], [mesh.n_face for mesh in meshes])
-    layers = np.zeros(geometry.positions.shape[1], np.int16)
+    layers = np.zeros(len(geometry.positions), np.int16)
     layers[geometry.vertex] = of_loaded[geometry.face] if len(geometry.face) else of_loaded
     return geometry._replace(layers=layers)
 
@@ -109,19 +109,19 @@ def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, has_poi
     """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left
     empty."""
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
-    positions = _columns([part.positions for part in parts], np.float64, workers=workers)
-    vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex, workers)
+    positions = _rows([part.positions for part in parts])
+    vertex = _columns([part.vertex for part in parts], first_vertex, workers)
     points, corner = positions, vertex
     if any(part.corner is not part.vertex for part in parts):
-        corner = _columns([part.corner for part in parts], np.uint32, _first_points(parts), workers)
+        corner = _columns([part.corner for part in parts], _first_points(parts), workers)
     if is_flat or corner is not vertex:
-        points = _columns([part.points for part in parts] if has_points else [], np.float64, workers=workers)
-    normals = np.concatenate([part.normals for part in parts]) if len(parts) > 1 else parts[0].normals
+        points = _rows([part.points for part in parts]) if has_points else np.empty((0, 3))
+    normals = _rows([part.normals for part in parts])
     albedo = np.empty((0, 3))
     if is_textured or any(part.albedo is not None for part in parts):
         white = [np.ones((len(part.normals), 3)) if part.albedo is None else part.albedo for part in parts]
-        albedo = np.concatenate(white)
-    uv = np.concatenate([part.uv for part in parts]) if is_textured else np.empty((0, 2))
+        albedo = _rows(white)
+    uv = _rows([part.uv for part in parts]) if is_textured else np.empty((0, 2))
     is_inverted, unset = np.zeros(vertex.shape[1], np.uint8), np.empty(0, np.int64)
     return Geometry(
         positions, vertex, corner, points, normals, albedo, is_inverted, unset, unset, np.empty(0, np.uint32), uv
@@ -152,14 +152,14 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
     if len(rings.start) == 0:
         return geometry
     # Every point is a vertex then, and so is every centre.
-    vertex, face, centers = split_rings(geometry.corner, geometry.points.shape[1], rings)
-    positions = np.ascontiguousarray(with_means(geometry.points.T, centers).T)
+    vertex, face, centers = split_rings(geometry.corner, len(geometry.points), rings)
+    positions = with_means(geometry.points, centers)
     return geometry._replace(
         positions=positions, vertex=vertex, corner=vertex, points=positions,
         normals=with_means(geometry.normals, centers),
         albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
         face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T,
+        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents, centers),
         face=face, centers=centers,
     )  # fmt: skip
 
@@ -179,14 +179,17 @@ def group_points(n_points: ArrayLike, material: ArrayLike) -> tuple[NDArray[np.i
     return np.append(0, ends[is_last]), material[is_last]
 
 
-def _columns(
-    arrays: Sequence[NDArray], dtype: type[np.generic], offsets: NDArray | None = None, workers: Any = None
-) -> NDArray:
-    """Stack (n, 3) arrays as (3, n), one contiguous column an axis; indices move behind the parts before them."""
-    out = np.empty((3, sum(len(array) for array in arrays)), dtype)
+def _rows(arrays: Sequence[NDArray]) -> NDArray:
+    """Stack arrays; a single one is left as it is."""
+    return np.concatenate(arrays) if len(arrays) > 1 else np.ascontiguousarray(arrays[0])
+
+
+def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArray[np.uint32]:
+    """Stack (n, 3) indices as (3, n), one contiguous column a corner; they move behind the parts before them."""
+    out = np.empty((3, sum(len(array) for array in arrays)), np.uint32)
     start = 0
     for k, array in enumerate(arrays):
-        columns, offset = out[:, start : start + len(array)], 0 if offsets is None else dtype(offsets[k])
+        columns, offset = out[:, start : start + len(array)], np.uint32(offsets[k])
 
         def fill(part, array=array, columns=columns, offset=offset):
             for axis in range(3):

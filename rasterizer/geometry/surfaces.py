@@ -6,26 +6,14 @@
     compute_shapes          which plane is a triangle in, and how long is its longest side?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
 
-Columns: positions and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face). Normals are
-rows, (n, 3).
+Positions, points and normals are rows, (n, 3); vertex and corner are columns, (3, n_face).
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
-from .vectors import (
-    add,
-    cross,
-    divide,
-    dot,
-    largest_component,
-    length,
-    scale,
-    subtract,
-    vector_of_column,
-    vector_of_row,
-)
+from .vectors import add, cross, divide, dot, largest_component, length, scale, subtract, vector_of_row
 
 _MIN_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
 
@@ -39,7 +27,7 @@ def flag_inverted(positions, normals, vertex, corner, part, out_is_inverted):
 
     Parameters
     ----------
-    positions : (3, n_vertex) float64
+    positions : (n_vertex, 3) float64
     normals : (n_point, 3) float64
     vertex, corner : (3, n_face) uint32
     part : (start, end) of the triangles
@@ -47,8 +35,8 @@ def flag_inverted(positions, normals, vertex, corner, part, out_is_inverted):
     """
     for face in range(np.uint64(part[0]), np.uint64(part[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
-        a = vector_of_column(positions, i)
-        e1, e2 = subtract(vector_of_column(positions, j), a), subtract(vector_of_column(positions, k), a)
+        a = vector_of_row(positions, i)
+        e1, e2 = subtract(vector_of_row(positions, j), a), subtract(vector_of_row(positions, k), a)
         i, j, k = corner[0, face], corner[1, face], corner[2, face]
         n = add(add(vector_of_row(normals, i), vector_of_row(normals, j)), vector_of_row(normals, k))
         area = cross(e1, e2)
@@ -64,7 +52,7 @@ def compute_clearance(positions, vertex, x, y, z):
 
     Parameters
     ----------
-    positions : (3, n) float64, scene units
+    positions : (n, 3) float64, scene units
     vertex : (3, n_face) uint32
     x, y, z : the point
     """
@@ -72,7 +60,7 @@ def compute_clearance(positions, vertex, x, y, z):
     point = (x, y, z)
     for face in range(np.uint64(vertex.shape[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
-        a, b, c = vector_of_column(positions, i), vector_of_column(positions, j), vector_of_column(positions, k)
+        a, b, c = vector_of_row(positions, i), vector_of_row(positions, j), vector_of_row(positions, k)
         center = divide(add(add(a, b), c), 3.0)
         from_a, from_b, from_c = subtract(a, center), subtract(b, center), subtract(c, center)
         square = max(max(max(0.0, dot(from_a, from_a)), dot(from_b, from_b)), dot(from_c, from_c))
@@ -83,10 +71,10 @@ def compute_clearance(positions, vertex, x, y, z):
 
 @kernel
 def compute_point_clearance(points, x, y, z):
-    """Find the distance from the point x, y, z to the nearest of points (3, n)."""
+    """Find the distance from the point x, y, z to the nearest of points (n, 3)."""
     least = np.inf
-    for k in range(np.uint64(points.shape[1])):
-        away = subtract(vector_of_column(points, k), (x, y, z))
+    for k in range(np.uint64(len(points))):
+        away = subtract(vector_of_row(points, k), (x, y, z))
         least = min(least, dot(away, away))
     return np.sqrt(least)
 
@@ -161,13 +149,13 @@ def compute_shapes(positions, vertex, out_shape):
 
     Parameters
     ----------
-    positions : (3, n) float64
+    positions : (n, 3) float64
     vertex : (3, n_face) uint32
     out_shape : (n_face, 5) float64: unit normal n, n·P of the plane, and the length of that side, scene units
     """
     for face in range(np.uint64(vertex.shape[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
-        a, b, c = vector_of_column(positions, i), vector_of_column(positions, j), vector_of_column(positions, k)
+        a, b, c = vector_of_row(positions, i), vector_of_row(positions, j), vector_of_row(positions, k)
         area = cross(subtract(b, a), subtract(c, a))
         size = length(area)
         inv_size = 1.0 / size if size > 0.0 else 0.0
@@ -183,11 +171,11 @@ def compute_normal_offsets(geometry, is_flat: bool) -> NDArray[np.float64]:
     A vertex is moved as far as the corners of the triangles about it lie above its tangent plane: on a convex surface
     not at all. The centroid of a polygon is moved as far as the polygon's corners lie above its plane.
     """
-    offsets = np.zeros((2, geometry.points.shape[1]))
+    offsets = np.zeros((2, len(geometry.points)))
     for k, corner in enumerate(geometry.corner):
-        start, normal = geometry.points[:, corner], geometry.normals[corner].T
+        start, normal = geometry.points[corner], geometry.normals[corner]
         for vertex in geometry.vertex[[k]] if is_flat else geometry.vertex:
-            height = ((geometry.positions[:, vertex] - start) * normal).sum(axis=0)
+            height = dot((geometry.positions[vertex] - start).T, normal.T)
             np.maximum.at(offsets[0], corner, height)
             np.maximum.at(offsets[1], corner, -height)
     return offsets

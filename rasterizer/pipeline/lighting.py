@@ -50,9 +50,9 @@ class Lighting(NamedTuple):
 class SurfacePoints(NamedTuple):
     """Points that are lit before anything is drawn: Gouraud's vertices, the centroids of flat shading."""
 
-    positions: np.ndarray  # (3, n) float64, world space
+    positions: np.ndarray  # (n, 3) float64, world space
     normals: np.ndarray  # (n, 3) float64, world space, unit length
-    tangents: np.ndarray | None  # (3, n) float64; None where no material needs them: then they are not compiled
+    tangents: np.ndarray | None  # (n, 3) float64; None where no material needs them: then they are not compiled
     albedo: np.ndarray  # (n, n_channel) float64, read only if the material has one
     normal_offsets: np.ndarray  # (2, n) float64, scene units, on the side of the normal and on the other, see
     # geometry/surfaces.py; read only if a light casts shadows
@@ -233,8 +233,7 @@ def gather_positions(positions, first, n, eye, batch):
     """Copy positions, relative to the eye: subtracted in float64, before digits are dropped."""
     eye = read_vector(eye, 0)
     for k in range(index(n)):
-        position = positions[0, first + k], positions[1, first + k], positions[2, first + k]
-        set_vector(batch, f.POSITION, k, subtract(position, eye))
+        set_vector(batch, f.POSITION, k, subtract(vector_of_row(positions, first + k), eye))
 
 
 @helper
@@ -257,8 +256,7 @@ def gather_normals_to_viewer(points, first, n, screen, batch):
         normal = vector_of_row(normals, first + k)
         away = dot(normal, forward)
         if screen.is_perspective:
-            position = positions[0, first + k], positions[1, first + k], positions[2, first + k]
-            away = dot(normal, subtract(position, eye))
+            away = dot(normal, subtract(vector_of_row(positions, first + k), eye))
         set_vector(batch, f.NORMAL, k, scale(normal, -1.0 if away > 0.0 else 1.0))
 
 
@@ -276,8 +274,7 @@ def gather_tangents(tangents, first, n, batch):
     """Copy the tangents, if there are any."""
     if tangents is not None:
         for k in range(index(n)):
-            tangent = tangents[0, first + k], tangents[1, first + k], tangents[2, first + k]
-            set_vector(batch, f.TANGENT, k, tangent)
+            set_vector(batch, f.TANGENT, k, vector_of_row(tangents, first + k))
 
 
 @helper

@@ -22,7 +22,7 @@ def box(weighting, **more):
 
 def normal_at(mesh, corner):
     geometry = gather_geometry(rz.Scene(mesh).meshes, False)
-    (at,) = np.flatnonzero((geometry.points.T == corner).all(axis=1))
+    (at,) = np.flatnonzero((geometry.points == corner).all(axis=1))
     return geometry.normals[at].T
 
 

@@ -58,7 +58,7 @@ class Points:
                 self.shift = Precision(plan, bounds).shift(view)
         face = rng.integers(0, geometry.vertex.shape[1], N_POINT)
         weights = rng.dirichlet((1, 1, 1), N_POINT)
-        position = np.einsum("nk,akn->an", weights, geometry.positions[:, geometry.vertex[:, face]])
+        position = np.einsum("nk,kna->an", weights, geometry.positions[geometry.vertex[:, face]])
         normal = np.einsum("nk,kna->an", weights, geometry.normals[geometry.corner[:, face]])
         shape = shadows.shapes[face]
         position = position - view.eye[:, None]
