@@ -172,7 +172,7 @@ def _arrays_of(mesh: str, is_textured: bool, size: tuple[int, int]) -> tuple[dic
     uv = geometry.uv if is_textured else None
     # Of several textures the first one is laid over everything.
     texels = _srgb_bytes(own[0].image[..., :3]) if own and is_textured else make_texels()
-    return _as_arrays(geometry.positions.T, geometry.normals.T, geometry.corner.T, uv, texels), scene.up
+    return _as_arrays(geometry.points, geometry.normals, geometry.corner.T, uv, texels), scene.up
 
 
 def _as_arrays(positions, normals, faces, uv, texels) -> dict:

@@ -137,7 +137,7 @@ def _gather(scene: Scene) -> _Surface:
     pairs, corners, normals, is_plain = [], [], [], []
     for mesh, offset in zip(scene.meshes, scene.face_offsets, strict=False):
         part = smooth_part(mesh)
-        corners.append(part.positions[part.corner])
+        corners.append(part.positions[part.vertex])
         normals.append(part.normals[part.corner])
         is_plain.append(_plain_faces(mesh))
         values = part.normals if part.albedo is None else np.concatenate([part.normals, part.albedo], axis=1)

@@ -129,7 +129,7 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
     dtype, features = lighting.materials.dtype, plan.of_materials.features
     n_channel = 3 if any(features[group.material] & HAS_COLORS for group in groups) else 1
-    intensities = blank((n_side, geometry.points.shape[1], n_channel), dtype, groups)
+    intensities = blank((n_side, len(geometry.normals), n_channel), dtype, groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     least = MIN_PART // max(1, len(plan.lights))  # points that are worth a thread of its own
@@ -207,8 +207,8 @@ class NormalAttributes:
         """So many attributes, of all points."""
         key = dtype, n_attribute
         if key not in self._kept:
-            geometry, n_point = self._geometry, self._geometry.points.shape[1]
-            given = geometry.normals.T, geometry.albedo, geometry.uv, geometry.tangents.T
+            geometry, n_point = self._geometry, len(self._geometry.normals)
+            given = geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
             columns = [column for column in given if len(column) == n_point]
             joined = np.concatenate(columns, axis=1) if len(columns) > 1 else columns[0]
             self._kept[key] = np.ascontiguousarray(joined[None, :, :n_attribute], dtype)
@@ -216,8 +216,8 @@ class NormalAttributes:
 
     def of_faces(self, view, screen) -> Attributes:
         """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
-        normals = np.ascontiguousarray(self._geometry.normals.T)  # as kernels take all attributes
-        away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
+        normals = self._geometry.normals
+        away = (self._geometry.points - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return NONE._replace(double=np.stack([toward, -toward]))
 

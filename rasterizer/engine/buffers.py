@@ -65,7 +65,7 @@ class BufferTables:
     @cached_property
     def positions(self) -> CornerTable:
         """Where the corners lie, world space."""
-        return CornerTable(np.ascontiguousarray(self._geometry.positions.T), self._vertex)
+        return CornerTable(self._geometry.positions, self._vertex)
 
     def positions_seen_from(self, view: View) -> CornerTable:
         """Where the corners lie in the frame of a camera, which looks down -z; computed for every view anew."""
@@ -108,7 +108,7 @@ class BufferTables:
         values, rows, pieces = np.eye(3), self._loaded_corner, self._pieces
         if len(pieces):
             corners = self._loaded_corners()
-            centers = self._geometry.positions.T[self._geometry.vertex[2, pieces]]
+            centers = self._geometry.positions[self._geometry.vertex[2, pieces]]
             values = np.concatenate([values, _weights_in(corners, centers)])
             rows = rows.copy()
             rows[2, pieces] = 3 + np.arange(len(pieces))
@@ -149,7 +149,7 @@ class BufferTables:
         if len(self._pieces):
             positions, corners = self._geometry.positions, self._loaded_corners()
             for k in range(2):
-                here = positions[:, self._geometry.vertex[k, self._pieces]].T
+                here = positions[self._geometry.vertex[k, self._pieces]]
                 corner[k, self._pieces] = (corners == here[:, None, :]).all(axis=2).argmax(axis=1)
         return corner
 

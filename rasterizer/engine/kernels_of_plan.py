@@ -48,7 +48,7 @@ from .uniforms import list_materials, used_functions
 SIZE = (8, 8)  # of a picture without room, pixels
 SINGLE, DOUBLE = np.dtype(np.float32), np.dtype(np.float64)
 # Arrays without room, by what they would hold:
-ROWS, COLUMNS = np.empty((0, 3)), np.empty((3, 0))  # vectors
+ROWS = np.empty((0, 3))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 SIDES = np.empty(0, np.int8)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
@@ -169,7 +169,7 @@ class PictureKernels(KernelList):
         if self.options.is_flat:
             self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
         else:
-            self.add(surfaces.flag_inverted, COLUMNS, COLUMNS, CORNERS, (0, 0), FLAGS)
+            self.add(surfaces.flag_inverted, ROWS, ROWS, CORNERS, CORNERS, (0, 0), FLAGS)
             if any(mesh.normals is None or mesh.crease_angle is not None for mesh in self.tables.meshes):
                 rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
                 split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
@@ -181,16 +181,16 @@ class PictureKernels(KernelList):
             edges, bodies = closed.EdgeTable(*[FACES] * 5, FLAGS), closed.Bodies(FACES, LENGTHS, LENGTHS)
             self.add(closed.find_bodies, ROWS, np.empty((0, 3), np.uint32), edges, bodies, SIDES, np.empty(0, np.bool_))
         if plan.has_shadows:
-            self.add(surfaces.compute_shapes, COLUMNS, CORNERS, np.empty((0, 5)))
+            self.add(surfaces.compute_shapes, ROWS, CORNERS, np.empty((0, 5)))
         asked: list = []  # of lights whose clearance is measured
         for light in plan.lights:
             light_table.entry_of(light).clearance(light, view, lambda position: asked.append(position) or 1.0)
         if asked and plan.is_lit_per_sample:
-            self.add(surfaces.compute_clearance, COLUMNS, CORNERS, 0.0, 0.0, 0.0)
+            self.add(surfaces.compute_clearance, ROWS, CORNERS, 0.0, 0.0, 0.0)
         elif asked:
-            self.add(surfaces.compute_point_clearance, COLUMNS, 0.0, 0.0, 0.0)
+            self.add(surfaces.compute_point_clearance, ROWS, 0.0, 0.0, 0.0)
         if plan.is_lit_per_sample and plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
-            self.add(surfaces.find_shortest_normal, COLUMNS, CORNERS)
+            self.add(surfaces.find_shortest_normal, ROWS, CORNERS)
 
     # ------------------------------------------------ the stages up to scan
 
@@ -204,7 +204,7 @@ class PictureKernels(KernelList):
         screen, workspace, (triangles, vertices, *_) = parts.screen, parts.workspace, NO_TRIANGLES
         bands, grid = np.empty(0, np.uint16), cull.Grid(*SIZE, 1)
         visible = cull.Visible(FACES, bands, bands, NUMBERS, 0)
-        self.add(transform_range, COLUMNS, 0, 0, screen, vertices)
+        self.add(transform_range, ROWS, 0, 0, screen, vertices)
         self.add(cull.find_visible_in, 0, 0, triangles.vertex_idx, vertices, grid, SIDES, cull.make_cull_scratch(),
                  visible)  # fmt: skip
         self.add(scatter, FACES, bands, bands, NUMBERS, FACES)
@@ -219,10 +219,10 @@ class PictureKernels(KernelList):
         scratch = clip.make_clip_scratch()
         if depths[0] < near or depths[1] > far_clip:
             parts = np.empty((0, 3, clip.N_CORNER_COLUMN))
-            self.add(clip.find_crossing, COLUMNS, CORNERS, FACES, screen, scratch, FACES)
-            self.add(clip.clip_faces, COLUMNS, CORNERS, FACES, screen, scratch, parts, FACES)
+            self.add(clip.find_crossing, ROWS, CORNERS, FACES, screen, scratch, FACES)
+            self.add(clip.clip_faces, ROWS, CORNERS, FACES, screen, scratch, parts, FACES)
         if self.camera.is_perspective and near < far * DEEP:
-            self.add(clip.search_nearest, COLUMNS, CORNERS, screen, clip.Window(0.0, 0.0, 0.0, 0.0), scratch)
+            self.add(clip.search_nearest, ROWS, CORNERS, screen, clip.Window(0.0, 0.0, 0.0, 0.0), scratch)
 
     # ------------------------------------------------ the picture
 
@@ -276,7 +276,7 @@ class PictureKernels(KernelList):
                 self.add_shadow_map(dtype)
         corners = corners_of(self.tables.bounds)
         if plan.has_shadows and leaves_casters_out(plan.reflected_lights, corners, self.camera.view()):
-            self.add(cull.compute_outcodes, COLUMNS, np.empty(3), ROWS, FLAGS)
+            self.add(cull.compute_outcodes, ROWS, np.empty(3), ROWS, FLAGS)
             self.add(cull.list_seen, CORNERS, FLAGS, FACES)
 
     def add_shadow_map(self, dtype: np.dtype) -> None:
@@ -300,7 +300,7 @@ class PictureKernels(KernelList):
     def add_interpolated(self, parts: Parts) -> None:
         """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
         plan, workspace = self.plan, parts.workspace
-        points = SurfacePoints(COLUMNS, COLUMNS, COLUMNS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
+        points = SurfacePoints(ROWS, ROWS, ROWS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
         for dtype in plan.dtypes:
             batch, out = workspace.batch if dtype == SINGLE else workspace.double_batch, np.empty((0, 1), dtype)
             self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, out)
@@ -406,7 +406,7 @@ class PictureKernels(KernelList):
         for name in names:
             self.add_buffer(name, visible)
         if "normal" in names and not self.options.is_flat:
-            self.add(surfaces.find_shortest_normal, COLUMNS, CORNERS)
+            self.add(surfaces.find_shortest_normal, ROWS, CORNERS)
 
     def add_buffer(self, name: str, visible: buffers.VisibleSurfaces) -> None:
         """Add what writes one buffer."""

@@ -492,8 +492,8 @@ def list_lit(geometry, n_material, is_lit_per_sample) -> list[tuple]:
             return [(geometry.positions, vertex)]
         return [(geometry.positions, np.ascontiguousarray(vertex[:, of_face == k])) for k in range(n_material)]
     of_point = np.repeat(geometry.group_material, np.diff(geometry.point_offsets))
-    lit = geometry.points[:, : len(of_point)]
-    return [(np.ascontiguousarray(lit[:, of_point == k]),) for k in range(n_material)]
+    lit = geometry.points[: len(of_point)]
+    return [(lit[of_point == k],) for k in range(n_material)]
 
 
 def find_colored(geometry, n_material) -> NDArray[np.bool_]:

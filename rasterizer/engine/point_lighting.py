@@ -88,8 +88,8 @@ def illuminate(
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
     surface = SurfacePoints(
-        np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T),
-        np.ascontiguousarray(tangents.T) if plan.has_tangents else None, np.empty((0, 3)), np.empty((2, 0)),
+        np.ascontiguousarray(points), np.ascontiguousarray(normals),
+        np.ascontiguousarray(tangents) if plan.has_tangents else None, np.empty((0, 3)), np.empty((2, 0)),
     )  # fmt: skip
     n, side = len(points), 0 if two_sided else 1
     found = np.empty((n, plan.n_channel))

@@ -88,13 +88,21 @@ class PreparedScene:
     def geometry(self) -> Geometry:
         """All meshes as one set of arrays."""
         check_extent(self.tables.bounds)
-        return gather_geometry(self.tables.meshes, self.options.is_flat, self.threads)
+        options = self.options
+        if options.cull == "auto":
+            _ = self._sides_of_loaded  # now: what it takes meanwhile is given back before there is a geometry
+        return gather_geometry(self.tables.meshes, options.is_flat, self.threads, options.shading != "phong")
+
+    @cached_property
+    def _sides_of_loaded(self) -> NDArray[np.int8]:
+        """Which side of each triangle as loaded looks into a closed body, see geometry/closed.py."""
+        return gather_inner_sides(self.tables.meshes)
 
     @cached_property
     def _inner_sides(self) -> NDArray[np.int8]:
-        """Which side of each triangle looks into a closed body, see geometry/closed.py."""
-        sides, face = gather_inner_sides(self.tables.meshes), self.geometry.face
-        return sides[face] if len(face) else sides
+        """The same of the triangles that are drawn."""
+        face = self.geometry.face
+        return self._sides_of_loaded[face] if len(face) else self._sides_of_loaded
 
     @cached_property
     def view_plans(self) -> ViewPlans:

@@ -127,7 +127,7 @@ class Shadows:
     @cached_property
     def normal_offsets(self) -> NDArray[np.float64]:
         """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
-        return compute_normal_offsets(self._geometry)
+        return compute_normal_offsets(self._geometry, self._plan.is_flat)
 
 
 def place_of(light: Any, view: View) -> tuple:

@@ -33,6 +33,8 @@ _T = TypeVar("_T")
 
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 
+_ROUND = 1 << 18  # corners that are split before the split vertices of others are: these go where all are, then
+
 _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 
 # All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
@@ -255,41 +257,49 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) -> Split:
     """Split the fans of a mesh: parts of the corners side by side, whose split vertices are numbered one after the
     other then."""
-    corner_vertices, corners = faces.reshape(-1), np.empty(faces.size, np.uint32)
-    splits = _split_parts(vertices, corner_vertices, rule, workers, corners)
-    if len(splits) == 1:
-        return Split(corners.reshape(-1, 3), *splits[0])
-    n_before, n_split = np.zeros(len(vertices), np.uint32), 0  # split vertices of the parts before that of a vertex
-    for split in splits:
-        n_before[split.source] = n_split
-        n_split += len(split.source)
+    corner_vertices, n_corner, corners = faces.reshape(-1), faces.size, np.empty(faces.size, np.uint32)
+    fans, n_split = _list_fans(vertices, corner_vertices), 0
+    n_before = np.zeros(len(vertices), np.uint32)  # split vertices of the parts before that of a vertex
+    # No corner has more than one split vertex. What isn't written of these takes no memory.
+    whole = SplitVertices(np.empty(n_corner, np.uint32), np.empty((n_corner, 3)))
+
+    def split_part(part: tuple[int, int]) -> SplitVertices:
+        """Split the fans of a part; fill the split vertex of each corner, numbered from 0 in each part."""
+        scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
+        split = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3)))
+        while corner < end:
+            split = _grow(split, n_split, max(end - part[0], n_split + n_split // 2) + fans.valence)
+            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, corners, split)
+        return SplitVertices(split.source[:n_split], split.normals[:n_split])
+
+    def place(placed: tuple[SplitVertices, int]) -> None:
+        split, first = placed
+        here = slice(first, first + len(split.source))
+        whole.source[here], whole.normals[here], n_before[split.source] = split.source, split.normals, first
 
     def number(part: tuple[int, int]) -> None:
         corners[slice(*part)] += n_before[corner_vertices[slice(*part)]]
 
-    map_parts(number, faces.size, workers)
-    return Split(corners.reshape(-1, 3), *(np.concatenate(column) for column in zip(*splits, strict=True)))
-
-
-def _split_parts(vertices, corner_vertices, rule, workers, out_corners) -> list[SplitVertices]:
-    """Split the fans of each part; fill the split vertex of each corner, numbered from 0 in each part."""
-    fans = _list_fans(vertices, corner_vertices)
-
-    def split_part(part: tuple[int, int]) -> SplitVertices:
-        scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
-        split, room = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3))), min(len(vertices), end - corner)
-        while corner < end:  # there is room for a smooth mesh at first; it grows with the creases
-            split = _grow(split, n_split, max(room, n_split + n_split // 2) + fans.valence)
-            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, out_corners, split)
-        return SplitVertices(split.source[:n_split], split.normals[:n_split])
-
-    return map_parts(split_part, len(corner_vertices), workers)
+    for begin in range(0, n_corner, _ROUND):
+        n_here = min(_ROUND, n_corner - begin)
+        splits = map_parts(lambda part, begin=begin: split_part((begin + part[0], begin + part[1])), n_here, workers)
+        ends = np.cumsum([n_split, *(len(split.source) for split in splits)]).tolist()
+        n_split = ends[-1]
+        map_all(place, list(zip(splits, ends, strict=False)), workers)
+    if n_corner > 0:
+        map_parts(number, n_corner, workers)
+    return Split(corners.reshape(-1, 3), whole.source[:n_split], whole.normals[:n_split])
 
 
 def map_parts(function: Callable[[tuple[int, int]], _T], n: int, workers: Any) -> list[_T]:
     """Call a function with parts of range(n), (start, end), side by side on the threads of Workers, or with all of it
     where these are None; return what it returns, in order."""
-    return [function((0, n))] if workers is None else workers.map(function, workers.ranges(n))
+    return map_all(function, [(0, n)] if workers is None else workers.ranges(n), workers)
+
+
+def map_all(function: Callable[[Any], _T], items: list, workers: Any) -> list[_T]:
+    """Call a function with all items, on the threads of Workers or, where these are None, on the caller's alone."""
+    return [function(item) for item in items] if workers is None else workers.map(function, items)
 
 
 def _grow(split: SplitVertices, n_split: int, capacity: int) -> SplitVertices:

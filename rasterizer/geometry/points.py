@@ -3,7 +3,7 @@
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and
 Phong's methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more
 than three corners are triangles about their centres, points behind all others that are not lit, see `polygons.py`.
-Triangles index vertices and points through separate columns, which are the same array where a vertex is a point.
+Triangles index vertices and points through separate columns, which are the same array where every vertex is one point.
 """
 
 from collections.abc import Sequence
@@ -19,24 +19,24 @@ from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
 from .weld import unique_rows
 
-NO_TANGENTS = np.empty((3, 0))
+NO_TANGENTS = np.empty((0, 3))
 
 
 class Geometry(NamedTuple):
     """The scene as arrays, meshes one behind the other."""
 
-    positions: NDArray[np.float64]  # (3, n_vertex) world space
+    positions: NDArray[np.float64]  # (n_vertex, 3) world space
     vertex: NDArray[np.uint32]  # (3, n_face) the vertices of each triangle
     corner: NDArray[np.uint32]  # (3, n_face) the points at its corners
-    points: NDArray[np.float64]  # (3, n_point) world space
-    normals: NDArray[np.float64]  # (3, n_point) unit length or zero; at centres the means of the corners'
+    points: NDArray[np.float64]  # (n_point, 3) world space; (0, 3) where they are vertices that nobody asks for
+    normals: NDArray[np.float64]  # (n_point, 3) unit length or zero; at centres the means of the corners'
     albedo: NDArray[np.float64]  # (n_point, 3) linear; (0, 3) where no mesh has colours and no material a texture
     is_inverted: NDArray[np.uint8]  # (n_face,) 1 where the normals look against the winding
     point_offsets: NDArray[np.int64]  # (n_group + 1,) where groups begin: points of one material, side by side
     group_material: NDArray[np.int64]  # (n_group,) a material may have several groups
     face_material: NDArray[np.uint32]  # (n_face,) empty where there is one material
     uv: NDArray[np.float64]  # (n_point, 2 or 4) texture coordinates; (0, 2) where no material has a texture
-    tangents: NDArray[np.float64] = NO_TANGENTS  # (3, n_point) where u grows to; (3, 0) where no material needs them
+    tangents: NDArray[np.float64] = NO_TANGENTS  # (n_point, 3) where u grows to; (0, 3) where no material needs them
     face: NDArray[np.uint32] = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
     centers: Centers | None = None  # the last points, which are means of others; None where there are none
     layers: NDArray[np.int16] = np.empty(0, np.int16)  # (n_vertex,) the layer of the mesh; empty where all are 0
@@ -53,17 +53,27 @@ class Part(NamedTuple):
     positions: NDArray[np.float64]  # (n_vertex, 3)
     vertex: NDArray[np.uint32]  # (n_face, 3)
     corner: NDArray[np.uint32]  # (n_face, 3)
-    points: NDArray[np.float64]  # (n_point, 3)
     normals: NDArray[np.float64]  # (n_point, 3)
     albedo: NDArray[np.float64] | None  # (n_point, 3)
+    source: NDArray[np.uint32] | None = None  # (n_point,) the vertex that each point is; None where each is one
+    centroids: NDArray[np.float64] | None = None  # (n_point, 3) which points are instead in flat shading
     uv: NDArray[np.float64] | None = None  # (n_point, 2 or 4)
     n_points: tuple[int, ...] = ()  # of each material
     tangents: NDArray[np.float64] | None = None  # (n_point, 3)
 
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(n_point, 3)."""
+        if self.centroids is not None:
+            return self.centroids
+        return self.positions if self.source is None else self.positions[self.source]
 
-def gather_geometry(meshes: Sequence[Mesh], is_flat: bool, workers: Any = None) -> Geometry:
+
+def gather_geometry(
+    meshes: Sequence[Mesh], is_flat: bool, workers: Any = None, has_lit_points: bool = True
+) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices; `workers` are
-    threads to do it on, None for the caller's alone."""
+    threads to do it on, None for the caller's alone. Where points aren't lit, nobody asks where split vertices are."""
     materials, numbers = number_materials(meshes)
     is_textured, n_texcoord = any(material.texture is not None for material in materials), count_texcoords(meshes)
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
@@ -71,17 +81,18 @@ def gather_geometry(meshes: Sequence[Mesh], is_flat: bool, workers: Any = None) 
     if is_brushed:
         parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
     parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
-    geometry = _join_parts(parts, is_flat, is_textured, workers)
+    has_points = has_lit_points or any(mesh.polygons is not None for mesh in meshes)
+    geometry = _join_parts(parts, is_flat, is_textured, has_points, workers)
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     geometry = geometry._replace(
         point_offsets=offsets,
         group_material=group_material,
         face_material=_face_materials(meshes, numbers) if len(materials) > 1 else np.empty(0, np.uint32),
-        tangents=_columns([part.tangents for part in parts], np.float64) if is_brushed else NO_TANGENTS,
+        tangents=_rows([part.tangents for part in parts]) if is_brushed else NO_TANGENTS,
     )
     if not is_flat:
         geometry = about_centers(geometry, meshes, parts)
-        given = geometry.positions, geometry.normals, geometry.vertex
+        given = geometry.positions, geometry.normals, geometry.vertex, geometry.corner
         map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), len(geometry.is_inverted), workers)
     return with_layers(geometry, meshes) if any(mesh.layer for mesh in meshes) else geometry
 
@@ -89,27 +100,28 @@ def gather_geometry(meshes: Sequence[Mesh], is_flat: bool, workers: Any = None) 
 def with_layers(geometry: Geometry, meshes: Sequence[Mesh]) -> Geometry:
     """Give the vertices the layers of their meshes."""
     of_loaded = np.repeat([mesh.layer for mesh in meshes], [mesh.n_face for mesh in meshes])
-    layers = np.zeros(geometry.positions.shape[1], np.int16)
+    layers = np.zeros(len(geometry.positions), np.int16)
     layers[geometry.vertex] = of_loaded[geometry.face] if len(geometry.face) else of_loaded
     return geometry._replace(layers=layers)
 
 
-def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, workers: Any) -> Geometry:
+def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, has_points: bool, workers: Any) -> Geometry:
     """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left
     empty."""
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
-    positions = _columns([part.positions for part in parts], np.float64, workers=workers)
-    vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex, workers)
+    positions = _rows([part.positions for part in parts])
+    vertex = _columns([part.vertex for part in parts], first_vertex, workers)
     points, corner = positions, vertex
-    if is_flat:
-        points = _columns([part.points for part in parts], np.float64)
-        corner = vertex if is_textured else _columns([part.corner for part in parts], np.uint32, _first_points(parts))
-    normals = _columns([part.normals for part in parts], np.float64, workers=workers)
+    if any(part.corner is not part.vertex for part in parts):
+        corner = _columns([part.corner for part in parts], _first_points(parts), workers)
+    if is_flat or corner is not vertex:
+        points = _rows([part.points for part in parts]) if has_points else np.empty((0, 3))
+    normals = _rows([part.normals for part in parts])
     albedo = np.empty((0, 3))
     if is_textured or any(part.albedo is not None for part in parts):
-        white = [np.ones((len(part.points), 3)) if part.albedo is None else part.albedo for part in parts]
-        albedo = np.concatenate(white)
-    uv = np.concatenate([part.uv for part in parts]) if is_textured else np.empty((0, 2))
+        white = [np.ones((len(part.normals), 3)) if part.albedo is None else part.albedo for part in parts]
+        albedo = _rows(white)
+    uv = _rows([part.uv for part in parts]) if is_textured else np.empty((0, 2))
     is_inverted, unset = np.zeros(vertex.shape[1], np.uint8), np.empty(0, np.int64)
     return Geometry(
         positions, vertex, corner, points, normals, albedo, is_inverted, unset, unset, np.empty(0, np.uint32), uv
@@ -127,7 +139,7 @@ def _face_materials(meshes: Sequence[Mesh], numbers: Sequence[NDArray]) -> NDArr
 
 def _first_points(parts: Sequence[Part]) -> NDArray[np.int64]:
     """Return the number of the first point of each mesh, and how many points there are."""
-    return np.cumsum([0] + [len(part.points) for part in parts])
+    return np.cumsum([0] + [len(part.normals) for part in parts])
 
 
 def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Part]) -> Geometry:
@@ -139,15 +151,15 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
     rings = join_rings(found, np.cumsum([0] + [mesh.n_face for mesh in meshes]), _first_points(parts))
     if len(rings.start) == 0:
         return geometry
-    vertex, face, centers = split_rings(geometry.vertex, geometry.points.shape[1], rings)
-    positions, normals = (
-        np.ascontiguousarray(with_means(rows.T, centers).T) for rows in (geometry.positions, geometry.normals)
-    )
+    # Every point is a vertex then, and so is every centre.
+    vertex, face, centers = split_rings(geometry.corner, len(geometry.points), rings)
+    positions = with_means(geometry.points, centers)
     return geometry._replace(
-        positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals,
+        positions=positions, vertex=vertex, corner=vertex, points=positions,
+        normals=with_means(geometry.normals, centers),
         albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
         face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T,
+        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents, centers),
         face=face, centers=centers,
     )  # fmt: skip
 
@@ -167,14 +179,17 @@ def group_points(n_points: ArrayLike, material: ArrayLike) -> tuple[NDArray[np.i
     return np.append(0, ends[is_last]), material[is_last]
 
 
-def _columns(
-    arrays: Sequence[NDArray], dtype: type[np.generic], offsets: NDArray | None = None, workers: Any = None
-) -> NDArray:
-    """Stack (n, 3) arrays as (3, n), one contiguous column an axis; indices move behind the parts before them."""
-    out = np.empty((3, sum(len(array) for array in arrays)), dtype)
+def _rows(arrays: Sequence[NDArray]) -> NDArray:
+    """Stack arrays; a single one is left as it is."""
+    return np.concatenate(arrays) if len(arrays) > 1 else np.ascontiguousarray(arrays[0])
+
+
+def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArray[np.uint32]:
+    """Stack (n, 3) indices as (3, n), one contiguous column a corner; they move behind the parts before them."""
+    out = np.empty((3, sum(len(array) for array in arrays)), np.uint32)
     start = 0
     for k, array in enumerate(arrays):
-        columns, offset = out[:, start : start + len(array)], 0 if offsets is None else dtype(offsets[k])
+        columns, offset = out[:, start : start + len(array)], np.uint32(offsets[k])
 
         def fill(part, array=array, columns=columns, offset=offset):
             for axis in range(3):
@@ -198,7 +213,7 @@ def smooth_part(mesh: Mesh, workers: Any = None) -> Part:
     """
     if mesh.normals is not None and mesh.crease_angle is None:
         if mesh.normals.ndim == 2:
-            corner, source, normals = mesh.faces, slice(None), mesh.normals
+            corner, source, normals = mesh.faces, None, mesh.normals
         else:
             keys = [mesh.faces.reshape(-1, 1), mesh.normals.reshape(-1, 3)]
             first, corner = unique_rows(np.column_stack(keys))
@@ -207,19 +222,18 @@ def smooth_part(mesh: Mesh, workers: Any = None) -> Part:
     else:
         corner, source, normals = split_mesh(mesh, workers)
         if np.array_equal(source, np.arange(mesh.n_vertex, dtype=source.dtype)):  # nothing is split
-            corner, source = mesh.faces, slice(None)  # without copies
+            corner, source = mesh.faces, None
     albedo = None
     if mesh.colors is not None and mesh.colors.ndim == 2:
-        albedo = mesh.colors[source, :3]
+        albedo = mesh.colors[slice(None) if source is None else source, :3]
     elif mesh.colors is not None or mesh.face_colors is not None:
         colors = np.repeat(mesh.face_colors[:, None], 3, axis=1) if mesh.colors is None else mesh.colors
         colors = colors[..., :3].reshape(-1, 3)
         first, new_corner = unique_rows(np.column_stack([corner.reshape(-1, 1), colors]))
         point = corner.ravel()[first]
-        source = np.arange(len(mesh.vertices))[source][point]
+        source = point if source is None else source[point]
         normals, albedo, corner = normals[point], colors[first], new_corner.reshape(-1, 3)
-    positions = mesh.vertices[source]
-    return Part(positions, corner, corner, positions, normals, albedo)
+    return Part(mesh.vertices, mesh.faces, corner, normals, albedo, source)
 
 
 def flat_part(mesh: Mesh) -> Part:
@@ -233,7 +247,7 @@ def flat_part(mesh: Mesh) -> Part:
     elif mesh.face_colors is not None:
         albedo = _mean_by(polygons, mesh.face_colors[:, :3], len(normals))
     corner = np.broadcast_to(polygons[:, None], (mesh.n_face, 3))
-    return Part(mesh.vertices, mesh.faces, corner, points, normals, albedo)
+    return Part(mesh.vertices, mesh.faces, corner, normals, albedo, centroids=points)
 
 
 def count_texcoords(meshes: Sequence[Mesh]) -> int:
@@ -250,7 +264,7 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
     """
     n_material, is_textured = len(mesh.palette), n_texcoord > 0
     if mesh.face_material is None and not is_textured:
-        return part._replace(n_points=(len(part.points),))
+        return part._replace(n_points=(len(part.normals),))
     corner, vertex = np.asarray(part.corner, np.int64).ravel(), np.asarray(part.vertex, np.int64).ravel()
     material = np.zeros(len(corner), np.int64)
     if mesh.face_material is not None:
@@ -265,13 +279,13 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
     order = np.argsort(material[first], kind="stable")
     first, rank = first[order], np.argsort(order)
     point = rank[point].astype(np.uint32).reshape(-1, 3)
-    source = corner[first]
-    is_own = is_textured or part.corner is part.vertex  # every vertex has a point of its own
+    of_point, of_vertex = corner[first], vertex[first]
     return Part(
-        part.positions[vertex[first]] if is_own else part.positions, point if is_own else part.vertex, point,
-        part.points[source], part.normals[source], None if part.albedo is None else part.albedo[source],
+        part.positions[of_vertex] if is_textured else part.positions, point if is_textured else part.vertex, point,
+        part.normals[of_point], None if part.albedo is None else part.albedo[of_point],
+        None if is_textured else of_vertex, None if part.centroids is None else part.centroids[of_point],
         uv[first], tuple(np.bincount(material[first], minlength=n_material).tolist()),
-        None if part.tangents is None else part.tangents[source],
+        None if part.tangents is None else part.tangents[of_point],
     )  # fmt: skip
 
 
@@ -334,15 +348,15 @@ def add_tangents(part: Part, mesh: Mesh, is_flat: bool) -> Part:
     A mesh without texture coordinates has none: zero.
     """
     if mesh.uv is None:
-        return part._replace(tangents=np.zeros((len(part.points), 3)))
+        return part._replace(tangents=np.zeros((len(part.normals), 3)))
     corners, corner = mesh.vertices[mesh.faces], np.asarray(part.corner)
-    group, n_group = corner, len(part.points)
+    group, n_group = corner, len(part.normals)
     if not is_flat:
         first, group = unique_rows(np.column_stack([corners.reshape(-1, 3), part.normals[corner].reshape(-1, 3)]))
         n_group = len(first)
     uv = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv)[..., :2]
     of_groups = compute_tangents(corners, uv, group.reshape(-1, 3), n_group)
-    tangents = np.zeros((len(part.points), 3))
+    tangents = np.zeros((len(part.normals), 3))
     tangents[corner.ravel()] = of_groups[group.ravel()]
     return part._replace(tangents=tangents)
 

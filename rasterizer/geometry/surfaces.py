@@ -6,20 +6,20 @@
     compute_shapes          which plane is a triangle in, and how long is its longest side?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
 
-Columns: positions, normals and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face).
+Positions, points and normals are rows, (n, 3); vertex and corner are columns, (3, n_face).
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
-from .vectors import add, cross, divide, dot, largest_component, length, scale, subtract, vector_of_column
+from .vectors import add, cross, divide, dot, largest_component, length, scale, subtract, vector_of_row
 
 _MIN_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
 
 
 @kernel
-def flag_inverted(positions, normals, vertex, part, out_is_inverted):
+def flag_inverted(positions, normals, vertex, corner, part, out_is_inverted):
     """Flag the triangles of a part whose corner normals look, on the whole, against their winding.
 
     Normals at right angles to the triangle, to within 2^-40, agree with it: which way they look is no rounding's to
@@ -27,16 +27,18 @@ def flag_inverted(positions, normals, vertex, part, out_is_inverted):
 
     Parameters
     ----------
-    positions, normals : (3, n) float64
-    vertex : (3, n_face) uint32
+    positions : (n_vertex, 3) float64
+    normals : (n_point, 3) float64
+    vertex, corner : (3, n_face) uint32
     part : (start, end) of the triangles
     out_is_inverted : (n_face,) uint8, 1 where they look against it
     """
     for face in range(np.uint64(part[0]), np.uint64(part[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
-        a = vector_of_column(positions, i)
-        e1, e2 = subtract(vector_of_column(positions, j), a), subtract(vector_of_column(positions, k), a)
-        n = add(add(vector_of_column(normals, i), vector_of_column(normals, j)), vector_of_column(normals, k))
+        a = vector_of_row(positions, i)
+        e1, e2 = subtract(vector_of_row(positions, j), a), subtract(vector_of_row(positions, k), a)
+        i, j, k = corner[0, face], corner[1, face], corner[2, face]
+        n = add(add(vector_of_row(normals, i), vector_of_row(normals, j)), vector_of_row(normals, k))
         area = cross(e1, e2)
         agreement = dot(n, area)
         out_is_inverted[face] = agreement < -_MIN_AGREEMENT * (abs(area[0]) + abs(area[1]) + abs(area[2]))
@@ -50,7 +52,7 @@ def compute_clearance(positions, vertex, x, y, z):
 
     Parameters
     ----------
-    positions : (3, n) float64, scene units
+    positions : (n, 3) float64, scene units
     vertex : (3, n_face) uint32
     x, y, z : the point
     """
@@ -58,7 +60,7 @@ def compute_clearance(positions, vertex, x, y, z):
     point = (x, y, z)
     for face in range(np.uint64(vertex.shape[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
-        a, b, c = vector_of_column(positions, i), vector_of_column(positions, j), vector_of_column(positions, k)
+        a, b, c = vector_of_row(positions, i), vector_of_row(positions, j), vector_of_row(positions, k)
         center = divide(add(add(a, b), c), 3.0)
         from_a, from_b, from_c = subtract(a, center), subtract(b, center), subtract(c, center)
         square = max(max(max(0.0, dot(from_a, from_a)), dot(from_b, from_b)), dot(from_c, from_c))
@@ -69,10 +71,10 @@ def compute_clearance(positions, vertex, x, y, z):
 
 @kernel
 def compute_point_clearance(points, x, y, z):
-    """Find the distance from the point x, y, z to the nearest of points (3, n)."""
+    """Find the distance from the point x, y, z to the nearest of points (n, 3)."""
     least = np.inf
-    for k in range(np.uint64(points.shape[1])):
-        away = subtract(vector_of_column(points, k), (x, y, z))
+    for k in range(np.uint64(len(points))):
+        away = subtract(vector_of_row(points, k), (x, y, z))
         least = min(least, dot(away, away))
     return np.sqrt(least)
 
@@ -86,13 +88,13 @@ def find_shortest_normal(normals, corner):
 
     Parameters
     ----------
-    normals : (3, n) float64, unit length or zero
+    normals : (n, 3) float64, unit length or zero
     corner : (3, n_face) uint32
     """
     least = 1.0
     for face in range(np.uint64(corner.shape[1])):
         i, j, k = corner[0, face], corner[1, face], corner[2, face]
-        a, b, c = vector_of_column(normals, i), vector_of_column(normals, j), vector_of_column(normals, k)
+        a, b, c = vector_of_row(normals, i), vector_of_row(normals, j), vector_of_row(normals, k)
         # A cheap test first: with the least cosine c > 0 nothing is shorter than √((1 + 2 c)/3), see
         # pipeline/records.py.
         cosine = min(dot(a, b), dot(b, c), dot(c, a))
@@ -147,13 +149,13 @@ def compute_shapes(positions, vertex, out_shape):
 
     Parameters
     ----------
-    positions : (3, n) float64
+    positions : (n, 3) float64
     vertex : (3, n_face) uint32
     out_shape : (n_face, 5) float64: unit normal n, n·P of the plane, and the length of that side, scene units
     """
     for face in range(np.uint64(vertex.shape[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
-        a, b, c = vector_of_column(positions, i), vector_of_column(positions, j), vector_of_column(positions, k)
+        a, b, c = vector_of_row(positions, i), vector_of_row(positions, j), vector_of_row(positions, k)
         area = cross(subtract(b, a), subtract(c, a))
         size = length(area)
         inv_size = 1.0 / size if size > 0.0 else 0.0
@@ -162,19 +164,18 @@ def compute_shapes(positions, vertex, out_shape):
         out_shape[face, 4] = max(length(subtract(b, a)), length(subtract(c, b)), length(subtract(a, c)))
 
 
-def compute_normal_offsets(geometry) -> NDArray[np.float64]:
+def compute_normal_offsets(geometry, is_flat: bool) -> NDArray[np.float64]:
     """Compute how far points are moved along their normals for shadows, (2, n_point) float64, scene units: where they
     are seen from the side of their normals, and where from the other side.
 
     A vertex is moved as far as the corners of the triangles about it lie above its tangent plane: on a convex surface
     not at all. The centroid of a polygon is moved as far as the polygon's corners lie above its plane.
     """
-    offsets = np.zeros((2, geometry.points.shape[1]))
+    offsets = np.zeros((2, len(geometry.points)))
     for k, corner in enumerate(geometry.corner):
-        start, normal = geometry.points[:, corner], geometry.normals[:, corner]
-        others = geometry.vertex[[k]] if geometry.points is not geometry.positions else geometry.vertex
-        for vertex in others:
-            height = ((geometry.positions[:, vertex] - start) * normal).sum(axis=0)
+        start, normal = geometry.points[corner], geometry.normals[corner]
+        for vertex in geometry.vertex[[k]] if is_flat else geometry.vertex:
+            height = dot((geometry.positions[vertex] - start).T, normal.T)
             np.maximum.at(offsets[0], corner, height)
             np.maximum.at(offsets[1], corner, -height)
     return offsets

@@ -17,12 +17,6 @@ def vector_of_row(rows, i):
 
 
 @helper
-def vector_of_column(columns, i):
-    """Return column i of a (3, n) array."""
-    return columns[0, i], columns[1, i], columns[2, i]
-
-
-@helper
 def add(a, b):
     """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

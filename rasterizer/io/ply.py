@@ -129,7 +129,8 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
         return []
     points = points.astype(np.float64)
     cut = cut_faces(model, points, corners, counts, place)
-    part = {"vertices": points, "faces": corners[cut.corners], "name": "", "material": Material()}
+    faces = corners.reshape(-1, 3) if (counts == 3).all() else corners[cut.corners]
+    part = {"vertices": points, "faces": faces, "name": "", "material": Material()}
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
     part |= _vertex_attributes(vertex, elements["vertex"])

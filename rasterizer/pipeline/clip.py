@@ -89,7 +89,7 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
 
     Parameters
     ----------
-    positions : (3, n) float64, world space, scene units
+    positions : (n, 3) float64, world space, scene units
     """
     vertex_idx = triangles.vertex_idx
     touched = np.flatnonzero((vertices.x[vertex_idx] == OUTSIDE).any(axis=0))
@@ -184,7 +184,7 @@ def compute_face_planes(positions, vertex_idx, screen):
 
     Parameters
     ----------
-    positions : (3, n) float64, world space, scene units
+    positions : (n, 3) float64, world space, scene units
     vertex_idx : (3, n_clipped) uint32
 
     Returns
@@ -193,7 +193,7 @@ def compute_face_planes(positions, vertex_idx, screen):
     z_planes : (n_clipped, 3) float64, z-buffer units at the picture's corner, and what 1/256 px to the right, and down,
         adds; NaN for faces that are seen edge-on
     """
-    relative = positions[:, vertex_idx] - screen.eye[:, None, None]
+    relative = np.stack([column[vertex_idx] for column in positions.T]) - screen.eye[:, None, None]
     across, upward, depth = (
         np.einsum("a,akn->nk", axis, relative) for axis in (screen.across, screen.up, screen.forward)
     )
@@ -267,7 +267,7 @@ def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
 
     Parameters
     ----------
-    positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
+    positions : (n, 3) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are looked at
     screen : Screen
     scratch : ClipScratch
@@ -298,7 +298,7 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
 
     Parameters
     ----------
-    positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
+    positions : (n, 3) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are clipped
     screen : Screen
     scratch : ClipScratch
@@ -341,7 +341,7 @@ def gather_corners(positions, vertex_idx, face, screen, out):
     """Write the corners of a triangle in eye space to the first three rows of `out`."""
     for k in range(3):
         i = vertex_idx[k, face]
-        rx, ry, rz = positions[0, i] - screen.eye[0], positions[1, i] - screen.eye[1], positions[2, i] - screen.eye[2]
+        rx, ry, rz = positions[i, 0] - screen.eye[0], positions[i, 1] - screen.eye[1], positions[i, 2] - screen.eye[2]
         out[k, W] = rx * screen.forward[0] + ry * screen.forward[1] + rz * screen.forward[2]
         out[k, ACROSS] = rx * screen.across[0] + ry * screen.across[1] + rz * screen.across[2]
         out[k, UPWARD] = rx * screen.up[0] + ry * screen.up[1] + rz * screen.up[2]
@@ -410,7 +410,7 @@ def find_nearest(positions, vertex_idx, screen, width, height) -> float:
 
     Parameters
     ----------
-    positions : (3, n) float64, world space, scene units
+    positions : (n, 3) float64, world space, scene units
     vertex_idx : (3, n_face) uint32
     width, height : of the picture, px
     """
@@ -424,7 +424,7 @@ def search_nearest(positions, vertex_idx, screen, window, scratch):
 
     Parameters
     ----------
-    positions : (3, n) float64, world space, scene units · vertex_idx : (3, n_face) uint32
+    positions : (n, 3) float64, world space, scene units · vertex_idx : (3, n_face) uint32
     screen : Screen
     window : Window, the picture
     scratch : ClipScratch

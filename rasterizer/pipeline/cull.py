@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
-from ..geometry.vectors import dot, subtract, vector_of_column
+from ..geometry.vectors import dot, subtract, vector_of_row
 from .transform import HALF, OUTSIDE, SUBPIXEL
 
 PASS = 2048  # triangles: what is noted of them on the way stays in the L1 and L2 caches
@@ -359,13 +359,13 @@ def list_seen_faces(positions: NDArray, vertex_idx: NDArray, eye: NDArray, plane
 
     Parameters
     ----------
-    positions : (3, n_vertex) float64, world space, scene units
+    positions : (n_vertex, 3) float64, world space, scene units
     vertex_idx : (3, n_face) uint32
     eye : (3,) float64, world space, on all planes
     planes : (n_plane, 3) float64, up to MAX_PLANES normals; a point is beyond where n·(P - eye) < 0, and never where
         that is no number
     """
-    outcodes = np.empty(positions.shape[1], np.uint8)
+    outcodes = np.empty(len(positions), np.uint8)
     compute_outcodes(positions, eye, planes, outcodes)
     faces = np.empty(vertex_idx.shape[1], np.uint32)
     return faces[: list_seen(vertex_idx, outcodes, faces)]
@@ -377,13 +377,13 @@ def compute_outcodes(positions, eye, planes, out_outcodes):
 
     Parameters
     ----------
-    positions : (3, n_vertex) float64, world space, scene units
+    positions : (n_vertex, 3) float64, world space, scene units
     eye : (3,) float64, world space · planes : (n_plane, 3) float64, see `list_seen_faces`
     out_outcodes : (n_vertex,) uint8
     """
     origin = eye[0], eye[1], eye[2]
     for k in range(index(len(out_outcodes))):
-        away = subtract(vector_of_column(positions, k), origin)
+        away = subtract(vector_of_row(positions, k), origin)
         outcode = np.int64(0)
         for plane in range(index(len(planes))):
             is_beyond = dot((planes[plane, 0], planes[plane, 1], planes[plane, 2]), away) < 0.0

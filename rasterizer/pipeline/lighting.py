@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import call_batch_function, helper, index, kernel
-from ..geometry.vectors import dot, scale, subtract, vector_of_column
+from ..geometry.vectors import dot, scale, subtract, vector_of_row
 from . import fragments as f
 from . import material_coefficients as m
 from .fragments import BATCH_SIZE, get_vector, read_vector, set_vector
@@ -50,9 +50,9 @@ class Lighting(NamedTuple):
 class SurfacePoints(NamedTuple):
     """Points that are lit before anything is drawn: Gouraud's vertices, the centroids of flat shading."""
 
-    positions: np.ndarray  # (3, n) float64, world space
-    normals: np.ndarray  # (3, n) float64, world space, unit length
-    tangents: np.ndarray | None  # (3, n) float64; None where no material needs them: then they are not compiled
+    positions: np.ndarray  # (n, 3) float64, world space
+    normals: np.ndarray  # (n, 3) float64, world space, unit length
+    tangents: np.ndarray | None  # (n, 3) float64; None where no material needs them: then they are not compiled
     albedo: np.ndarray  # (n, n_channel) float64, read only if the material has one
     normal_offsets: np.ndarray  # (2, n) float64, scene units, on the side of the normal and on the other, see
     # geometry/surfaces.py; read only if a light casts shadows
@@ -233,16 +233,14 @@ def gather_positions(positions, first, n, eye, batch):
     """Copy positions, relative to the eye: subtracted in float64, before digits are dropped."""
     eye = read_vector(eye, 0)
     for k in range(index(n)):
-        position = positions[0, first + k], positions[1, first + k], positions[2, first + k]
-        set_vector(batch, f.POSITION, k, subtract(position, eye))
+        set_vector(batch, f.POSITION, k, subtract(vector_of_row(positions, first + k), eye))
 
 
 @helper
 def gather_normals(normals, first, n, sign, batch):
     """Copy normals, or their opposites."""
     for k in range(index(n)):
-        normal = normals[0, first + k], normals[1, first + k], normals[2, first + k]
-        set_vector(batch, f.NORMAL, k, scale(normal, sign))
+        set_vector(batch, f.NORMAL, k, scale(vector_of_row(normals, first + k), sign))
 
 
 @helper
@@ -255,11 +253,10 @@ def gather_normals_to_viewer(points, first, n, screen, batch):
     positions, normals = points.positions, points.normals
     eye, forward = read_vector(screen.eye, 0), read_vector(screen.forward, 0)
     for k in range(index(n)):
-        normal = normals[0, first + k], normals[1, first + k], normals[2, first + k]
+        normal = vector_of_row(normals, first + k)
         away = dot(normal, forward)
         if screen.is_perspective:
-            position = positions[0, first + k], positions[1, first + k], positions[2, first + k]
-            away = dot(normal, subtract(position, eye))
+            away = dot(normal, subtract(vector_of_row(positions, first + k), eye))
         set_vector(batch, f.NORMAL, k, scale(normal, -1.0 if away > 0.0 else 1.0))
 
 
@@ -277,8 +274,7 @@ def gather_tangents(tangents, first, n, batch):
     """Copy the tangents, if there are any."""
     if tangents is not None:
         for k in range(index(n)):
-            tangent = tangents[0, first + k], tangents[1, first + k], tangents[2, first + k]
-            set_vector(batch, f.TANGENT, k, tangent)
+            set_vector(batch, f.TANGENT, k, vector_of_row(tangents, first + k))
 
 
 @helper
@@ -289,7 +285,7 @@ def gather_planes(shadows, points, first, n, batch):
         for k in range(index(n)):
             normal = get_vector(batch, f.NORMAL, k)
             set_vector(batch, f.FACE_NORMAL, k, normal)
-            is_turned = index(dot(normal, vector_of_column(points.normals, first + k)) < 0.0)
+            is_turned = index(dot(normal, vector_of_row(points.normals, first + k)) < 0.0)
             height = dot(normal, get_vector(batch, f.POSITION, k))
             batch[f.FACE_OFFSET + k] = height + points.normal_offsets[is_turned, first + k]
             batch[f.FACE_SIDE + k] = 0

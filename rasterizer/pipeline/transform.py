@@ -1,6 +1,6 @@
 """Stage 1, transform: vertices from world space to the screen.
 
-In:  positions, world space, one float64 array an axis.
+In:  positions, world space, float64 rows.
 Out: `Vertices`: x and y int32 in 1/256 px, and as they were before they were rounded; and z float64, depth in units of
      the z-buffer. It is affine in screen space, so that a plane interpolates it: z = a + b/w in perspective, with w
      the distance along the viewing axis, else z = a + b·depth. A vertex that has no place on the screen (nearer than
@@ -144,9 +144,9 @@ def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
 
     Parameters
     ----------
-    positions : (3, n) float64, world space, scene units
+    positions : (n, 3) float64, world space, scene units
     """
-    n = positions.shape[1]
+    n = len(positions)
     x, y = np.empty(n, np.int32), np.empty(n, np.int32)
     out = Vertices(x, y, np.empty(n), np.empty(n), np.empty(n), pixel_width(screen))
     parts = workers.ranges(n, MIN_VERTICES)
@@ -172,7 +172,7 @@ def transform_range(positions, start, end, screen, out):
 
     Parameters
     ----------
-    positions : (3, n) float64, world space, scene units
+    positions : (n, 3) float64, world space, scene units
     screen : Screen
     out : Vertices, of which start..end is written
     """
@@ -180,12 +180,12 @@ def transform_range(positions, start, end, screen, out):
     across_x, across_y, across_z = screen.across[0], screen.across[1], screen.across[2]
     up_x, up_y, up_z = screen.up[0], screen.up[1], screen.up[2]
     forward_x, forward_y, forward_z = screen.forward[0], screen.forward[1], screen.forward[2]
-    px, py, pz = positions[0, start:end], positions[1, start:end], positions[2, start:end]
+    here = positions[start:end]
     out_x, out_y, out_z = out.x[start:end], out.y[start:end], out.z[start:end]
     out_true_x, out_true_y = out.true_x[start:end], out.true_y[start:end]
     n_outside = 0
     for k in range(end - start):
-        rx, ry, rz = px[k] - eye_x, py[k] - eye_y, pz[k] - eye_z
+        rx, ry, rz = here[k, 0] - eye_x, here[k, 1] - eye_y, here[k, 2] - eye_z
         depth = rx * forward_x + ry * forward_y + rz * forward_z
         w = depth if screen.is_perspective else 1.0
         across = rx * across_x + ry * across_y + rz * across_z

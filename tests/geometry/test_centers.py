@@ -147,12 +147,12 @@ def test_each_piece_belongs_to_the_triangle_with_its_edge():
     assert geometry.n_loaded == mesh.n_face == 7 and geometry.vertex.shape == (3, 11)
     assert (np.diff(np.asarray(mesh.polygons)[geometry.face]) >= 0).all(), "another order of the polygons"
     for piece, face in zip(geometry.vertex.T, geometry.face, strict=True):
-        edge = geometry.positions[:, piece[:2]].T
+        edge = geometry.positions[piece[:2]]
         corners = points[mesh.faces[face]]
         assert all((corners == end).all(axis=1).any() for end in edge), f"no edge of face {face}"
     # The centre of the hexagon is its middle, but for the rounding of its corners; no point of a group is one.
-    assert np.abs(geometry.positions[:, -2]).max() < 1e-15
-    assert geometry.point_offsets[-1] == geometry.centers.first == geometry.points.shape[1] - 2
+    assert np.abs(geometry.positions[-2]).max() < 1e-15
+    assert geometry.point_offsets[-1] == geometry.centers.first == len(geometry.points) - 2
 
 
 def test_a_mirrored_mesh_keeps_its_centres():
@@ -162,7 +162,7 @@ def test_a_mirrored_mesh_keeps_its_centres():
         mesh = rz.Mesh(points, [polygon]).transformed(np.diag([-1.0, 1, 1, 1]))
         geometry = gather_geometry(rz.Scene(mesh).meshes, False)
         assert geometry.vertex.shape[1] == len(polygon)
-        corners = geometry.positions[:, geometry.vertex].transpose(2, 1, 0)
+        corners = geometry.positions[geometry.vertex.T]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         assert (normals[:, 2] > 0).all(), "wound against the polygon"
 

@@ -34,7 +34,7 @@ def test_a_cube_is_split_at_its_edges():
     area = np.cross(CUBE[mesh.faces[:, 1]] - CUBE[mesh.faces[:, 0]], CUBE[mesh.faces[:, 2]] - CUBE[mesh.faces[:, 0]])
     assert np.abs(normals - unit(area)[:, None]).max() < 1e-15
     assert len(smooth_part(rz.Mesh(CUBE, QUADS, crease_angle=180)).points) == 8
-    assert part.albedo is None and part.vertex is part.corner
+    assert part.albedo is None and part.vertex is mesh.faces, "vertices stand where they were"
     one_group = {"smoothing": np.ones(12, int)}
     assert len(smooth_part(rz.Mesh(CUBE, mesh.faces, **one_group)).points) == 8
     assert len(smooth_part(rz.Mesh(CUBE, mesh.faces, crease_angle=30, **one_group)).points) == 24, "the angle overrides"
@@ -182,9 +182,11 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     scene = rz.Scene(meshes)
     geometry = gather_geometry(scene.meshes, is_flat)
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
-    assert not differences(geometry.positions[:, geometry.vertex].T, corners)
+    assert not differences(geometry.positions[geometry.vertex.T], corners)
     assert geometry.corner.shape == geometry.vertex.shape == (3, scene.n_face)
-    assert (geometry.points is geometry.positions) == (not is_flat)
+    assert is_flat or not differences(geometry.points[geometry.corner.T], corners)
+    unasked = gather_geometry(scene.meshes, is_flat, has_lit_points=False)
+    assert not differences(unasked.normals, geometry.normals) and not differences(unasked.corner, geometry.corner)
     for mesh in range(3):
         start, stop = scene.face_offsets[mesh : mesh + 2]
         first, last = geometry.point_offsets[mesh : mesh + 2]
@@ -192,7 +194,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
         assert here.min() == first and here.max() == last - 1
         white = (geometry.albedo[first:last] == 1).all()
         assert white == (mesh != 1)
-    assert len(geometry.albedo) == geometry.points.shape[1] == geometry.point_offsets[-1]
+    assert len(geometry.albedo) == len(geometry.points) == geometry.point_offsets[-1]
     assert gather_geometry(rz.Scene(meshes[:1]).meshes, is_flat).albedo.shape == (0, 3)
     assert not differences(geometry.is_inverted, 0)
     assert geometry.group_material.tolist() == [0, 1, 2]
@@ -204,7 +206,7 @@ def test_meshes_of_equal_materials_are_one_group(is_flat):
     faces = rz.Mesh(CUBE, QUADS).faces
     shapes = [rz.Mesh(CUBE, faces, material=rz.Material(shininess=n)) for n in (8, 8, 16, 8)]
     geometry = gather_geometry(rz.Scene(shapes).meshes, is_flat)
-    n = geometry.points.shape[1] // 4
+    n = len(geometry.points) // 4
     assert geometry.group_material.tolist() == [0, 1, 0]
     assert geometry.point_offsets.tolist() == [0, 2 * n, 3 * n, 4 * n]
     assert geometry.face_material.tolist() == [0] * 24 + [1] * 12 + [0] * 12
@@ -223,21 +225,22 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
         gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]).meshes, True).is_inverted, 0
     )
     nothing = np.ones(len(faces), np.uint8)
-    flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, (0, len(nothing)), nothing)
+    indices = geometry.vertex, geometry.corner
+    flag_inverted(geometry.positions, 0 * geometry.normals, *indices, (0, len(nothing)), nothing)
     assert not nothing.any(), "no normal is no contradiction"
 
 
 def test_the_number_of_threads_changes_no_geometry():
-    """Of meshes that are worth several threads, with creases and turned faces."""
-    rng, (vertices, faces) = np.random.default_rng(0), sphere(130)
+    """Of meshes that are worth several threads, more than are split in one round, with creases and turned faces."""
+    rng, (vertices, faces) = np.random.default_rng(0), sphere(160)
     vertices = vertices + rng.normal(scale=0.004, size=vertices.shape)
     turned = np.where(rng.random((len(faces), 1)) < 0.01, faces[:, ::-1], faces)
     meshes = rz.Scene([rz.Mesh(vertices, faces), rz.Mesh(vertices, turned, normals=vertices)]).meshes
     alone = gather_geometry(meshes, False)
-    assert alone.is_inverted.any() and alone.points.shape[1] > 2 * len(vertices), "some are split"
+    assert alone.is_inverted.any() and len(alone.points) > 2 * len(vertices), "some are split"
     for n_thread in (1, 2, 3):
         geometry = gather_geometry(meshes, False, Workers(n_thread))
-        for name in ("positions", "vertex", "points", "normals", "is_inverted"):
+        for name in ("positions", "vertex", "corner", "points", "normals", "is_inverted"):
             assert not differences(getattr(geometry, name), getattr(alone, name)), (name, n_thread)
 
 
@@ -254,7 +257,7 @@ def test_clearance_is_never_more_than_the_distance():
     rng = np.random.default_rng(4)
     for (scale, offset), n in product(((1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)), (1, 5, 40)):
         corners = offset + scale * (rng.normal(size=(n, 1, 3)) + 0.3 * rng.normal(size=(n, 3, 3)))
-        positions = np.ascontiguousarray(corners.reshape(-1, 3).T)
+        positions = corners.reshape(-1, 3)
         vertex = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
         for reach in (0.1, 1.0, 30.0):
             point = offset + scale * reach * rng.normal(size=3)
@@ -265,13 +268,13 @@ def test_clearance_is_never_more_than_the_distance():
             low, high = least - side / 8 - 1e-12 * offset, least + 1e-12 * (scale + offset)
             assert max(low, 0) <= found <= high, f"{n} triangles, scale {scale}: {found} is not in {low}..{high}"
             of_points = compute_point_clearance(positions, *point)
-            nearest = np.linalg.norm(positions.T - point, axis=1).min()
+            nearest = np.linalg.norm(positions - point, axis=1).min()
             assert of_points == pytest.approx(nearest, rel=1e-9), f"{n} triangles: {of_points} != {nearest}"
 
 
 def test_clearance_of_a_light_in_the_surface_is_nothing():
     vertices, faces = octasphere(3)
-    positions, vertex = np.ascontiguousarray(vertices.T), np.ascontiguousarray(faces.T.astype(np.uint32))
+    positions, vertex = vertices, np.ascontiguousarray(faces.T.astype(np.uint32))
     assert compute_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) <= 1e-15
     assert compute_clearance(positions, vertex, *vertices[0]) <= 1e-15
     assert compute_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)

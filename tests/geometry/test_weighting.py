@@ -22,8 +22,8 @@ def box(weighting, **more):
 
 def normal_at(mesh, corner):
     geometry = gather_geometry(rz.Scene(mesh).meshes, False)
-    (at,) = np.flatnonzero((geometry.points.T == corner).all(axis=1))
-    return geometry.normals[:, at]
+    (at,) = np.flatnonzero((geometry.points == corner).all(axis=1))
+    return geometry.normals[at].T
 
 
 def test_angles_do_not_depend_on_how_a_side_is_cut():

@@ -89,7 +89,7 @@ def exported(format, **visual) -> bytes:
 def ridge_normals(mesh) -> np.ndarray:
     """The different normals at the vertices of the ridge."""
     part = smooth_part(mesh)
-    return np.unique(np.round(part.normals[np.abs(part.positions[:, 0]) < 1e-9], 6), axis=0)
+    return np.unique(np.round(part.normals[np.abs(part.points[:, 0]) < 1e-9], 6), axis=0)
 
 
 FILES = {
@@ -112,7 +112,7 @@ def test_a_vertex_that_is_there_twice_makes_no_seam(name):
         assert mesh.n_vertex == 4 and mesh.colors.shape[:2] == (2, 3)
         assert mesh.colors[..., :3].tolist() == [[[1, 0, 0]] * 3, [[0, 0, 1]] * 3]
         part = smooth_part(mesh)
-        assert len(part.positions) == 6 and sorted(map(tuple, part.albedo)) == [(0, 0, 1)] * 3 + [(1, 0, 0)] * 3
+        assert len(part.points) == 6 and sorted(map(tuple, part.albedo)) == [(0, 0, 1)] * 3 + [(1, 0, 0)] * 3
 
 
 def test_texture_coordinates_stay_where_they_were():

@@ -26,8 +26,7 @@ def light_points_of(material, light, points, normals, view, tolerance, clearance
     """Intensities (n,) float64 of points that are lit as vertices are, seen in perspective."""
     plan = plan_of_points(material, light, tolerance, clearance)
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, True)
-    columns = (np.ascontiguousarray(rows.T) for rows in (points, normals))
-    surface = SurfacePoints(*columns, None, np.empty((0, 3)), np.empty((2, 0)))
+    surface = SurfacePoints(*map(np.ascontiguousarray, (points, normals)), None, np.empty((0, 3)), np.empty((2, 0)))
     found = np.empty((len(points), plan.n_channel), plan.dtype)
     batch = make_batch(plan.dtype)
     light_points(surface, (0, len(points)), screen, 1, make_lighting(plan, view, plan.dtype), 0, batch, found)

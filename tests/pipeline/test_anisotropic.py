@@ -121,7 +121,7 @@ def test_tangents_are_the_directions_in_which_u_grows():
     mesh = rz.Mesh(vertices, faces, uv=np.stack([u, y], axis=-1), material=BRUSHED)
     for is_flat in (False, True):
         geometry = gather_geometry(rz.Scene([mesh]).meshes, is_flat)
-        points, tangents = geometry.points.T, geometry.tangents.T
+        points, tangents = geometry.points, geometry.tangents
         expected = np.stack([points[:, 2], np.zeros(len(points)), -points[:, 0]], axis=1)
         radius = np.linalg.norm(expected, axis=1)
         is_far = radius > 0.3  # from the poles

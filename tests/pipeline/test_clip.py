@@ -21,7 +21,7 @@ NEAR, FAR = 1.0, 10.0
 
 def clip_mesh(points, faces, screen, corner=None):
     """Transform and clip a mesh; return (Clipped, vertices before it)."""
-    positions = np.ascontiguousarray(np.asarray(points, float).T)
+    positions = np.ascontiguousarray(points, float)
     vertex = np.ascontiguousarray(np.asarray(faces, np.uint32).reshape(-1, 3).T)
     with np.errstate(all="ignore"):
         vertices, _ = transform(positions, screen, SERIAL)
@@ -35,8 +35,8 @@ def clip_shares(points, screen, faces=((0, 1, 2),)):
     points, faces = np.asarray(points, float), np.asarray(faces, np.uint32)
     parts, owners = np.empty((7 * len(faces), 3, N_CORNER_COLUMN)), np.empty(7 * len(faces), np.uint32)
     numbers = np.arange(len(faces), dtype=np.uint32)
-    columns = np.ascontiguousarray(points.T), np.ascontiguousarray(faces.T)
-    n = stage.clip_faces(*columns, numbers, screen, stage.make_clip_scratch(), parts, owners)
+    mesh, scratch = (points, np.ascontiguousarray(faces.T)), stage.make_clip_scratch()
+    n = stage.clip_faces(*mesh, numbers, screen, scratch, parts, owners)
     parts, owners = parts[:n], owners[:n]
     of_eye = points[faces] * (1, 1, -1)  # across, upward, depth
     return np.linalg.solve(of_eye.swapaxes(1, 2)[owners], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), owners
@@ -97,10 +97,10 @@ def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective
     screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR)
     faces = np.array([np.array([0, 1, 2])[turn_a], np.array([1, 0, 3])[turn_b]])
     parts, owners = np.empty((14, 3, N_CORNER_COLUMN)), np.empty(14, np.uint32)
-    columns = np.ascontiguousarray(np.array(corners).T), np.ascontiguousarray(faces.T.astype(np.uint32))
+    mesh = np.array(corners), np.ascontiguousarray(faces.T.astype(np.uint32))
     with np.errstate(all="ignore"):
-        vertices, _ = transform(columns[0], screen, SERIAL)
-        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, stage.make_clip_scratch(), parts, owners)
+        vertices, _ = transform(mesh[0], screen, SERIAL)
+        n = stage.clip_faces(*mesh, np.arange(2, dtype=np.uint32), screen, stage.make_clip_scratch(), parts, owners)
         flat, ranges = np.zeros((2, 3)), np.zeros((2, 2))
         (x, y, _), _ = stage.snap_corners(parts[:n], np.repeat(owners[:n], 3), flat, ranges, screen)
     assume((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(owners[:n]))
@@ -212,9 +212,8 @@ def test_the_nearest_depth_that_is_seen():
         for _ in range(40):
             screen = plain_screen(is_perspective, (0.01, 100.0), scale=15.0, center=(20.0, 15.0))
             points = rng.uniform(-4, 4, (9, 3)) - (0, 0, 3)
-            positions = np.ascontiguousarray(points.T)
             vertex = np.ascontiguousarray(np.arange(9, dtype=np.uint32).reshape(-1, 3).T)
-            nearest = find_nearest(positions, vertex, screen, *size)
+            nearest = find_nearest(points, vertex, screen, *size)
             seen = []
             for corners in points.reshape(3, 3, 3):
                 spots = rng.dirichlet((0.7, 0.7, 0.7), 3000) @ corners

@@ -227,7 +227,7 @@ def test_a_triangle_is_left_out_only_if_it_shows_nothing(shift):
     middle = rng.normal(size=(600, 1, 3)) * 3
     corners = middle + rng.normal(size=(600, 3, 3)) * rng.choice([0.05, 1, 4], (600, 1, 1))
     origin = rng.normal(size=3) * 0.2 + shift
-    positions, faces = (corners.reshape(-1, 3) + shift).T.copy(), np.arange(1800, dtype=np.uint32).reshape(600, 3).T
+    positions, faces = corners.reshape(-1, 3) + shift, np.arange(1800, dtype=np.uint32).reshape(600, 3).T
     weights = rng.dirichlet((0.5, 0.5, 0.5), 400)
     points = weights @ (corners + shift - origin)  # (600, 400, 3)
     half, n_out = side / 2, 0
@@ -248,9 +248,9 @@ def test_a_triangle_is_left_out_only_if_it_shows_nothing(shift):
 
 
 def test_what_is_no_number_is_kept():
-    positions = np.array([[np.nan, 1.0, 2.0, -5.0, -6.0, -7.0], np.zeros(6), np.zeros(6)])
+    positions = np.outer([np.nan, 1.0, 2.0, -5.0, -6.0, -7.0], [1.0, 0.0, 0.0])
     faces = np.array([[0, 3], [1, 4], [2, 5]], np.uint32)
     planes = np.tile([1.0, 0.0, 0.0], (MAX_PLANES, 1))
     assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]
-    positions[0, 1:3] = -1.0
+    positions[1:3, 0] = -1.0
     assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]

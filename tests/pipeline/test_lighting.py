@@ -74,8 +74,8 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
         albedo if has_albedo else NOTHING,
     )
     out = np.full((len(positions), plan.n_channel), np.nan, dtype)
-    columns = [np.ascontiguousarray(values.T) for values in (positions, normals)]
-    surface = SurfacePoints(*columns, None, albedo if has_albedo else NOTHING, np.empty((2, 0)))
+    rows, albedo = map(np.ascontiguousarray, (positions, normals)), albedo if has_albedo else NOTHING
+    surface = SurfacePoints(*rows, None, albedo, np.empty((2, 0)))
     end = len(positions) if end is None else end
     light_points(surface, (start, end), screen, side, lighting, n_material - 1, make_batch(dtype), out)
     return out, plan

@@ -83,7 +83,8 @@ def test_polygons_that_zigzag_through_all_planes_find_room():
     )
     parts, owners = np.full((7 * 4000 + 9, 3, clip.N_CORNER_COLUMN), np.nan), np.empty(7 * 4000, np.uint32)
     scratch = clip.ClipScratch(*np.full((2, clip.ROOM + 9, clip.N_CORNER_COLUMN), 77.0))
-    n = clip.clip_faces(corners, faces, np.arange(4000, dtype=np.uint32), screen, scratch, parts, owners)
+    corners, numbers = np.ascontiguousarray(corners.T), np.arange(4000, dtype=np.uint32)
+    n = clip.clip_faces(corners, faces, numbers, screen, scratch, parts, owners)
     assert 1000 < n and not differences(np.isnan(parts[n:]), True) and not differences(np.isnan(parts[:n]), 0)
     assert all((room[clip.ROOM :] == 77).all() for room in scratch), "a polygon has more corners than there is room for"
 

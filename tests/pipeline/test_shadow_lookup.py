@@ -58,8 +58,8 @@ class Points:
                 self.shift = Precision(plan, bounds).shift(view)
         face = rng.integers(0, geometry.vertex.shape[1], N_POINT)
         weights = rng.dirichlet((1, 1, 1), N_POINT)
-        position = np.einsum("nk,akn->an", weights, geometry.positions[:, geometry.vertex[:, face]])
-        normal = np.einsum("nk,akn->an", weights, geometry.normals[:, geometry.corner[:, face]])
+        position = np.einsum("nk,kna->an", weights, geometry.positions[geometry.vertex[:, face]])
+        normal = np.einsum("nk,kna->an", weights, geometry.normals[geometry.corner[:, face]])
         shape = shadows.shapes[face]
         position = position - view.eye[:, None]
         away = 1 + rng.uniform(-20, 20, N_POINT) * 2.0**-24  # how far float32 is off along a ray

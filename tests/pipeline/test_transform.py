@@ -30,7 +30,7 @@ from rasterizer.pipeline.transform import (
 
 def place(points, screen, workers=SERIAL):
     """Transform points (n, 3); return (vertices, number that must be clipped)."""
-    return transform(np.ascontiguousarray(np.asarray(points, float).reshape(-1, 3).T), screen, workers)
+    return transform(np.ascontiguousarray(points, float).reshape(-1, 3), screen, workers)
 
 
 def test_places_are_rounded_half_to_even():
@@ -172,8 +172,7 @@ def test_threads_and_compilation_do_not_change_a_bit():
         assert [(a, b) for a, b in zip(serial[:5], parallel, strict=False) if a.tobytes() != b.tobytes()] == []
     n = 500
     plain = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), *np.empty((3, n)), serial.pixel)
-    columns = np.ascontiguousarray(points[:n].T)
-    n_plain = transform_range.py_func(columns, 0, n, screen, plain)
+    n_plain = transform_range.py_func(points[:n], 0, n, screen, plain)
     assert n_plain == (serial.x[:n] == OUTSIDE).sum()
     assert [(a, b) for a, b in zip(serial[:5], plain, strict=False) if a[:n].tobytes() != b.tobytes()] == []
 
