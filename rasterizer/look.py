@@ -160,6 +160,8 @@ class Look:
             raise SceneError(f"material must be {legal}; given {shown(given)}")
         if self.color is not None:
             found["diffuse"] = self.color
+        if not found:
+            return found
         made = Material(**found)
         return found | {name: getattr(made, name) for name in ("texture", "metallic_roughness") if name in found}
 

@@ -382,7 +382,7 @@ def load_look(
         raise SceneError(f"options must be Options or None; given {shown(options)}")
     words, chosen = divided(words, Look)
     chosen |= {} if size is None else {"size": size}
-    made, look = replace(options or Options(), **chosen), Look(**words)
+    made, look = replace(options, **chosen) if options else Options(**chosen), Look(**words)
     scene, own, framing = look.read(source, camera)
     if own and options is None:
         try:

@@ -13,7 +13,6 @@ import numpy as np
 
 from .choices import AXES, AZIMUTH, ELEVATION, FOV, VIEWS, ViewName
 from .errors import SceneError, shown
-from .io.scene_file import read_camera_file
 from .keywords import checked_fields
 from .scene.camera import Camera, middle_on_axis, pivot_of, turned_cameras
 from .scene.validate import number
@@ -71,6 +70,8 @@ class Viewpoint:
     def __post_init__(self) -> None:
         check_words(vars(self))
         if isinstance(self.camera, (str, os.PathLike)) and self.camera not in ("file", "frame"):
+            from .io.scene_file import read_camera_file
+
             camera, framing = read_camera_file(self.camera)
             object.__setattr__(self, "camera", framing if camera is None else camera)
 
