@@ -6,7 +6,6 @@ A run is some tasks of one model. Nothing is written here: the bytes of the file
 import os
 import pickle
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from ..scene.camera import Camera
 from ..scene.lights import random_lights
 from ..scene.scene import Scene
 from .annotations import Annotator
-from .tasks import RANDOM, RenderTask
+from .tasks import RANDOM, RenderTask, is_random
 
 
 class Run(NamedTuple):
@@ -185,11 +184,11 @@ def _lights_key(task: RenderTask) -> tuple[Any, ...]:
 
 def lights_of(scene: Scene, task: RenderTask) -> Any:
     """Return the lights of a picture that has its own."""
-    if isinstance(task.lights, str) and task.lights != RANDOM:
-        raise SceneError(f"lights must be lights, {RANDOM!r}, or arguments of random_lights; given {task.lights!r}")
-    if isinstance(task.lights, (str, Mapping)):
+    if is_random(task.lights):
         settings: dict[str, Any] = {"seed": task.seed, "up": scene.up}
-        return random_lights(**settings | dict(task.lights if isinstance(task.lights, Mapping) else {}))
+        return random_lights(**settings | dict({} if isinstance(task.lights, str) else task.lights))
+    if isinstance(task.lights, str):
+        raise SceneError(f"lights must be lights, {RANDOM!r}, or arguments of random_lights; given {task.lights!r}")
     return task.lights
 
 
@@ -197,9 +196,10 @@ def camera_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> Camera |
     """Return the camera of a picture; None for the scene's own."""
     if task.view is None:
         return task.camera
-    if isinstance(task.view, Mapping) or task.view == RANDOM:
+    if is_random(task.view):
         settings: dict[str, Any] = {"seed": task.seed, "size": size}
-        return Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))
+        given: Any = {} if isinstance(task.view, str) else task.view
+        return Camera.random(scene, **settings | dict(given))
     angles: Any = VIEWS[task.view] if isinstance(task.view, str) else task.view
     try:
         azimuth, elevation = angles

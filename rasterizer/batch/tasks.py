@@ -112,10 +112,9 @@ class RenderTask:
         if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
             legal = f"{', '.join(VIEWS)}, {RANDOM}, or (azimuth, elevation)"
             raise SceneError(f"view must be one of {legal}; given {self.view!r}")
-        is_random = any(isinstance(each, Mapping) or _is_random(each) for each in (self.view, self.lights))
         if self.seed is not None:
             whole(self.seed, "seed", 0)
-        elif is_random:
+        elif is_random(self.view) or is_random(self.lights):
             raise SceneError("what is random needs a seed: a whole number, another one for each task")
         options = self._options()
         files = self.files(options)
@@ -174,8 +173,9 @@ class RenderTask:
         return Options(**values)
 
 
-def _is_random(value: object) -> bool:
-    return isinstance(value, str) and value == RANDOM
+def is_random(value: object) -> bool:
+    """Tell whether a view, or lights, are by the seed of a task: the word, or arguments of what makes them."""
+    return isinstance(value, Mapping) or (isinstance(value, str) and value == RANDOM)
 
 
 @dataclass(frozen=True)

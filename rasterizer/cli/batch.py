@@ -29,7 +29,7 @@ loaded here and sent. Files are written here.
 def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster batch MODEL... [-o OUT] [-j N] [options]"
-    parser.description = "Draw each model in one of several processes, and write a picture of it, or an array."
+    parser.description = "Draw each model in one of several processes, and write a picture of it, or arrays."
     parser.epilog = _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)

@@ -30,7 +30,7 @@ examples:
 def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster render MODEL... [-o OUT] [options]"
-    parser.description = "Draw each model and write a picture of it, or an array."
+    parser.description = "Draw each model and write a picture of it, or arrays."
     parser.epilog = _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)
