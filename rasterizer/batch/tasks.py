@@ -8,7 +8,6 @@ from typing import Any, Literal, get_args
 from ..choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, VIEWS, SavedArray
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
-from ..io.array_files import check_arrays
 from ..io.formats import picture_format
 from ..options import Options
 from ..scene.camera import Camera
@@ -116,6 +115,8 @@ class RenderTask:
             whole(self.seed, "seed", 0)
         elif is_random(self.view) or is_random(self.lights):
             raise SceneError("what is random needs a seed: a whole number, another one for each task")
+        from ..io.array_files import check_arrays
+
         options = self._options()
         files = self.files(options)
         for path, names in files.items():

@@ -120,8 +120,7 @@ def add_arrays(parser) -> None:
     held = {"color": "linear float32", "rgb": "uint8", **choices.BUFFERS, EVERY: "color and every buffer"}
     rows = "".join(f"\n  {name:<17}{text}" for name, text in held.items())
     add = parser.add_topic(
-        "array", "All files of a picture come from one frame. -o '{stem}.{array}.png' makes one of each --array; with "
-        "several -o each holds the --array before it, and is a picture where there is none. Arrays have one sample a "
+        "array", "-o '{stem}.{array}.png' makes a file of each, as an -o after each does. Arrays have one sample a "
         f"pixel, but for color and rgb with --samples.\n{rows}").add_argument
     add("--array", dest="outputs", action="append", choices=tuple(held), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
