@@ -92,8 +92,8 @@ def warn_caller(text: str) -> None:
     warnings.warn(text, UserWarning, stacklevel=level + 1)
 
 
-# Between a user's line and ours stand calls of the standard library: those of `replace`, and of context managers.
-_INSIDE = (__name__.partition(".")[0], "dataclasses", "contextlib")
+# Between a user's line and ours stand calls of the standard library: of `replace`, context managers, finalizers.
+_INSIDE = (__name__.partition(".")[0], "dataclasses", "contextlib", "weakref")
 
 
 # --- what is given, in a message -----------------------------------------------------------------------------

@@ -2,8 +2,8 @@
 
 In:  the manifest of a batch        Out: files
 
-A model of one mesh is a category by the name of its file; of a model of several, each mesh is one by its own name.
-Categories have the numbers 1, 2 … in the order of their names.
+A file of one mesh is a category by the file's name; where there are several, or no file, each mesh is one by its own
+name. Categories have the numbers 1, 2 … in the order of their names.
 
 Sources: COCO, cocodataset.org/#format-data. BOP, the page on the format of datasets in github.com/thodan/bop_toolkit;
 what that doesn't say is as its script does it that counts pixels.
@@ -192,7 +192,7 @@ def _path(line: dict[str, Any], manifest: str | os.PathLike[str], names: Sequenc
 def _names(line: dict[str, Any]) -> list[str]:
     """Return the category of each object of a line."""
     stem = "model" if line["model"] is None else Path(line["model"]).stem
-    if len(line["objects"]) == 1:
+    if len(line["objects"]) == 1 and line["model"] is not None:
         return [stem]
     return [each["name"] or f"{stem}-{k}" for k, each in enumerate(line["objects"])]
 

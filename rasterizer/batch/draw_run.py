@@ -6,7 +6,6 @@ A run is some tasks of one model. Nothing is written here: the bytes of the file
 import os
 import pickle
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -20,7 +19,7 @@ from ..scene.camera import Camera
 from ..scene.lights import random_lights
 from ..scene.scene import Scene
 from .annotations import Annotator
-from .tasks import RenderTask
+from .tasks import RenderTask, is_random
 
 
 class Run(NamedTuple):
@@ -136,7 +135,7 @@ def drop(kept: dict[str, Any]) -> None:
 def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
     """Draw a picture of a model, by the Renderer of the one before if options and look are the same; where the view is,
     too, the frame is that of the one before."""
-    look = options, pickle.dumps(task.look), pickle.dumps(task.lights), task.seed if task.is_lit_at_random else None
+    look = options, pickle.dumps(task.look), pickle.dumps(task.lights), task.seed if is_random(task.lights) else None
     if kept.get("look") != look:
         scene = model.scene if task.lights is None else replace(model.scene, lights=lights_of(model.scene, task))
         before, of_before = kept.pop("renderer", None), kept.pop("look", None)
@@ -171,20 +170,19 @@ def view_of(task: RenderTask) -> bytes:
 
 def lights_of(scene: Scene, task: RenderTask) -> Any:
     """Return the lights of a picture that has its own."""
-    if task.is_lit_at_random:
+    if is_random(task.lights):
         settings: dict[str, Any] = {"seed": task.seed, "up": scene.up}
-        return random_lights(**settings | dict(task.lights if isinstance(task.lights, Mapping) else {}))
+        return random_lights(**settings | dict({} if isinstance(task.lights, str) else task.lights))
     return task.lights
 
 
 def side_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> dict[str, Any]:
     """Return the words that say where a picture is taken from."""
-    if not task.is_seen_at_random:
+    if not is_random(task.view):
         return task.side
     settings: dict[str, Any] = {"seed": task.seed, "size": size}
-    return task.side | {
-        "camera": Camera.random(scene, **settings | dict(task.view if isinstance(task.view, Mapping) else {}))
-    }
+    given: Any = {} if isinstance(task.view, str) else task.view
+    return task.side | {"camera": Camera.random(scene, **settings | dict(given))}
 
 
 def encode(frame: Frame, task: RenderTask, options: Options) -> dict[str, bytes]:

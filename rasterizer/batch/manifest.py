@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..errors import OutputError, SceneError, cut, shown
-from ..io.array_files import DEFAULT_SCALE
 from ..io.files import make_folder_of, write_whole
 
 
@@ -124,6 +123,8 @@ def depth_scale(files: dict[str, str], scale: float | None) -> float | None:
     files : paths by the names of arrays
     scale : that is asked for; None = the default
     """
+    from ..io.array_files import DEFAULT_SCALE
+
     if not files.get("depth", "").lower().endswith(".png"):
         return None
     return DEFAULT_SCALE if scale is None else float(scale)

@@ -12,6 +12,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
+from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io.files import identity_of, make_folder_of, write_all
@@ -27,6 +28,7 @@ from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
 _MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them
+_NEVER_ASKED = "nothing was drawn: render_many draws while its records are asked for, as in `for record in ...`"
 _MAX_OBJECTS = 8  # models given as objects that are recognised when they come again
 
 
@@ -145,6 +147,7 @@ class Batch:
         self._n_object = 0
         self._records: Generator[RenderRecord, None, None] | None = None  # none until one is asked for
         self._first_error: Exception | None = None
+        self._never_asked = finalize(self, warn_caller, _NEVER_ASKED)
 
     @property
     def summary(self) -> RenderSummary:
@@ -156,6 +159,7 @@ class Batch:
 
     def __next__(self) -> RenderRecord:
         counts, self._records = self._counts, self._records or self._work()
+        self._never_asked.detach()
         record = next(self._records, None)
         if record is None:
             if counts.failed and not counts.drawn + counts.skipped:
@@ -170,12 +174,6 @@ class Batch:
         if record.error is not None and counts.first_error is None:
             counts.first_error, self._first_error = str(record.error), record.error
         return record
-
-    def __del__(self) -> None:
-        if getattr(self, "_records", self) is None:
-            warn_caller(
-                "nothing was drawn: render_many draws while its records are asked for, as in `for record in ...`"
-            )
 
     def __enter__(self) -> "Batch":
         return self

@@ -9,7 +9,6 @@ from typing import Any, Literal, get_args
 from ..choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, VIEWS, SavedArray
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
-from ..io.array_files import check_arrays
 from ..io.formats import picture_format
 from ..keywords import divided
 from ..look import Look
@@ -39,8 +38,8 @@ class RenderTask:
         arguments of `Camera.random`, such as {"distance": (1, 2)}, for a view by `seed`; None = the camera below, or
         the scene's own
     camera : Camera; None = by the view
-    options : Options, or a dict of words of `render`, but `view`, `camera` and `lights`, which stand here, and those
-        that say how a file is read, which stand in `load`. `threads` is 1 unless it is given. With a dict of paths the
+    options : Options, or a dict of words of `render`, but `view` and `camera`, which stand here, and those that say
+        how a file is read, which stand in `load`. `threads` is 1 unless it is given. With a dict of paths the
         outputs are what the files hold, whatever is said here; with one path and where a dict doesn't name them, too:
         of a picture "rgb"
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
@@ -113,7 +112,7 @@ class RenderTask:
             raise SceneError(f"load must be a dict of arguments of rz.load; given {shown(self.load)}")
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(self.camera)}")
-        if self.camera is not None and self.is_seen_at_random:
+        if self.camera is not None and is_random(self.view):
             raise SceneError("a picture has a camera, or a random view; given both")
         if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
             legal = f"{', '.join(VIEWS)}, {RANDOM}, or (azimuth, elevation)"
@@ -123,8 +122,10 @@ class RenderTask:
             raise SceneError(f"lights must be {legal}; given {self.lights!r}")
         if self.seed is not None:
             whole(self.seed, "seed", 0)
-        elif self.is_seen_at_random or self.is_lit_at_random:
+        elif is_random(self.view) or is_random(self.lights):
             raise SceneError("what is random needs a seed: a whole number, another one for each task")
+        from ..io.array_files import check_arrays
+
         Viewpoint(**self.side)
         options = self._options()
         files = self.files(options)
@@ -171,7 +172,8 @@ class RenderTask:
             values = dict(vars(self.options))
         elif isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options):
             values = divided(divided(self.options, Viewpoint)[1], Look)[1]
-            if elsewhere := sorted({"view", "camera", "lights", *_OF_LOADING} & {*self.options}):
+            fields = {"view", "camera"} if self.lights is None else {"view", "camera", "lights"}
+            if elsewhere := sorted((fields | {*_OF_LOADING}) & {*self.options}):
                 raise SceneError(f"a task has {elsewhere[0]} as a field, or in `load`; given in its options")
         else:
             raise SceneError(f"options must be Options or a dict of some; given {shown(self.options)}")
@@ -194,21 +196,12 @@ class RenderTask:
     def side(self) -> dict[str, Any]:
         """The words that say where its picture is taken from, but for a random view."""
         words = divided(self.options, Viewpoint)[0] if isinstance(self.options, Mapping) else {}
-        return words | {"view": None if self.is_seen_at_random else self.view, "camera": self.camera}
-
-    @property
-    def is_seen_at_random(self) -> bool:
-        """Whether its view follows from its seed."""
-        return isinstance(self.view, Mapping) or _is_random(self.view)
-
-    @property
-    def is_lit_at_random(self) -> bool:
-        """Whether its lights follow from its seed."""
-        return isinstance(self.lights, Mapping) or _is_random(self.lights)
+        return words | {"view": None if is_random(self.view) else self.view, "camera": self.camera}
 
 
-def _is_random(value: object) -> bool:
-    return isinstance(value, str) and value == RANDOM
+def is_random(value: object) -> bool:
+    """Tell whether a view, or lights, are by the seed of a task: the word, or arguments of what makes them."""
+    return isinstance(value, Mapping) or (isinstance(value, str) and value == RANDOM)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ _EXAMPLES = """\
 examples:
   raster batch 'parts/*.stl' -o 'thumbs/{stem}-{view}.png' --view front,top -j 4
   raster batch parts --recursive -o thumbs/ --skip-existing  below thumbs/
-  raster batch parts -o 'data/{stem}-{view}.{array}.png' --view iso,top --array rgb --array depth --array object
-      --scale 0.001 --manifest data/manifest.jsonl --coco data/coco.json
+  raster batch parts/*.stl --array rgb --array depth --array object
+      -o 'data/{stem}-{view}.{array}.png' --view iso,top -b white
+      --manifest data/manifest.jsonl --coco data/coco.json
   raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
 
 One picture that can't be drawn doesn't stop the others, whatever the reason. A file appears whole or not at all, so a
@@ -29,7 +30,7 @@ loaded here and sent. Files are written here.
 def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster batch MODEL... [-o OUT] [-j N] [options]"
-    parser.description = "Draw each model in one of several processes, and write a picture of it, or an array."
+    parser.description = "Draw each model in one of several processes, and write a picture of it, or arrays."
     parser.epilog = _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)

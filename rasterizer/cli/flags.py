@@ -81,13 +81,14 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
     """
     parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, outputs=None, files=())
     fields += " {array}" if has_arrays else ""
+    several = "; several -o, each after its --array, write what one frame shows" if has_arrays else ""
     group = parser.add_topic("output")
     default = f"{default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
     default += ", -VIEW before .png for several views" if "{view}" in fields else ""
     group.add_argument(
         "-o", "--output", metavar="OUT", action=_Outputs if has_arrays else "store",
         help=f"the picture's name (default {default}), a folder, a template with {fields}, or - for stdout; the suffix "
-        "chooses the format")
+        f"chooses the format{several}")
     add_size(group, size)
     group.add_argument("--skip-existing", action="store_true", help="leave out outputs that are there already")
     add_json(group, "print a line of JSON for each picture on stdout (on stderr with -o -)")
@@ -119,8 +120,7 @@ def add_arrays(parser) -> None:
     held = {"color": "linear float32", "rgb": "uint8", **choices.BUFFERS, EVERY: "color and every buffer"}
     rows = "".join(f"\n  {name:<17}{text}" for name, text in held.items())
     add = parser.add_topic(
-        "array", "All files of a picture come from one frame. -o '{stem}.{array}.png' makes one of each --array; with "
-        "several -o each holds the --array before it, and is a picture where there is none. Arrays have one sample a "
+        "array", "-o '{stem}.{array}.png' makes a file of each, as an -o after each does. Arrays have one sample a "
         f"pixel, but for color and rgb with --samples.\n{rows}").add_argument
     add("--array", dest="outputs", action="append", choices=tuple(held), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "

@@ -21,8 +21,8 @@ examples:
   raster render part.obj --material diffuse=orange,shininess=80 --shadows
   raster render scene.json -s 1920x1080                     with its own lights
   raster render part.obj --array depth -o depth.npy         float32, inf: none
-  raster render part.obj --array rgb --array depth --array object -o 'out/{stem}.{array}.png'
-  raster render part.obj -o part.jpg --array depth --scale 0.001 -o depth.png
+  raster render part.obj --array rgb --array depth -o '{stem}.{array}.png'
+  raster render part.obj -o part.jpg --array depth -o depth.png
   cat part.stl | raster render - --input-format stl -o - > part.png
 """
 
@@ -30,7 +30,7 @@ examples:
 def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster render MODEL... [-o OUT] [options]"
-    parser.description = "Draw each model and write a picture of it, or an array."
+    parser.description = "Draw each model and write a picture of it, or arrays."
     parser.epilog = _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)

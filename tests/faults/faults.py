@@ -597,6 +597,34 @@ FAULTS = (
         "batch cli",
     ),
     Fault(
+        "batch: a task is left out where one of its files is there",
+        "batch/rendering.py",
+        "and all(is_there(output, model)",
+        "and any(is_there(output, model)",
+        "batch",
+    ),
+    Fault(
+        "manifest: what the border cuts off isn't looked for above the picture",
+        "batch/annotations.py",
+        "[box[0] - width, box[1] - height, *box[2:]]",
+        "[box[0] - width, box[1], *box[2:]]",
+        "batch",
+    ),
+    Fault(
+        "random views: elevations are even, so that the poles have most",
+        "scene/random_numbers.py",
+        "return math.degrees(math.asin(min(max(within((low, high), share), -1.0), 1.0)))",
+        "return within(ends, share) + 0 * (low + high)",
+        "batch",
+    ),
+    Fault(
+        "BOP: depths are in scene units",
+        "batch/datasets.py",
+        'line["depth_scale"] * unit}',
+        'line["depth_scale"]}',
+        "batch cli",
+    ),
+    Fault(
         "viewer: any token will do", "viewer/server.py", "if not (is_known and slash and", "if not (slash and", "viewer"
     ),
     Fault(
