@@ -91,6 +91,17 @@ class Brightness(NamedTuple):
             return self.undirected + (self.diffuse + self.specular).sum(axis=1)
 
     @property
+    def texel_slopes(self) -> NDArray[np.float64]:
+        """What an intensity of each material changes by, at most, where its texture changes by 1, (n_material,).
+
+        Colours multiply what is reflected diffusely, and F0 of a metal; other highlights keep their light.
+        """
+        is_metal = np.array([reflection_table.is_metallic(material) for material in self.materials])
+        with np.errstate(over="ignore"):
+            metal = np.where(is_metal, self.specular.sum(axis=1), 0.0)
+            return self.undirected + self.diffuse.sum(axis=1) + metal
+
+    @property
     def turn_slopes(self) -> NDArray[np.float64]:
         """What an intensity of each material changes by, at most, for each radian that the normal turns, (n_material,);
         infinite where that has no limit."""
