@@ -31,8 +31,8 @@ with s of Oren-Nayar's formula (reflections.py). The table of highlights of heig
     model         height         rounding                        turn of N     turn of L      float32 up to about
     phong         1              (0.7 √n + 0.7)·68 u + 1.5 n u   1.4 √n + 1.4  0.7 √n + 0.7   n = 500
     blinn         1              the same with 53 u              0.7 √n + 0.7  1.4 √n + 1.4   n = 300
-    ggx           W/(2 α³)       245 u                           7             12             α = 0.35
-    beckmann      0.884 W/m³     1080 u                          46            33             m = 0.7
+    ggx           W/(2 α³)       245 u                           7             9              α = 0.35
+    beckmann      0.884 W/m³     1080 u                          46            29             m = 0.7
     normalised    (n + 2)/2 or Blinn's scale: as much more
 
 That is float32, where |L + V| is MIN_SUM at least, and W(θ) what a mirror reflects there. The last column is for

@@ -267,7 +267,7 @@ class CookTorranceEntry(ReflectionEntry):
         """Return what the mirrors change by where L turns."""
         r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if u == SINGLE:
-            return 12.0 if is_ggx else 33.0
+            return 9.0 if is_ggx else 29.0
         return (2.4 + 2.2 / r) / r if is_ggx else (5.0 + 3.4 / r) / r + 28.0
 
     def highlight_rounding(self, material: Any, u: float) -> float:
