@@ -244,14 +244,15 @@ class PictureKernels(KernelList):
         self.add_stages(parts, with_deferred=plan.opacity is not None)
         self.add_clipping(screen)
         self.add_lights()
+        rows, metals = np.empty((0, 0), np.float32), [material.metallic_roughness for material in plan.materials]
+        listed = [texture for texture in (*(plan.textures.textures if plan.textures else ()), *metals) if texture]
+        if any(texture.encoded is not None for texture in listed):
+            self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
+        if any(texture.n_level > 1 for texture in listed):
+            self.add(packing.halve_texels, rows, rows)
         if plan.packed_textures is not None:
             texels = np.empty((0, 0), np.int16)
-            rows, listed = np.empty((0, 0), np.float32), plan.textures.textures
-            if any(texture.encoded is not None for texture in listed):
-                self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
             self.add(packing.pack_texels, rows, np.empty(0, np.float32), False, 0.0, texels)
-            if any(texture.n_level > 1 for texture in listed):
-                self.add(packing.halve_texels, rows, rows)
         if plan.is_lit_per_sample:
             self.add_lit(parts)
         else:

@@ -133,7 +133,7 @@ class Texture(KeepsArrays):
             """Decode the image of bytes when it is asked for first; it is kept."""
             if name != "image" or self.__dict__.get("_encoded") is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            store(self, image=_decoded(self.encoded))
+            store(self, image=_decoded(self.encoded, self.decoded))
             return self.__dict__["image"]
 
     @property
@@ -141,6 +141,13 @@ class Texture(KeepsArrays):
         """The bytes that were given, (h, w, 1..4) uint8, read-only; None where floats were."""
         encoded: NDArray[np.uint8] | None = self.__dict__["_encoded"]
         return encoded
+
+    _is_of_numbers = False
+
+    @property
+    def decoded(self) -> NDArray[np.float32]:
+        """What a byte of colour and one of alpha mean, (2, 256) float32: one array for all textures of a kind."""
+        return NUMBERS_OF_BYTES if self._is_of_numbers else COLORS_OF_BYTES
 
     @classmethod
     def of_numbers(cls, image: ImageLike, **settings: Any) -> "Texture":
@@ -157,8 +164,9 @@ class Texture(KeepsArrays):
             source = read_picture(source, os.fsdecode(source))
         elif hasattr(source, "convert"):
             source = np.asarray(source if source.mode in ("L", "LA", "RGB", "RGBA") else source.convert("RGBA"))
-        is_bytes = isinstance(source, np.ndarray) and source.dtype == np.uint8
-        return cls(source / np.float32(255.0) if is_bytes else source, **settings)
+        texture = cls(source, **settings)
+        store(texture, _is_of_numbers=isinstance(source, np.ndarray) and source.dtype == np.uint8)
+        return texture
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
@@ -184,7 +192,7 @@ class Texture(KeepsArrays):
         if self.encoded is None:
             return float(self.image[..., :3].max())
         n_color = self.encoded.shape[2] - (self.encoded.shape[2] in (2, 4))
-        return float(LINEAR_IN_SINGLE[self.encoded[..., :n_color].max()])
+        return float(self.decoded[0, self.encoded[..., :n_color].max()])
 
     @cached_property
     def mean(self) -> NDArray[np.float64]:
@@ -194,7 +202,9 @@ class Texture(KeepsArrays):
     @cached_property
     def least(self) -> NDArray[np.float64]:
         """The least of all texels in each channel, (4,)."""
-        return self.image.min(axis=(0, 1)).astype(np.float64)
+        if self.encoded is None:
+            return self.image.min(axis=(0, 1)).astype(np.float64)
+        return _decoded(self.encoded.min(axis=0).min(axis=0)[None, None], self.decoded)[0, 0].astype(np.float64)
 
     @cached_property
     def pyramid(self) -> tuple[NDArray[np.float32], ...]:
@@ -516,18 +526,19 @@ def _checked_image(image: Any) -> NDArray[Any]:
     return fixed(out)
 
 
-def _decoded(encoded: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the linear image (h, w, 4) of bytes (h, w, 1..4)."""
+def _decoded(encoded: NDArray[np.uint8], decoded: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the linear image (h, w, 4) of bytes (h, w, 1..4); `decoded` says what they mean."""
     out, has_alpha = np.empty((*encoded.shape[:2], 4), np.float32), encoded.shape[2] in (2, 4)
     for rows in _strips(*encoded.shape[:2]):
         source, part = encoded[rows], out[rows]
-        part[..., :3] = LINEAR_IN_SINGLE[source[..., : encoded.shape[2] - has_alpha]]
-        part[..., 3] = SHARE_OF_BYTE[source[..., -1]] if has_alpha else 1.0
+        part[..., :3] = decoded[0][source[..., : encoded.shape[2] - has_alpha]]
+        part[..., 3] = decoded[1][source[..., -1]] if has_alpha else 1.0
     return fixed(out)
 
 
-LINEAR_IN_SINGLE = LINEAR_OF_BYTE.astype(np.float32)  # of red, green and blue
-SHARE_OF_BYTE = (np.arange(256) / 255.0).astype(np.float32)  # of alpha
+_SHARES = np.arange(256) / 255.0
+COLORS_OF_BYTES = fixed(np.stack([LINEAR_OF_BYTE, _SHARES]).astype(np.float32))  # sRGB-encoded, alpha linear
+NUMBERS_OF_BYTES = fixed(np.stack([_SHARES, _SHARES]).astype(np.float32))
 
 
 def _halve(level: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -39,6 +39,17 @@ def test_the_linear_image_of_bytes_is_made_when_it_is_asked_for():
         texture.imge  # noqa: B018
 
 
+def test_numbers_are_kept_as_bytes_too():
+    image = np.random.default_rng(3).integers(7, 250, (5, 4, 4), np.uint8)
+    for n_channel in (1, 2, 3, 4):
+        texture = Texture.of_numbers(image[..., :n_channel])
+        expected = Texture(image[..., :n_channel] / np.float32(255.0))
+        assert not differences(texture.encoded, image[..., :n_channel])
+        for each in (texture, pickle.loads(pickle.dumps(texture)), copy.deepcopy(texture), replace(texture)):
+            assert not differences(each.image, expected.image) and not differences(each.least, expected.least)
+            assert each.brightest == expected.brightest and not differences(each.mean, expected.mean)
+
+
 def test_textures_of_one_picture_share_its_bytes():
     first = Texture(np.zeros((3, 3, 3), np.uint8))
     assert np.shares_memory(first.encoded, Texture(first.encoded, "nearest").encoded)
