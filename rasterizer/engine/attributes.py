@@ -273,7 +273,7 @@ def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     if plan.packed_textures is None:
         return None
     has_alpha = [material.texture is not None and material.texture.has_alpha for material in plan.materials]
-    limits = np.where(has_alpha, 0.0, limits / max(plan.bound, 1.0))
+    limits = np.where(has_alpha, 0.0, limits / np.maximum(plan.brightness.at(plan.clearances).texel_slopes, 1.0))
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
     is_good = of_materials >= 0
     packed, textures = plan.packed_textures, of_materials[is_good]

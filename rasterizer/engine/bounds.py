@@ -31,8 +31,8 @@ with s of Oren-Nayar's formula (reflections.py). The table of highlights of heig
     model         height         rounding                        turn of N     turn of L      float32 up to about
     phong         1              (0.7 √n + 0.7)·68 u + 1.5 n u   1.4 √n + 1.4  0.7 √n + 0.7   n = 500
     blinn         1              the same with 53 u              0.7 √n + 0.7  1.4 √n + 1.4   n = 300
-    ggx           W/(2 α³)       300 u                           4/α + 5       12             α = 0.4
-    beckmann      0.884 W/m³     1080 u                          5.6/m + 40    33             m = 0.7
+    ggx           W/(2 α³)       245 u                           7             9              α = 0.35
+    beckmann      0.884 W/m³     1080 u                          46            29             m = 0.7
     normalised    (n + 2)/2 or Blinn's scale: as much more
 
 That is float32, where |L + V| is MIN_SUM at least, and W(θ) what a mirror reflects there. The last column is for
@@ -91,15 +91,27 @@ class Brightness(NamedTuple):
             return self.undirected + (self.diffuse + self.specular).sum(axis=1)
 
     @property
+    def texel_slopes(self) -> NDArray[np.float64]:
+        """What an intensity of each material changes by, at most, where its texture changes by 1, (n_material,).
+
+        Colours multiply what is reflected diffusely, and F0 of a metal; other highlights keep their light.
+        """
+        is_metal = np.array([reflection_table.is_metallic(material) for material in self.materials])
+        with np.errstate(over="ignore"):
+            metal = np.where(is_metal, self.specular.sum(axis=1), 0.0)
+            return self.undirected + self.diffuse.sum(axis=1) + metal
+
+    @property
     def turn_slopes(self) -> NDArray[np.float64]:
         """What an intensity of each material changes by, at most, for each radian that the normal turns, (n_material,);
-        infinite where that has no limit."""
-        entries = [reflection_table.entry_of(material) for material in self.materials]
-        rough = [entry.diffuse_slope(material) for entry, material in zip(entries, self.materials, strict=True)]
-        slopes = [entry.turn_slope(material) for entry, material in zip(entries, self.materials, strict=True)]
+        infinite where that has no limit. Of highlights beside their `discontinuities` in float32."""
+        entries = [(reflection_table.entry_of(material), material) for material in self.materials]
+        rough = np.array([entry.diffuse_slope(material) for entry, material in entries])
+        slopes = np.array([entry.turn_slope(material, SINGLE) for entry, material in entries])
+        weights = np.array([entry.weight(material, SINGLE) for entry, material in entries])
         of_lights = np.array([light_table.entry_of(light).normal_slope(light) for light in self.lights], float)
-        changes = times(self.diffuse, 1.0 + np.array(rough)[:, None] + of_lights)
-        changes = changes + times(self.specular, np.array(slopes)[:, None] + of_lights)
+        changes = times(self.diffuse, 1.0 + rough[:, None] + of_lights)
+        changes = changes + times(times(self.specular, weights[:, None]), slopes[:, None] + of_lights)
         return changes.sum(axis=1)
 
     def at(self, clearances: NDArray[np.float64]) -> "Brightness":
@@ -200,7 +212,7 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
         rough, rounding = model.diffuse_slope(material), model.highlight_rounding(material, of_type) * u / of_type
         of_diffuse = (1.0 + rough) * (turns[k] + normal) + ROUGH * u * rough + of_light[k]
         of_highlight = rounding + model.light_slope(material, of_type) * turns[k] + of_light[k]
-        of_highlight = of_highlight + model.turn_slope(material) * normal
+        of_highlight = of_highlight + model.turn_slope(material, of_type) * normal
         parts = times(lit.diffuse[k], np.minimum(of_diffuse, 1.0)) + times(lit.specular[k], np.minimum(of_highlight, 1))
         error[k] += parts.sum()
     return error

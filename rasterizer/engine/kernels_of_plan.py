@@ -244,16 +244,16 @@ class PictureKernels(KernelList):
         self.add_stages(parts, with_deferred=plan.opacity is not None)
         self.add_clipping(screen)
         self.add_lights()
-        if plan.textures is not None:
-            rows, listed = np.empty((0, 0), np.float32), plan.textures.textures
-            has_levels, is_packed = any(each.n_level > 1 for each in listed), plan.packed_textures is not None
-            if (has_levels or is_packed) and any(texture.encoded is not None for texture in listed):
-                self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
-            if is_packed:
-                texels = np.empty((0, 0), np.int16)
-                self.add(packing.pack_texels, rows, np.empty(0, np.float32), False, 0.0, texels)
-            if has_levels:
-                self.add(packing.halve_texels, rows, rows)
+        rows, metals = np.empty((0, 0), np.float32), [material.metallic_roughness for material in plan.materials]
+        listed = [texture for texture in (*(plan.textures.textures if plan.textures else ()), *metals) if texture]
+        has_levels, is_packed = any(texture.n_level > 1 for texture in listed), plan.packed_textures is not None
+        if (has_levels or is_packed) and any(texture.encoded is not None for texture in listed):
+            self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
+        if has_levels:
+            self.add(packing.halve_texels, rows, rows)
+        if is_packed:
+            texels = np.empty((0, 0), np.int16)
+            self.add(packing.pack_texels, rows, np.empty(0, np.float32), False, 0.0, texels)
         if plan.is_lit_per_sample:
             self.add_lit(parts)
         else:

@@ -164,6 +164,7 @@ def make_plan(
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
     textures = list_textures([material.texture for material in materials]) if tables.is_textured else None
     of_metals = [material.metallic_roughness for material in materials]
+    is_looked_up = of_materials.is_looked_up
     return Plan(
         n_channel=n_channel,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
@@ -185,7 +186,9 @@ def make_plan(
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=textures,
         metals=lay_textures(list_textures(of_metals, tables.n_texcoord), run=run) if any(of_metals) else None,
-        packed_textures=pack_textures(textures, run) if of_materials.is_looked_up.any() else None,
+        packed_textures=None
+        if not is_looked_up.any()
+        else pack_textures(textures, np.where(is_looked_up, textures.of_materials, -1), run),
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         products=tables.products,
         cue=None if cue is None else make_cue(cue, n_channel),

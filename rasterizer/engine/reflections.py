@@ -72,13 +72,13 @@ class ReflectionEntry:
         """Return how far a highlight of height 1 is off by rounding; u is the unit roundoff."""
         return 0.0
 
-    def turn_slope(self, material: Any) -> float:
+    def turn_slope(self, material: Any, u: float) -> float:
         """Return what a highlight of height 1 changes by, at most, for each radian that the normal turns."""
         return 0.0
 
     def light_slope(self, material: Any, u: float) -> float:
         """Return the same for the direction to the light."""
-        return self.turn_slope(material)
+        return self.turn_slope(material, u)
 
     def weight(self, material: Any, u: float) -> float:
         """Return the share of its height that a highlight has at most beside its `discontinuities`."""
@@ -142,7 +142,7 @@ class PowerEntry(ReflectionEntry):
         """Return the scale, at least 1: h <= 1, W <= 1, also of an F0 with a colour, because F0 <= 1."""
         return max(self.highlight_scale(material), 1.0)
 
-    def turn_slope(self, material: Any) -> float:
+    def turn_slope(self, material: Any, u: float) -> float:
         """Return that of the power, of W(θ), which rises by 5 at most, and of N·L."""
         return power_slope(material.shininess) + weight_slope(material)
 
@@ -171,7 +171,7 @@ class PhongEntry(PowerEntry):
         """Return the error of R - V."""
         return 68.0 * u
 
-    def turn_slope(self, material: Any) -> float:
+    def turn_slope(self, material: Any, u: float) -> float:
         """The mirrored light direction turns twice as far as the normal."""
         return 2.0 * power_slope(material.shininess) + weight_slope(material)
 
@@ -252,24 +252,29 @@ class CookTorranceEntry(ReflectionEntry):
         tangent_square = max(0.0, 2.0 * r * r - 1.0)
         return math.exp(-tangent_square / r**2) * (1.0 + tangent_square) ** 2 / r**3 * (3.535 / 4.0)
 
-    def turn_slope(self, material: Any) -> float:
-        """Return that of the mirrors: ln D rises by at most 2/α a radian, G by 1/α, W(θ) by 5; α is the smaller one,
-        as far as the tangent stands still. Beckmann's G is steeper where m is large."""
-        r = min_roughness(material)
-        return 4.0 / r + 5.0 if material.distribution == "ggx" else 5.6 / r + 40.0
+    def turn_slope(self, material: Any, u: float) -> float:
+        """Return that of the mirrors. W(θ) has no part in it: L and V alone say what θ is.
+
+        In float64 ln D rises by at most 2/α a radian and G by 1/α; α is the smaller one, as far as the tangent stands
+        still. Beckmann's G is steeper where m is large.
+        """
+        r, is_ggx = min_roughness(material), material.distribution == "ggx"
+        if u == SINGLE:
+            return 7.0 if is_ggx else 46.0
+        return 4.0 / r + 5.0 if is_ggx else 5.6 / r + 40.0
 
     def light_slope(self, material: Any, u: float) -> float:
         """Return what the mirrors change by where L turns."""
         r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if u == SINGLE:
-            return 12.0 if is_ggx else 33.0
+            return 9.0 if is_ggx else 29.0
         return (2.4 + 2.2 / r) / r if is_ggx else (5.0 + 3.4 / r) / r + 28.0
 
     def highlight_rounding(self, material: Any, u: float) -> float:
         """Return what errors of N, L, V and their products add."""
         r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if u == SINGLE:
-            return u * (300.0 if is_ggx else 1080.0)
+            return u * (min(105.0 + 480.0 * r, 245.0) if is_ggx else 1080.0)
         own = u * ((110.0 + 44.0 / r) / r if is_ggx else (182.0 + 68.0 / r) / r + 910.0)
         return own + self.alpha_rounding(material, u)
 
@@ -352,7 +357,7 @@ class CustomEntry(ReflectionEntry):
         """Return what the model states beyond Lambert's slope of 1."""
         return max(self._bound.turn - 1.0, 0.0)
 
-    def turn_slope(self, material: Any) -> float:
+    def turn_slope(self, material: Any, u: float) -> float:
         """Return what the model states, for a highlight of height 1."""
         return self._bound.turn / max(self._bound.highlight, 1e-30)
 

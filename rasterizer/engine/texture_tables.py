@@ -6,6 +6,7 @@ those that are looked up in float64.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +29,9 @@ from ..pipeline.textures import (
     pack_level,
     strips_of,
 )
-from ..scene.texture import LINEAR_IN_SINGLE, SHARE_OF_BYTE, Texture, halve_rows
+from ..scene.texture import COLORS_OF_BYTES, Texture, halve_rows
 
 _FILTERS = {"nearest": FILTER_NEAREST, "bilinear": FILTER_BILINEAR, "trilinear": FILTER_TRILINEAR}
-_DECODED = np.stack([LINEAR_IN_SINGLE, SHARE_OF_BYTE])
 _WRAPS = {"repeat": WRAP_REPEAT, "clamp": WRAP_CLAMP, "mirror": WRAP_MIRROR}
 
 
@@ -74,6 +74,9 @@ def lay_textures(listed: TextureList, of_materials: NDArray[np.int64] | None = N
     """
     used = listed.of_materials if of_materials is None else of_materials
     shown = [texture if k in used else None for k, texture in enumerate(listed.textures)]
+    decoded = next((each.decoded for each in shown if each is not None and each.encoded is not None), COLORS_OF_BYTES)
+    # Bytes of the other kind, where there are both, are laid as what they mean.
+    shown = [None if t is None else t if t.encoded is None or t.decoded is decoded else replace(t) for t in shown]
     n_encoded = sum(math.prod(each.shape) for each in shown if each is not None and each.encoded is not None)
     encoded, texels = np.empty((n_encoded, 4), np.uint8), np.empty((sum(map(_n_single, shown)), 4), np.float32)
     rows, first_byte, first = [], 0, 0
@@ -91,7 +94,7 @@ def lay_textures(listed: TextureList, of_materials: NDArray[np.int64] | None = N
                 first += n
     return Textures(
         encoded.ravel(),
-        _DECODED,
+        decoded,
         texels.ravel(),
         np.array(rows, np.int64).reshape(-1, 3),
         np.cumsum([0] + [0 if texture is None else texture.n_level for texture in shown]).astype(np.int64),
@@ -116,19 +119,19 @@ def _levels(texture: Texture, run: Callable) -> Iterator[NDArray]:
     level = texture.image if texture.encoded is None else texture.encoded
     yield level
     for _ in range(1, texture.n_level):
-        level = _halve(level, texture.has_alpha, run)
+        level = _halve(level, texture, run)
         yield level
 
 
-def _halve(level: NDArray, has_alpha: bool, run: Callable) -> NDArray[np.float32]:
-    """Return the next mip level of one, which may be uint8, as `Texture.pyramid` has it."""
+def _halve(level: NDArray, texture: Texture, run: Callable) -> NDArray[np.float32]:
+    """Return the next mip level of one of a texture's, which may be uint8, as `Texture.pyramid` has it."""
     height, width = level.shape[:2]
     half = np.empty((max(height // 2, 1), max(width // 2, 1), 4), np.float32)
 
     def halve(strip):
         first, end = strip
-        rows, out = decode_rows(level, _DECODED, 2 * first, min(2 * end + 1, height)), half[first:end]
-        if has_alpha or height % 2 == 1 or width % 2 == 1:
+        rows, out = decode_rows(level, texture.decoded, 2 * first, min(2 * end + 1, height)), half[first:end]
+        if texture.has_alpha or height % 2 == 1 or width % 2 == 1:
             halve_rows(rows.reshape(len(rows), width, 4), height, first, out)
         else:
             halve_texels(rows, out.reshape(len(out), -1))
@@ -146,28 +149,35 @@ def _write_bytes(encoded: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
     out[:, 3] = encoded[:, -1] if has_alpha else 255
 
 
-def pack_textures(listed: TextureList, run: Callable = map) -> PackedTextures:
+def pack_textures(
+    listed: TextureList, of_materials: NDArray[np.int64] | None = None, run: Callable = map
+) -> PackedTextures:
     """Pack textures, with the mip levels that their filters need.
 
     A texture whose colours are at most 2^k, k >= 0 or less, has steps of 2^k/65535.
 
     Parameters
     ----------
-    run : see `lay_textures`
+    of_materials, run : see `lay_textures`
     """
     textures, filters, wraps = listed.textures, listed.filters, listed.wraps
     sizes = np.array([(*texture.shape[::-1], texture.n_level) for texture in textures], np.int64).reshape(-1, 3)
-    counts = [first_texel(*(np.int32(number) for number in size)) for size in sizes]
+    used = listed.of_materials if of_materials is None else of_materials
+    is_packed = np.isin(np.arange(len(textures)), used)
+    counts = [first_texel(*map(np.int32, size)) if packed else 0 for size, packed in zip(sizes, is_packed, strict=True)]
     first_texels = np.cumsum([0, *counts]).astype(np.int64)
     texels = np.zeros((int(first_texels[-1]), 4), np.int16)
     steps, errors = np.zeros(len(textures), np.float32), np.zeros((len(textures), 4))
-    for k, texture in enumerate(textures):
+    for k in np.flatnonzero(is_packed).tolist():
+        texture = textures[k]
         scale = 2.0 ** np.ceil(np.log2(max(texture.brightest, 2.0**-40)))
         steps[k] = scale / 65535.0
         out, shapes, differences = texels[first_texels[k] : first_texels[k + 1]], [], []
         for number, level in enumerate(_levels(texture, run)):
             shapes.append(level.shape)
-            differences.append(pack_level(level, _DECODED, wraps[k], scale, _bordered(out, sizes[k], number), run))
+            differences.append(
+                pack_level(level, texture.decoded, wraps[k], scale, _bordered(out, sizes[k], number), run)
+            )
         errors[k] = error_factors(shapes, differences, scale, filters[k])
     return PackedTextures(texels.ravel(), first_texels, sizes, filters, wraps, steps, errors)
 

@@ -13,7 +13,7 @@ import binascii
 import json
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from io import BytesIO
 from typing import NamedTuple
 from urllib.parse import unquote, unquote_to_bytes
@@ -25,7 +25,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
-from ..scene.texture import Budget, Texture, read_picture
+from ..scene.texture import Budget, Texture, decode_ahead, read_picture
 from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part
 
@@ -71,6 +71,7 @@ def read_gltf(model: ModelFile) -> Contents:
         listed = [primitive for each in primitives.values() for primitive in each]
         used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
+        pictures.decode_ahead(source for number, source in enumerate(tree.get("materials", [])) if number in used)
         paints = [
             read_paint(source, pictures) if number in used else _NO_PAINT
             for number, source in enumerate(tree.get("materials", []))
@@ -359,10 +360,10 @@ class Buffers:
             buffer = item(self.tree, "buffers", number)
             length = whole(buffer, "byteLength")
             data = self.uri(buffer["uri"], length) if "uri" in buffer else self._chunk()
-            if not buffer.get("uri", "data:").startswith("data:"):
-                self.model.allowance.n_byte += len(data)
             if len(data) < length:
                 raise ValueError(f"buffer {number} must have {length} bytes, but has {len(data)}")
+            if not buffer.get("uri", "data:").startswith("data:"):
+                self.model.allowance.n_byte += len(data)
             self._buffers[number] = data
         return self._buffers[number]
 
@@ -498,7 +499,22 @@ class Pictures:
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
         self._pixels, self._textures, self._numbers, self._means = {}, {}, {}, {}
-        self._budget = Budget(self.model.name)
+        self._budget, self._contents, self._decoded = Budget(self.model.name), {}, {}
+
+    def decode_ahead(self, materials: Iterable[dict]) -> None:
+        """Decode the images of some of the tree's materials on threads."""
+        self._decoded = decode_ahead(self._list_images(materials))
+
+    def _list_images(self, materials) -> Iterator[tuple[int, bytes | memoryview]]:
+        """Yield the number and the bytes of each image that materials need, up to one that can't be found."""
+        try:
+            for use in (use for source in materials for use in textures_of(source)):
+                number = self._source(use["index"])[0]
+                if number not in self._contents:
+                    self._contents[number] = self._bytes_of(number)
+                    yield number, self._contents[number]
+        except (ModelError, AttributeError, LookupError, TypeError, ValueError):
+            return  # what is wrong is said where it is read
 
     def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
         """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
@@ -581,16 +597,20 @@ class Pictures:
             try:
                 if number is None:
                     raise self.model.error("the texture has no image")
-                image = item(self.tree, "images", number)
-                in_buffer = "bufferView" in image
-                data = self._buffers.view(image["bufferView"]) if in_buffer else self._buffers.uri(image["uri"])
-                self._pixels[number] = read_picture(BytesIO(data), f"image {number}", self._budget)
+                data, decoded = self._contents.pop(number, None), self._decoded.pop(number, None)
+                data = self._bytes_of(number) if data is None else data
+                self._pixels[number] = read_picture(BytesIO(data), f"image {number}", self._budget, decoded)
             except (ModelError, LookupError, TypeError, ValueError) as fault:
                 reason = str(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
                 self.model.warn(f"{what}: {reason}; its materials keep their plain colour")
                 self._pixels[number] = None
         return self._pixels[number]
+
+    def _bytes_of(self, number) -> bytes | memoryview:
+        """Return the bytes of an image."""
+        image = item(self.tree, "images", number)
+        return self._buffers.view(image["bufferView"]) if "bufferView" in image else self._buffers.uri(image["uri"])
 
 
 def read_paint(source: dict, pictures: Pictures) -> Paint:
@@ -737,6 +757,16 @@ def base_of(source: dict) -> tuple[tuple[float, ...], dict | None]:
         return _numbers(glossy.get("diffuseFactor", (1, 1, 1, 1)), 4), glossy.get("diffuseTexture")
     surface = source.get("pbrMetallicRoughness", {})
     return _numbers(surface.get("baseColorFactor", (1, 1, 1, 1)), 4), surface.get("baseColorTexture")
+
+
+def textures_of(source: dict) -> list[dict]:
+    """Return the uses of the textures of a material that `read_paint` reads."""
+    extensions, uses = source.get("extensions", {}), [base_of(source)[1]]
+    if _GLOSSY in extensions:
+        uses.append(extensions[_GLOSSY].get("specularGlossinessTexture"))
+    elif _UNLIT not in extensions:
+        uses.append(source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture"))
+    return [use for use in uses if use is not None]
 
 
 def emission_of(source: dict) -> tuple[float, ...]:

@@ -43,6 +43,7 @@ Format: Wavefront, MTL specification 4.2, 1995.
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain
@@ -53,7 +54,7 @@ import numpy as np
 from ..errors import ModelError, SceneError, cut
 from ..scene.material import Material
 from ..scene.spectrum import rgb_from_xyz
-from ..scene.texture import Budget, Texture, read_picture
+from ..scene.texture import Budget, Texture, decode_ahead, read_picture
 from ..scene.triangulation import listed
 from .files import OutsideError, identity_of
 from .limits import name_in
@@ -163,6 +164,8 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
         library.tell("'Ka 0 0 0' of all materials is taken as their Kd", ambient[0][1])
         for _, values, _ in blocks:
             values.pop("ka", None)
+    needed = [values for name, values, _ in blocks if used is None or name in used]
+    maps.decode_ahead(library, [values[key] for values in needed for key in ("map_kd", "map_d") if key in values])
     for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
@@ -370,9 +373,26 @@ class Maps:
     _pictures: dict[Path, np.ndarray | None] = field(default_factory=dict)
     _textures: dict[tuple, Texture | None] = field(default_factory=dict)
     _budget: Budget = field(init=False)
+    _contents: dict[Path, bytes] = field(default_factory=dict)
+    _decoded: dict[Path, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._budget = Budget(self.model.name)
+
+    def decode_ahead(self, library, maps) -> None:
+        """Decode the pictures of maps (name, wrap) on threads."""
+        self._decoded = decode_ahead(self._list_pictures(library, maps))
+
+    def _list_pictures(self, library, maps) -> Iterator[tuple[Path, bytes]]:
+        """Yield the path and the bytes of each picture, up to one that can't be found."""
+        try:
+            for name, _ in maps:
+                path = library.beside.find_alike(name)
+                if path not in self._pictures and path not in self._contents:
+                    self._contents[path] = library.beside.read_bytes(path)
+                    yield path, self._contents[path]
+        except (OSError, ValueError):
+            return  # what is wrong is said where it is read
 
     def texture(self, library, material, color, alpha) -> Texture | None:
         """Return the texture of a material, or None where it has none that can be read.
@@ -410,14 +430,17 @@ class Maps:
             if len(given[0]) > LONGEST_NAME:
                 raise ValueError("too long a name")
             path = library.beside.find_alike(given[0])
-            content = None if path in self._pictures else library.beside.read_bytes(path)
+            content = self._contents.pop(path, None)
+            if content is None and path not in self._pictures:
+                content = library.beside.read_bytes(path)
         except (OSError, ValueError) as fault:  # also a name that the system refuses
             reason = fault if isinstance(fault, OutsideError) else "not found"
             library.warn(f"{what} {reason}; the material keeps its plain colour")
             return None
         if path not in self._pictures:
             try:
-                self._pictures[path] = read_picture(BytesIO(content), path.name, self._budget)
+                decoded = self._decoded.pop(path, None)
+                self._pictures[path] = read_picture(BytesIO(content), path.name, self._budget, decoded)
             except ModelError as fault:
                 self._pictures[path] = None
                 library.warn(f"{what}: {fault}; the material keeps its plain colour")

@@ -351,10 +351,11 @@ def fill_positions(screen, first, n, needs_position, batch):
     forward, one = rounded(screen.forward, real), real(1)
     if screen.is_perspective:
         for k in range(index(n)):
-            column = real(np.int32(x + np.int64(k) - middle))
-            ray = add(ray_start, scale(ray_step, column))
+            ray = add(ray_start, scale(ray_step, real(np.int32(x + np.int64(k) - middle))))
             set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
-            if needs_position:
+        if needs_position:  # in a loop of its own: one store that depends on a choice slows all of a loop down
+            for k in range(index(n)):
+                ray = add(ray_start, scale(ray_step, real(np.int32(x + np.int64(k) - middle))))
                 set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
         return
     view_from_direction(batch, n, scale(forward, -one))

@@ -534,7 +534,9 @@ def encode_batch(pixels, levels, n, encoding, out):
     for channel in range(index(n_different)):
         first = channel * NEXT
         for i in range(n):
-            levels[first + i] = encode_channel(pixels[first + i])
+            levels[first + i] = bits_within(pixels[first + i])
+        for i in range(n):
+            levels[first + i] = level_of_bits(levels[first + i])
     green = NEXT if n_different == 3 else index(0)
     blue = green + green
     for i in range(n):
@@ -608,7 +610,18 @@ LEVEL_TABLE = make_level_table()
 @helper
 def encode_channel(value):
     """Return the nearest of 256 levels of the sRGB curve, by one look-up and one addition; see make_level_table."""
-    value = min(value, MAX_VALUE) if value > MIN_VALUE else MIN_VALUE  # MIN_VALUE where it isn't a number, too
-    bits = np.float32(value).view(np.int32)
+    return level_of_bits(bits_within(value))
+
+
+@helper
+def bits_within(value):
+    """Return the bits of a value, or of the nearest one that the table has; of MIN_VALUE where it isn't a number."""
+    value = min(value, MAX_VALUE) if value > MIN_VALUE else MIN_VALUE
+    return np.float32(value).view(np.int32)
+
+
+@helper
+def level_of_bits(bits):
+    """Return the level of a float with these bits."""
     bucket = np.uint32(np.int32(bits >> BUCKET_SHIFT) - FIRST_BUCKET)
     return np.int32(np.int32(LEVEL_TABLE[bucket] + np.int32(bits & REST_MASK)) >> BUCKET_SHIFT)

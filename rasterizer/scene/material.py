@@ -204,8 +204,8 @@ class Material:
             store(self, metal=linear_rgb(self.metal, "the material's metal"))
         if self.metallic_roughness is None:
             return
-        image: Any = self.metallic_roughness.image  # type: ignore[union-attr]
-        if image[..., 1:3].max() > 1.0:
+        numbers: Any = self.metallic_roughness
+        if numbers.encoded is None and numbers.image[..., 1:3].max() > 1.0:
             raise SceneError("the material's metallic_roughness must have green and blue within 0..1")
         if model.is_metallic and (self.distribution != model.brushed or isinstance(self.roughness, tuple)):
             what = f"{self.reflection!r} takes it with {model.brushed!r} and one roughness"

@@ -14,15 +14,17 @@ import os
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from io import BytesIO
 from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
+from ..cores import n_core
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..keywords import checked_fields
 from ..locks import cached_property
@@ -131,7 +133,7 @@ class Texture(KeepsArrays):
             """Decode the image of bytes when it is asked for first; it is kept."""
             if name != "image" or self.__dict__.get("_encoded") is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            store(self, image=_decoded(self.encoded))
+            store(self, image=_decoded(self.encoded, self.decoded))
             return self.__dict__["image"]
 
     @property
@@ -139,6 +141,13 @@ class Texture(KeepsArrays):
         """The bytes that were given, (h, w, 1..4) uint8, read-only; None where floats were."""
         encoded: NDArray[np.uint8] | None = self.__dict__["_encoded"]
         return encoded
+
+    _is_of_numbers = False
+
+    @property
+    def decoded(self) -> NDArray[np.float32]:
+        """What a byte of colour and one of alpha mean, (2, 256) float32: one array for all textures of a kind."""
+        return NUMBERS_OF_BYTES if self._is_of_numbers else COLORS_OF_BYTES
 
     @classmethod
     def of_numbers(cls, image: ImageLike, **settings: Any) -> "Texture":
@@ -155,8 +164,9 @@ class Texture(KeepsArrays):
             source = read_picture(source, os.fsdecode(source))
         elif hasattr(source, "convert"):
             source = np.asarray(source if source.mode in ("L", "LA", "RGB", "RGBA") else source.convert("RGBA"))
-        is_bytes = isinstance(source, np.ndarray) and source.dtype == np.uint8
-        return cls(source / np.float32(255.0) if is_bytes else source, **settings)
+        texture = cls(source, **settings)
+        store(texture, _is_of_numbers=isinstance(source, np.ndarray) and source.dtype == np.uint8)
+        return texture
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
@@ -182,7 +192,7 @@ class Texture(KeepsArrays):
         if self.encoded is None:
             return float(self.image[..., :3].max())
         n_color = self.encoded.shape[2] - (self.encoded.shape[2] in (2, 4))
-        return float(LINEAR_IN_SINGLE[self.encoded[..., :n_color].max()])
+        return float(self.decoded[0, self.encoded[..., :n_color].max()])
 
     @cached_property
     def mean(self) -> NDArray[np.float64]:
@@ -192,7 +202,9 @@ class Texture(KeepsArrays):
     @cached_property
     def least(self) -> NDArray[np.float64]:
         """The least of all texels in each channel, (4,)."""
-        return self.image.min(axis=(0, 1)).astype(np.float64)
+        if self.encoded is None:
+            return self.image.min(axis=(0, 1)).astype(np.float64)
+        return _decoded(self.encoded.min(axis=0).min(axis=0)[None, None], self.decoded)[0, 0].astype(np.float64)
 
     @cached_property
     def pyramid(self) -> tuple[NDArray[np.float32], ...]:
@@ -286,7 +298,10 @@ class Budget:
 
 
 def read_picture(
-    source: str | os.PathLike[str] | IO[bytes], name: str, budget: Budget | None = None
+    source: str | os.PathLike[str] | IO[bytes],
+    name: str,
+    budget: Budget | None = None,
+    decoded: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:
     """Read a picture file.
 
@@ -295,6 +310,7 @@ def read_picture(
     source : path, or binary file object
     name : text, what the message calls it
     budget : Budget of the file that names the picture; None = there is no other picture
+    decoded : its pixels, where `decode_ahead` has decoded it
 
     Returns
     -------
@@ -304,13 +320,9 @@ def read_picture(
     ------
     ModelError : a file that can't be read as a picture, is of another format than `FORMATS`, or too large
     """
-    import logging
-
     from PIL import Image, UnidentifiedImageError
 
-    log = logging.getLogger("PIL")
-    if not log.handlers:  # without any, Pillow's errors would go to stderr; who wants them adds his own
-        log.addHandler(logging.NullHandler())
+    _silence_log()
     try:
         n_byte = 0 if isinstance(source, (str, os.PathLike)) else source.seek(0, os.SEEK_END) - source.seek(0)
         with warnings.catch_warnings():
@@ -321,8 +333,9 @@ def read_picture(
                 if picture.format == "WEBP" and 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > MAX_WEBP:
                     raise ModelError(f"{name}: a WebP picture of {size} in {n_byte} bytes is not read")
                 divisor = 1 if budget is None else budget.divisor(picture.size, n_byte, name)
-                with _silenced() if picture.format == "TIFF" else nullcontext():
-                    pixels = _pixels_of(picture, name) if divisor == 1 else _reduced(picture, divisor)
+                if decoded is None or divisor > 1:
+                    with _silenced() if picture.format == "TIFF" else nullcontext():
+                        decoded = _pixels_of(picture, name) if divisor == 1 else _reduced(picture, divisor)
     except (ModelError, SceneError):
         raise
     except UnidentifiedImageError as fault:
@@ -338,7 +351,69 @@ def read_picture(
             f"{budget.name}: {name}: {n_byte} bytes that unpack to {size} texels are read at 1/{divisor} of that size"
         )
         warn_caller(f"{what}; {ENVIRONMENT} takes the limit away")
-    return fixed(pixels)
+    return fixed(decoded)
+
+
+def decode_ahead(pictures: Iterable[tuple[Any, bytes | memoryview]]) -> dict[Any, NDArray[np.uint8]]:
+    """Decode pictures of one file on threads, for `read_picture`, which counts them and says what is wrong with them.
+
+    It decodes what is left out here: all from the first one on that is damaged, of a rarer format, or has too many
+    texels or far more bytes than texels; and palettes.
+
+    Parameters
+    ----------
+    pictures : (key, bytes) of each, in the order in which they will be read
+
+    Returns
+    -------
+    their pixels, by key
+    """
+    from PIL import Image
+
+    _silence_log()
+    budget, opened = Budget(), {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # as in `read_picture`
+        for key, data in pictures:
+            try:
+                picture = Image.open(BytesIO(data), formats=_DECODED_AHEAD)
+                _check_size(picture, "")
+                n_texel = math.prod(picture.size)
+                if len(data) > 8 * n_texel + 2**16 or budget.divisor(picture.size, len(data), "") > 1:
+                    break
+                budget.take(n_texel, "")
+            except (ModelError, SceneError, *_PICTURE_FAULTS, Image.DecompressionBombError):
+                break
+            if _is_plain(picture):
+                opened[key] = picture
+        n_thread = min(len(opened), n_core())
+        if n_thread < 2:
+            return {}
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(n_thread) as pool:
+            decoded = zip(opened, pool.map(_pixels_or_none, opened.values()), strict=True)
+            return {key: pixels for key, pixels in decoded if pixels is not None}
+
+
+_DECODED_AHEAD = ("PNG", "JPEG")  # what most pictures are; while a TIFF is decoded the process's stderr is redirected
+
+
+def _pixels_or_none(picture: "Image.Image") -> NDArray[np.uint8] | None:
+    """The pixels of a picture whose mode is kept; None where it can't be decoded."""
+    try:
+        return np.asarray(picture)
+    except _PICTURE_FAULTS:
+        return None
+
+
+def _silence_log() -> None:
+    """Keep Pillow's errors from stderr, where they would go without any handler; who wants them adds his own."""
+    import logging
+
+    log = logging.getLogger("PIL")
+    if not log.handlers:
+        log.addHandler(logging.NullHandler())
 
 
 @contextmanager
@@ -408,8 +483,12 @@ def _pixels_of(picture: "Image.Image", name: str) -> NDArray[np.uint8]:
         raise ModelError(
             f"{name}: can't be read as a picture: its texels are numbers of 32 bits; 8 and 16 bits are read"
         )
-    is_plain = picture.mode in ("L", "LA", "RGB", "RGBA") and "transparency" not in picture.info
-    return np.asarray(picture if is_plain else picture.convert("RGBA"))
+    return np.asarray(picture if _is_plain(picture) else picture.convert("RGBA"))
+
+
+def _is_plain(picture: "Image.Image") -> bool:
+    """Tell whether the pixels of a PIL image are taken as they are."""
+    return picture.mode in ("L", "LA", "RGB", "RGBA") and "transparency" not in picture.info
 
 
 def _strips(height: int, width: int) -> list[slice]:
@@ -447,18 +526,19 @@ def _checked_image(image: Any) -> NDArray[Any]:
     return fixed(out)
 
 
-def _decoded(encoded: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the linear image (h, w, 4) of bytes (h, w, 1..4)."""
+def _decoded(encoded: NDArray[np.uint8], decoded: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the linear image (h, w, 4) of bytes (h, w, 1..4); `decoded` says what they mean."""
     out, has_alpha = np.empty((*encoded.shape[:2], 4), np.float32), encoded.shape[2] in (2, 4)
     for rows in _strips(*encoded.shape[:2]):
         source, part = encoded[rows], out[rows]
-        part[..., :3] = LINEAR_IN_SINGLE[source[..., : encoded.shape[2] - has_alpha]]
-        part[..., 3] = SHARE_OF_BYTE[source[..., -1]] if has_alpha else 1.0
+        part[..., :3] = decoded[0][source[..., : encoded.shape[2] - has_alpha]]
+        part[..., 3] = decoded[1][source[..., -1]] if has_alpha else 1.0
     return fixed(out)
 
 
-LINEAR_IN_SINGLE = LINEAR_OF_BYTE.astype(np.float32)  # of red, green and blue
-SHARE_OF_BYTE = (np.arange(256) / 255.0).astype(np.float32)  # of alpha
+_SHARES = np.arange(256) / 255.0
+COLORS_OF_BYTES = fixed(np.stack([LINEAR_OF_BYTE, _SHARES]).astype(np.float32))  # sRGB-encoded, alpha linear
+NUMBERS_OF_BYTES = fixed(np.stack([_SHARES, _SHARES]).astype(np.float32))
 
 
 def _halve(level: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -21,6 +21,7 @@ from helpers.pinhole import SHADINGS, octasphere
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render import describe_bounds
+from rasterizer.engine.attributes import make_coding
 from rasterizer.engine.bounds import EXACT
 from rasterizer.engine.prepared import PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
@@ -193,10 +194,22 @@ def next_to_a_lamp():
     yield "a lamp", rz.Scene(floor, [rz.PointLight((0, 1e-5, 0), 0.9)], camera), {"size": (48, 36), "tolerance": 0.0}
 
 
+def noise_on_what_shines():
+    """Neighbouring texels are black and white, and highlights are bright."""
+    image = 255 * np.random.default_rng(4).integers(0, 2, (64, 64, 3), np.uint8)
+    plate = rz.Mesh(SQUARE, QUAD, uv=[[0, 0], [2, 0], [2, 2], [0, 2]])
+    for metallic, lights in product((0.0, 1.0), (rz.studio(), [rz.DirectionalLight((0.3, -0.2, -1), 1.2)])):
+        for texture in (rz.Texture(image), rz.Texture(image, "bilinear")):
+            look = rz.Material(reflection="cook-torrance", specular=1, diffuse=0.96, roughness=0.9, metallic=metallic,
+                               texture=texture)  # fmt: skip
+            scene = rz.Scene([replace(plate, material=look)], lights, FRONT)
+            yield f"noise, {metallic}, {texture.filter}", scene, {"size": (64, 48)}
+
+
 @pytest.mark.parametrize(
     "scenes",
     [reversed_normals, much_depth, exponents, many_lights, scene_units,
-     nearly_clear, wide_views, tips_of_slivers, next_to_a_lamp],
+     nearly_clear, wide_views, tips_of_slivers, next_to_a_lamp, noise_on_what_shines],
 )  # fmt: skip
 def test_the_stated_bound_holds_in_hard_scenes(scenes):
     with warnings.catch_warnings():
@@ -406,6 +419,13 @@ def test_usual_scenes_are_lit_in_float32():
             found = plan_in(scene, shading=shading)
             assert not found.plan.of_materials.is_double.any(), f"{name}, {shading}: {found.plan.reasons}"
             assert 0 < found.error_bound <= DEFAULT, f"{name}, {shading}: {found.error_bound}"
+
+
+def test_textures_of_shiny_things_are_looked_up_in_float32():
+    """An error of a texel counts by the light that it weakens, which is not that of a highlight."""
+    for name, scene, _ in noise_on_what_shines():
+        coding = make_coding(plan_in(scene).plan, DEFAULT)
+        assert coding.textures.is_exact_looked_up.all(), name
 
 
 def test_nearly_all_scenes_of_the_campaign_have_a_small_bound():

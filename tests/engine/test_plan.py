@@ -295,6 +295,14 @@ def test_entries_accept_what_is_left_of_the_tolerance():
         assert ratio == pytest.approx(1.0 / w, rel=1e-4) and ratio <= 1.0 + 1e-4, "r = w_0/w"
 
 
+def test_textures_are_packed_where_they_are_looked_up_in_float32():
+    toon, phong = (rz.Texture(np.full((n, n, 3), 90, np.uint8)) for n in (5, 3))
+    looks = [rz.Material(texture=toon, reflection="toon"), rz.Material(texture=phong)]
+    found = plan_of(scene_of(looks, GREY_LIGHTS, uv=BALL[0][:, :2]))
+    n_packed = np.diff(found.packed_textures.first_texels)
+    assert found.of_materials.is_double.tolist() == [True, False] and n_packed[0] == 0 < n_packed[1]
+
+
 def test_distances_are_carried_for_lights_that_have_a_place():
     for lights, needs in ((GREY_LIGHTS, True), (GREY_LIGHTS[:2], False)):
         found = plan_of(scene_of([GREY], lights), shading="phong")

@@ -91,7 +91,7 @@ def test_no_highlight_is_brighter_or_steeper_than_the_table_says():
             max(highlights(material, *random_sides(seed, 2000)[::-1]).max() for seed in range(6)),
         )
         assert 0.001 * bound < found <= bound, f"{name}: {found:.4g} > {bound:.4g}, or far below"
-        slope, steepest = entry.turn_slope(material) * bound, steepest_of(material)
+        slope, steepest = entry.turn_slope(material, DOUBLE) * bound, steepest_of(material)
         assert 2e-4 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
     for roughness in (0.1, 0.5, 1.0):
         material = rz.Material(reflection="oren-nayar", diffuse=1, ambient=0, specular=0, roughness=roughness)
@@ -154,7 +154,7 @@ def test_the_table_of_mirrors_lies_above_their_lobes(u):
         for name, found, bound in (
             ("rounding", (lobe.rounding + 20.0 * more) * u, entry.highlight_rounding(material, u)),
             ("light", lobe.light_slope + more, entry.light_slope(material, u)),
-            ("normal", lobe.normal_slope, entry.turn_slope(material)),
+            ("normal", lobe.normal_slope, entry.turn_slope(material, u)),
             ("height", lobe.peak, 1.001),
         ):
             worst = found.max() / height

@@ -147,6 +147,31 @@ def test_materials_share_a_texture_and_unused_ones_need_no_pictures():
     assert texture_of(image={"uri": "gone.png"}, more=unused) is None
 
 
+def test_what_is_wrong_with_a_picture_is_said_in_the_order_of_materials(tmp_path):
+    """Those before it and behind it are shown, each of which is read once."""
+    contents = {"a.png": png(), "cut.png": png()[:60], "b.png": png(PIXELS[::-1])}
+    for name, data in contents.items():
+        (tmp_path / name).write_bytes(data)
+
+    def more(tree, primitive):
+        names = ["b.png", "cut.png", "gone.png", "a.png"]
+        tree["images"] += [{"uri": name} for name in names]
+        tree["textures"] += [{"source": k} for k in range(1, 5)]
+        tree["materials"] += [{"pbrMetallicRoughness": {"baseColorTexture": {"index": k}}} for k in range(1, 5)]
+        tree["meshes"][0]["primitives"] += [primitive | {"material": k} for k in range(1, 5)]
+
+    path, files = tmp_path / "box.gltf", []
+    path.write_bytes(textured(image={"uri": "a.png"}, more=more))
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        textures = [mesh.material.texture for mesh in load(path, files_read=files).meshes]
+    assert [name in str(each.message) for name, each in zip(("cut", "gone"), warned, strict=True)] == [True, True]
+    shown = [None if texture is None else texture.encoded[..., :3].tolist() for texture in textures]
+    first = PIXELS[..., :3].tolist()
+    assert shown == [first, first[::-1], None, None, first]
+    assert [file.rpartition("/")[2] for file in files] == ["a.png", "b.png", "cut.png", "a.png"]
+
+
 # --- samplers and alpha -------------------------------------------------------------------------------------
 
 

@@ -50,13 +50,16 @@ def test_levels_are_those_of_the_texture_however_it_is_given(n_channel):
     for width, height in (*SIZES, (301, 222), (640, 128)):
         image = rng.integers(0, 256, (height, width, n_channel), np.uint8)
         of_bytes = Texture(image)
-        for texture in (of_bytes, Texture(Texture(image).image), Texture(image, "bilinear")):
-            laid = lay_textures(list_textures([Texture(image[:1]), texture]), run=workers.map)
+        others = Texture(Texture(image).image), Texture(image, "bilinear"), Texture.of_numbers(image)
+        for k, texture in enumerate((of_bytes, *others)):
+            beside = (Texture, Texture.of_numbers)[k % 3 > 0](image[:1])
+            laid = lay_textures(list_textures([beside, texture]), run=workers.map)
             first, end = laid.first_levels[1:3]
             for (start, n_column, n_row), level in zip(laid.mip_levels[first:end], texture.pyramid, strict=True):
                 found = [texel_at(laid, int(k)) for k in range(start, start + n_column * n_row)]
                 assert not differences(np.float32(found).reshape(level.shape), level), f"{width} x {height}"
-        on_threads, of_floats = pack_textures(list_textures([of_bytes]), workers.map), packed(Texture(of_bytes.image))
+        of_floats, listed = packed(Texture(of_bytes.image)), list_textures([of_bytes])
+        on_threads = pack_textures(listed, run=workers.map)
         for found, expected in zip(on_threads, of_floats, strict=True):
             assert not differences(found, expected), f"{width} x {height}"
 

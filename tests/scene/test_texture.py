@@ -16,7 +16,7 @@ from PIL import Image
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene.color import linear_from_srgb
-from rasterizer.scene.texture import Texture, read_picture
+from rasterizer.scene.texture import Budget, Texture, decode_ahead, read_picture
 
 RGB = np.array([[[0, 128, 255], [10, 20, 30]], [[40, 50, 60], [70, 80, 90]], [[255, 0, 0], [0, 0, 0]]], np.uint8)
 
@@ -37,6 +37,17 @@ def test_the_linear_image_of_bytes_is_made_when_it_is_asked_for():
     assert texture.image is texture.image and Texture(texture.image).encoded is None
     with pytest.raises(AttributeError, match="no attribute 'imge'"):
         texture.imge  # noqa: B018
+
+
+def test_numbers_are_kept_as_bytes_too():
+    image = np.random.default_rng(3).integers(7, 250, (5, 4, 4), np.uint8)
+    for n_channel in (1, 2, 3, 4):
+        texture = Texture.of_numbers(image[..., :n_channel])
+        expected = Texture(image[..., :n_channel] / np.float32(255.0))
+        assert not differences(texture.encoded, image[..., :n_channel])
+        for each in (texture, pickle.loads(pickle.dumps(texture)), copy.deepcopy(texture), replace(texture)):
+            assert not differences(each.image, expected.image) and not differences(each.least, expected.least)
+            assert each.brightest == expected.brightest and not differences(each.mean, expected.mean)
 
 
 def test_textures_of_one_picture_share_its_bytes():
@@ -125,6 +136,27 @@ def test_read_picture_takes_files_and_names_what_is_none(tmp_path):
             read_picture(io.BytesIO(broken), "wood.png")
     with pytest.raises(ModelError, match=r"gone\.png: can't be read as a picture"):
         Texture(tmp_path / "gone.png")
+
+
+def test_what_is_decoded_ahead_is_what_is_read():
+    """In any order, and nothing from the first picture on that is damaged or of a rarer format."""
+    noise = np.random.default_rng(2).integers(0, 256, (40, 30, 4), np.uint8)
+    files = {}
+    for name, pixels, kind in (("a", RGB, "png"), ("b", noise[..., :3], "jpeg"), ("c", noise, "png"),
+                               ("d", noise[..., 0], "png"), ("e", RGB, "tiff"), ("f", RGB, "png")):  # fmt: skip
+        stream = io.BytesIO()
+        Image.fromarray(pixels).save(stream, kind)
+        files[name] = stream.getvalue()
+    found = decode_ahead(files.items())
+    assert list(found) in (["a", "b", "c", "d"], [])  # none with a single processor
+    for name, data in files.items():
+        pixels = read_picture(io.BytesIO(data), name, Budget())
+        again = read_picture(io.BytesIO(data), name, Budget(), found.get(name))
+        assert not differences(again, pixels) and not again.flags.writeable
+    files["b"] = files["b"][:-400]
+    assert set(decode_ahead(files.items())) <= {"a", "c", "d"}
+    files["b"] = b"hello"
+    assert not decode_ahead(files.items())
 
 
 # --- what is not legal --------------------------------------------------------------------------------------
