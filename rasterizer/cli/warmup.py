@@ -124,7 +124,8 @@ def list_all_kernels() -> list:
     from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
     from ..engine.scene_tables import SceneTables
 
-    found = dict.fromkeys([*list_mesh_kernels(), *list_ground_kernels()])
+    opaque, _ = next(_pictures())
+    found = dict.fromkeys([*list_mesh_kernels(), *list_ground_kernels(opaque)])
     for scene, settings in _pictures():
         for tolerance in (0.0, DEFAULT_TOLERANCE):
             options = Options(size=4, tolerance=tolerance, threads=1, **settings)

@@ -19,6 +19,7 @@ the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -91,14 +92,16 @@ class GroundShadow:
         threads: int | None = None,
     ) -> None:
         self.ground = _ground_under(scene, size)
+        self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         if self.ground is None:
-            self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
-        elif all(material.is_opaque for mesh in scene.meshes for material in mesh.palette):
-            self.opacity = np.float32(strength) * _count_hidden(scene, self.ground, points or POINTS, threads)
-        else:
-            if points is None:
-                points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
-            self.opacity = np.float32(strength) * draw_masks(scene, self.ground, points, threads)
+            return
+        with compiling_ahead(partial(list_kernels, scene)):
+            if _is_opaque(scene):
+                self.opacity = np.float32(strength) * _count_hidden(scene, self.ground, points or POINTS, threads)
+            else:
+                if points is None:
+                    points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
+                self.opacity = np.float32(strength) * draw_masks(scene, self.ground, points, threads)
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
         """Return points round the part of the shadow that a picture should show.
@@ -291,18 +294,27 @@ def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> 
         return counts
 
     try:
-        with compiling_ahead(list_kernels):
-            for mesh in scene.meshes:
-                draw(mesh)
-            layers, triangles = bits.join(parts), np.concatenate(near)
-            counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
+        for mesh in scene.meshes:
+            draw(mesh)
+        layers, triangles = bits.join(parts), np.concatenate(near)
+        counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
     finally:
         workers.close()
     return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
 
 
-def list_kernels() -> list[Job]:
-    """List the kernels that make the masks of what is opaque."""
+def _is_opaque(scene: Scene) -> bool:
+    """Tell whether no light passes through."""
+    return all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
+
+
+def list_kernels(scene: Scene) -> list[Job]:
+    """List the kernels that make the shadow of a scene."""
+    ground = _ground_under(scene, 8)
+    if ground is None:
+        return []
+    if not _is_opaque(scene):
+        return PreparedScene(*masks_of(scene)).list_kernels(_camera_at(ground, 0.0, 0.0))
     found, points, near = KernelList(), np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
     layers = bits.make_layers((4, 4), 0.0)
     found.add(bits.project, np.empty((0, 3)), np.empty((5, 3)), 0, 0, points)
@@ -338,17 +350,13 @@ def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDA
             prepared.threads.close()
         return covered
 
-    def list_kernels() -> list[Job]:
-        return PreparedScene(casters, options).list_kernels(_camera_at(ground, 0.0, 0.0))
+    if n_batch == 1:
+        covered = draw_batch(0)
+    else:
+        from concurrent.futures import ThreadPoolExecutor
 
-    with compiling_ahead(list_kernels):
-        if n_batch == 1:
-            covered = draw_batch(0)
-        else:
-            from concurrent.futures import ThreadPoolExecutor
-
-            with ThreadPoolExecutor(n_batch) as pool:
-                covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
+        with ThreadPoolExecutor(n_batch) as pool:
+            covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
     return covered.astype(np.float32) / np.float32(255 * n)
 
 
