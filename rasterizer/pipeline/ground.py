@@ -356,14 +356,21 @@ def place_on_grid(position):
 
 
 @helper
-def begin_edge(x0, y0, x1, y1, turn, rows, k):
-    """Write an edge function at the origin, whose sign is that of `turn` inside, and what it gains from texel to texel.
+def edge_at_origin(x0, y0, x1, y1):
+    """An edge function at the origin, int32."""
+    return np.int32(np.int32(x0 * y1) - np.int32(y0 * x1))
 
-    It is 0 or more inside, also on a left edge and on a level one at the top, as for `fill`.
+
+@helper
+def begin_edge(value, across, down, flip, rows, k):
+    """Write an edge function at the origin, and what it gains from a texel to the next, across and down.
+
+    flip : -1 where it is below 0 inside, else 0. What is written is 0 or more inside, also on a left edge and on a
+        level one at the top, as for `fill`, and negative outside
     """
-    across, down = np.int32(np.int32(y0 - y1) * turn), np.int32(np.int32(x1 - x0) * turn)
+    across, down = np.int32(np.int32(across ^ flip) - flip), np.int32(np.int32(down ^ flip) - flip)
     is_owned = np.int32(across > 0) | (np.int32(across == 0) & np.int32(down > 0))
-    rows[0][k] = np.int32(np.int32(np.int32(x0 * y1) - np.int32(y0 * x1)) * turn) + is_owned - np.int32(1)
+    rows[0][k] = np.int32(np.int32(value ^ flip) - flip) + is_owned - np.int32(1)
     rows[1][k], rows[2][k] = np.int32(across << np.int32(LOG_SUBTEXEL)), np.int32(down << np.int32(LOG_SUBTEXEL))
 
 
@@ -382,11 +389,11 @@ def draw_small(triangle, lights, n_x, n_y, shape, scratch):
         left[k], top[k] = first_x >> np.int32(LOG_SUBTEXEL), first_y >> np.int32(LOG_SUBTEXEL)
         x0, x1, x2 = np.int32(x0 - first_x), np.int32(x1 - first_x), np.int32(x2 - first_x)
         y0, y1, y2 = np.int32(y0 - first_y), np.int32(y1 - first_y), np.int32(y2 - first_y)
-        area = np.int32(np.int32(x1 - x0) * np.int32(y2 - y0)) - np.int32(np.int32(x2 - x0) * np.int32(y1 - y0))
-        turn = np.int32(1) if area > 0 else np.int32(-1)
-        begin_edge(x0, y0, x1, y1, turn, ab, k)
-        begin_edge(x1, y1, x2, y2, turn, bc, k)
-        begin_edge(x2, y2, x0, y0, turn, ca, k)
+        e0, e1, e2 = edge_at_origin(x0, y0, x1, y1), edge_at_origin(x1, y1, x2, y2), edge_at_origin(x2, y2, x0, y0)
+        flip = np.int32(np.int32(e0 + e1 + e2) >> np.int32(31))  # the sign of the area
+        begin_edge(e0, np.int32(y0 - y1), np.int32(x1 - x0), flip, ab, k)
+        begin_edge(e1, np.int32(y1 - y2), np.int32(x2 - x1), flip, bc, k)
+        begin_edge(e2, np.int32(y2 - y0), np.int32(x0 - x2), flip, ca, k)
         covered[k] = 0
     for row in range(n_y):
         for column in range(n_x):
@@ -396,9 +403,18 @@ def draw_small(triangle, lights, n_x, n_y, shape, scratch):
                 e1 = bc[0][k] + np.int32(u * bc[1][k]) + np.int32(v * bc[2][k])
                 e2 = ca[0][k] + np.int32(u * ca[1][k]) + np.int32(v * ca[2][k])
                 covered[k] |= np.uint32(np.int32(e0 | e1 | e2) >= 0) << bit
-    # What covers nothing is drawn, too: whether it does can't be foretold, and takes longer than to draw nothing.
+    n_found = np.uint32(0)
+    for k in range(index(CHUNK)):
+        n_found += np.uint32(covered[k] != 0)
+    if n_found == 0:
+        return
+    # Where it covers something for many points, for which can't be foretold: then nothing takes less time to draw than
+    # to leave out.
+    is_rare = n_found < CHUNK // 4
     n_row, n_word = shape
     for k in range(index(CHUNK)):
+        if is_rare and covered[k] == 0:
+            continue
         first_row, column = np.int64(top[k]), np.int64(left[k])
         if first_row >= 0 and first_row + n_y <= n_row and 0 <= column < 64 * n_word - SMALL:
             mask, word, bit = scratch.masks[k], index(first_row * n_word + (column >> 6)), np.uint64(column & 63)
@@ -413,6 +429,12 @@ def draw_small(triangle, lights, n_x, n_y, shape, scratch):
 
 
 @helper
+def holds_centre(low, high, t):
+    """Tell whether a texel's centre may lie between two coordinates, for any point of the light."""
+    return np.ceil(low - t - ROUNDING) <= high + t + ROUNDING
+
+
+@helper
 def draw_near(near, lights, shape, scratch):
     """Draw triangles for CHUNK points of the light."""
     for f in range(index(len(near))):
@@ -421,9 +443,12 @@ def draw_near(near, lights, shape, scratch):
             (near[f, 3], near[f, 4], near[f, 5]),
             (near[f, 6], near[f, 7], near[f, 8]),
         )
-        slope = max(a[2], b[2], c[2]) - min(a[2], b[2], c[2])
-        wide = max(a[0], b[0], c[0]) - min(a[0], b[0], c[0]) + slope + ROUNDING
-        tall = max(a[1], b[1], c[1]) - min(a[1], b[1], c[1]) + slope + ROUNDING
+        low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
+        left, right = min(a[0], b[0], c[0]), max(a[0], b[0], c[0])
+        top, bottom = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        if not (holds_centre(left, right, high) and holds_centre(top, bottom, high)):
+            continue
+        wide, tall = right - left + (high - low) + ROUNDING, bottom - top + (high - low) + ROUNDING
         if wide < SMALL and tall < SMALL:
             draw_small((a, b, c), lights, np.int64(wide) + 1, np.int64(tall) + 1, shape, scratch)
         else:
