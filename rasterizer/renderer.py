@@ -288,7 +288,12 @@ class Renderer:
     def _list_kernels(self, camera: Camera | None = None) -> list[Job]:
         """List the kernels of a picture through a camera; None = of the first one, before anything is prepared."""
         if camera is None:
-            return self._prepared.list_kernels(self.scene.camera_for(self.options.size))
+            found = self._prepared.list_kernels(self.scene.camera_for(self.options.size))
+            if self.options.ground:
+                from .engine import ground_shadow
+
+                found += ground_shadow.list_kernels(self.scene)
+            return found
         return self._prepared.list_kernels(camera, self._prepared.plan_for(camera).plan)
 
     @cached_property

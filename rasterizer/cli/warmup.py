@@ -120,11 +120,12 @@ def _store_in(folder):
 
 def list_all_kernels() -> list:
     """List the kernels of all pictures, each once: those of every option on a table of small scenes."""
-    from ..engine import ground_shadow
+    from ..engine.ground_shadow import list_kernels as list_ground_kernels
     from ..engine.kernels_of_plan import list_kernels, list_mesh_kernels
     from ..engine.scene_tables import SceneTables
 
-    found = dict.fromkeys([*list_mesh_kernels(), *ground_shadow.list_kernels(), *ground_shadow.list_picture_kernels()])
+    opaque, _ = next(_pictures())
+    found = dict.fromkeys([*list_mesh_kernels(), *list_ground_kernels(opaque)])
     for scene, settings in _pictures():
         for tolerance in (0.0, DEFAULT_TOLERANCE):
             options = Options(size=4, tolerance=tolerance, threads=1, **settings)

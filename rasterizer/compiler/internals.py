@@ -13,9 +13,12 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
     core.compiler_machinery.PassManager._runPass,      less to compile (short_passes.py): passes that
-      core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
-      core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
-      typed_passes.NativeLowering, np.arrayobj,
+      core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, what was inferred isn't
+      core.datamodel.models.TupleModel, np.arrayobj,     inferred again, and instructions that the optimiser
+      core.rewrites.rewrite_registry, core.ssa,          takes out again aren't written
+      core.ir_utils.build_definitions, core.cgutils,
+      untyped_passes.GenericRewrites, ReconstructSSA,
+      typed_passes.NativeLowering, PreLowerStripPhis,
       cpython.builtins.do_minmax, state.typingctx
     core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once
       _get_module_for_linking, _linking_libraries

@@ -5,6 +5,7 @@ first, and writes the code to the store itself. What a process can't compile, an
 started, is compiled later by who needs it.
 """
 
+import gc
 import importlib
 import inspect
 import logging
@@ -112,6 +113,7 @@ def compile_job(job: tuple[str, str, tuple, str], _shared: None, kept: dict) -> 
     Raises RuntimeError where the store is another one: its sources, versions or settings differ from this process's.
     """
     module, name, signature, folder = job
+    gc.disable()  # what the compiler makes lives as long as this process
     store = kept["store"] = kept.get("store") or Store.at(Path(folder))
     # Numba would load it for matrices, which kernels have none of: a sixth of a second.
     sys.modules.setdefault("scipy.linalg", None)

@@ -2,16 +2,19 @@
 
 Two thirds of the time that a kernel takes to compile pass before the optimiser sees it: in numba's passes, each over
 every function, and in writing, printing and reading instructions that the optimiser takes out again. Without
-this module a first picture with an empty store takes 1.4 times the processor's time.
+this module a first picture with an empty store takes twice the processor's time.
 
 * `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
 * A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
   it field by field, each array in it as seven numbers: a helper of one line that gets two structures would begin with a
   hundred instructions that put them together, and each call of it with as many that take them apart.
 * `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
-  description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too.
+  description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too. What
+  an operation or a call is of was inferred before: numba infers it again. Ranges, and items of structures, take as few
+  instructions.
 * `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each type of arguments.
-* `ShortTyping` remembers what operators make of which types. Numba looks for it at each sum and each product.
+* `ShortTyping` remembers what operators make of which types. Numba looks for it at each sum and each product. It
+  remembers what all calls in a function make, as numba infers types until nothing changes: at least twice.
 
 The names of numba that are used here are listed in internals.py.
 """
@@ -19,9 +22,21 @@ The names of numba that are used here are listed in internals.py.
 import collections
 import operator
 
+import llvmlite.ir
 import numba.extending
 from numba import types
-from numba.core import analysis, compiler_machinery, ir, lowering, typed_passes
+from numba.core import (
+    analysis,
+    cgutils,
+    compiler_machinery,
+    ir,
+    ir_utils,
+    lowering,
+    rewrites,
+    ssa,
+    typed_passes,
+    untyped_passes,
+)
 from numba.core.datamodel import models
 from numba.cpython import builtins
 from numba.np import arrayobj
@@ -32,6 +47,7 @@ NOT_NEEDED = frozenset((
     "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
     "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineOverloads", "NopythonRewrites",
     "DumpParforDiagnostics", "AnnotateTypes", "NoPythonSupportedFeatureValidation",
+    "IRProcessing", "IRLegalization",  # when variables end, for who counts references
 ))  # fmt: skip
 
 
@@ -43,6 +59,9 @@ class ShortPassManager(compiler_machinery.PassManager):
         steps = [step for step in pipeline.passes if step[0].__name__ not in NOT_NEEDED]
         passes = [step[0] for step in steps]
         steps[passes.index(typed_passes.NativeLowering)] = (ShortLowering, "write instructions")
+        steps[passes.index(typed_passes.PreLowerStripPhis)] = (ShortPhis, "give variables their values")
+        steps[passes.index(untyped_passes.ReconstructSSA)] = (ShortAssignments, "name variables anew")
+        steps[passes.index(untyped_passes.GenericRewrites)] = (ShortRewrites, "find constants")
         steps.insert(passes.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
         self.passes = steps
 
@@ -53,6 +72,51 @@ class ShortPassManager(compiler_machinery.PassManager):
         pss.run_initialization(internal_state)
         pss.run_pass(internal_state)
         pss.run_finalizer(internal_state)
+
+
+# Each of these ends with when variables end, in numba.
+
+
+@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+class ShortRewrites(untyped_passes.GenericRewrites):
+    """The pass that looks for constants."""
+
+    _name = "rasterizer_short_rewrites"
+
+    def run_pass(self, state):
+        """Change what takes constants; tell whether anything may be changed."""
+        blocks = state.func_ir.blocks
+        for rewriter in rewrites.rewrite_registry.rewrites["before-inference"]:
+            rewrite = rewriter(state)
+            for label, block in [*blocks.items()]:
+                while rewrite.match(state.func_ir, block, state.typemap, state.calltypes):
+                    blocks[label] = block = rewrite.apply()
+        return True
+
+
+@compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
+class ShortAssignments(untyped_passes.ReconstructSSA):
+    """The pass after which each variable is set once."""
+
+    _name = "rasterizer_short_assignments"
+
+    def run_pass(self, state):
+        """Name variables anew; tell whether anything may be changed."""
+        state.func_ir = ssa.reconstruct_ssa(state.func_ir)
+        state.func_ir._definitions = ir_utils.build_definitions(state.func_ir.blocks)
+        return True
+
+
+@compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
+class ShortPhis(typed_passes.PreLowerStripPhis):
+    """The pass that gives variables their values where several ways meet."""
+
+    _name = "rasterizer_short_phis"
+
+    def run_pass(self, state):
+        """Assign values at the ends of the ways; tell whether anything may be changed."""
+        state.func_ir = self._strip_phi_nodes(state.func_ir)
+        return True
 
 
 # ---------------------------------------------------------------- structures
@@ -85,17 +149,18 @@ def _in_parts(struct):
     return types.NamedTuple([_in_parts(item) for item in struct], struct.instance_class) if is_struct else struct
 
 
-# ---------------------------------------------------------------- items of arrays
+# ---------------------------------------------------------------- instructions
 
 
 class ShortLower(lowering.Lower):
-    """What writes instructions: numba's, but for items of contiguous arrays and variables that are set once."""
+    """What writes instructions: numba's, but for what kernels mostly consist of."""
 
     def __init__(self, context, library, fndesc, *others, **named):
         # Loops become vector instructions only where what they write isn't taken for a table that they read. LLVM
         # takes arguments for other memory than its constants, but not what it finds in a structure.
         if not fndesc.inline:
             fndesc.argtypes = tuple(map(_in_parts, fndesc.argtypes))
+        self._ranges = {}
         super().__init__(context, library, fndesc, *others, **named)
 
     def _find_singly_assigned_variable(self):
@@ -103,9 +168,7 @@ class ShortLower(lowering.Lower):
 
         Numba finds those that one block alone uses.
         """
-        super()._find_singly_assigned_variable()
-        if self.func_ir.func_id.is_generator:
-            return
+        self._singly_assigned_vars, self._blk_local_varmap = set(), {}
         blocks, in_memory = self.func_ir.blocks, lowering.must_use_alloca(self.func_ir.blocks)
         uses, dominators = analysis.compute_use_defs(blocks), analysis.compute_cfg_from_blocks(blocks).dominators()
         n_set = collections.Counter(one.target.name for block in blocks.values() for one in block.find_insts(ir.Assign))
@@ -119,6 +182,126 @@ class ShortLower(lowering.Lower):
             if n_set[name] == 1 and name not in in_memory:
                 if all(label in dominators[user] and label < user for user in users[name]):
                     self._singly_assigned_vars.add(name)
+
+    def pre_block(self, block):
+        """Begin a block: with nothing to do, as kernels catch no exceptions."""
+
+    def lower_block(self, block):
+        """Write the statements of a block. Where one can't be written, numba.njit says which."""
+        for statement in block.body:
+            self.loc = statement.loc
+            self.lower_inst(statement)
+
+    def storevar(self, value, name, argidx=None):
+        """Store a value into a variable; nobody counts references to what was in it."""
+        if name in self._singly_assigned_vars:
+            self._blk_local_varmap[name] = value
+        else:
+            self.builder.store(value, self.getvar(name))
+
+    def lower_assign(self, ty, inst):
+        """Write what is assigned; functions, modules and classes are nothing."""
+        if isinstance(inst.value, (ir.Global, ir.FreeVar)) and isinstance(ty, types.Opaque):
+            return self.context.get_dummy_value()
+        return super().lower_assign(ty, inst)
+
+    def lower_expr(self, resty, expr):
+        """Write an expression."""
+        read = _READERS.get(expr.op)
+        value = read and read(self, resty, expr)
+        return super().lower_expr(resty, expr) if value is None else value
+
+    def _operands(self, variables, numba_types):
+        return [self._cast_var(variable, each) for variable, each in zip(variables, numba_types, strict=True)]
+
+    def _struct_of(self, numba_type, *items):
+        """Put a structure together."""
+        struct = llvmlite.ir.Constant(self.context.get_value_type(numba_type), llvmlite.ir.Undefined)
+        for k, item in enumerate(items):
+            struct = self.builder.insert_value(struct, item, k)
+        return struct
+
+    # ------------------------------------------------ numbers
+
+    def lower_binop(self, resty, expr, op):
+        """Write an operation. Numba infers its types once more, four times, to find constants among the operands."""
+        context, signature = self.context, self.fndesc.calltypes[expr]
+        if op in _POWERS or not _are_numbers(signature.args):
+            return super().lower_binop(resty, expr, op)
+        if (op, signature) not in _OPERATIONS:
+            function = context.typing_context.resolve_value_type(op)
+            _OPERATIONS[op, signature] = function, function.get_call_type(context.typing_context, signature.args, {})
+        operation = context.get_function(*_OPERATIONS[op, signature])
+        value = operation(self.builder, self._operands((expr.lhs, expr.rhs), signature.args))
+        return context.cast(self.builder, value, signature.return_type, resty)
+
+    def lower_call(self, resty, expr):
+        """Write a call: that of a number's class is a cast, that of range a structure of its ends."""
+        function, signature = self.typeof(expr.func.name), self.fndesc.calltypes[expr]
+        if expr.kws or expr.vararg or not _are_numbers(signature.args):
+            return super().lower_call(resty, expr)
+        is_truth = getattr(function, "typing_key", None) is bool and signature.args == (types.boolean,)
+        if is_truth or (isinstance(function, types.NumberClass) and len(signature.args) == 1):
+            (value,) = self._operands(expr.args, signature.args)
+            value = self.context.cast(self.builder, value, signature.args[0], signature.return_type)
+            return self.context.cast(self.builder, value, signature.return_type, resty)
+        if isinstance(resty, types.RangeType) and len(signature.args) < 3:
+            *start, stop = self._operands(expr.args, signature.args)
+            ends = start[0] if start else stop.type(0), stop, stop.type(1)
+            found = self._struct_of(resty, *ends)
+            self._ranges[id(found)] = found, ends  # with it: its number stays its own
+            return found
+        return super().lower_call(resty, expr)
+
+    # ------------------------------------------------ ranges and structures
+
+    def _read_iterator(self, resty, expr):
+        """Write what begins a loop over a range of steps of 1: where the next number stands, and how many are left."""
+        builder, (_, ends) = self.builder, self._ranges.get(id(self.loadvar(expr.value.name)), (None, None))
+        if ends is None:
+            return None
+        start, stop, step = ends
+        following, left = (cgutils.alloca_once(builder, start.type) for _ in range(2))
+        n = builder.sub(stop, start)
+        builder.store(start, following)
+        builder.store(builder.select(builder.icmp_signed(">", n, n.type(0)), n, n.type(0)), left)
+        return self._struct_of(resty, following, stop, step, left)
+
+    def _read_next(self, resty, expr):
+        """Write what a loop over a range does at each turn: its number, and whether there was one left."""
+        builder = self.builder
+        if not isinstance(self.typeof(expr.value.name), types.RangeIteratorType):
+            return None
+        iterator = self.loadvar(expr.value.name)
+        following, step, left = (builder.extract_value(iterator, k) for k in (0, 2, 3))
+        value, n = builder.load(following), builder.load(left)
+        builder.store(builder.add(value, step), following)
+        builder.store(builder.sub(n, n.type(1)), left)
+        return self._struct_of(resty, value, builder.icmp_signed(">", n, n.type(0)))
+
+    def _read_first(self, _resty, expr):
+        return self.builder.extract_value(self.loadvar(expr.value.name), 0)
+
+    def _read_second(self, _resty, expr):
+        return self.builder.extract_value(self.loadvar(expr.value.name), 1)
+
+    def _read_field(self, resty, expr):
+        struct = self.typeof(expr.value.name)
+        if not isinstance(struct, types.BaseNamedTuple) or expr.attr not in struct.fields:
+            return None
+        return self._read_item_of(resty, expr, struct.fields.index(expr.attr))
+
+    def _read_item(self, resty, expr):
+        struct = self.typeof(expr.value.name)
+        if not isinstance(struct, types.BaseTuple) or type(expr.index) is not int:
+            return None
+        return self._read_item_of(resty, expr, range(len(struct))[expr.index])
+
+    def _read_item_of(self, resty, expr, k):
+        item = self.builder.extract_value(self.loadvar(expr.value.name), k)
+        return self.context.cast(self.builder, item, self.typeof(expr.value.name).types[k], resty)
+
+    # ------------------------------------------------ arrays
 
     def lower_getitem(self, resty, expr, value, index, signature):
         """Write what reads an item."""
@@ -158,6 +341,18 @@ class ShortLower(lowering.Lower):
         return builder.gep(model.get(builder, description, "data"), [number])
 
 
+_READERS = {
+    "getattr": ShortLower._read_field, "static_getitem": ShortLower._read_item, "pair_first": ShortLower._read_first,
+    "pair_second": ShortLower._read_second, "getiter": ShortLower._read_iterator, "iternext": ShortLower._read_next,
+}  # fmt: skip
+_POWERS = operator.pow, operator.ipow  # of whole exponents numba makes products
+_OPERATIONS = {}  # (operator, types) -> what numba has for them; kept for good, as numba does
+
+
+def _are_numbers(numba_types) -> bool:
+    return all(isinstance(each, (types.Number, types.Boolean)) for each in numba_types)
+
+
 def _is_counted_from_start(index_type) -> bool:
     """Tell whether an index is never negative by its type: a negative one counts from an array's end."""
     if isinstance(index_type, types.IntegerLiteral):
@@ -181,26 +376,34 @@ class ShortLowering(typed_passes.NativeLowering):
 
 
 class ShortTyping:
-    """Numba's typing context, but that it remembers what operators make of which types: most of a kernel's statements
-    are the same few sums and products."""
+    """Numba's typing context of one function, but that it remembers what calls make of which types: most of a kernel's
+    statements are the same few sums and products."""
 
-    _signatures = {}  # (operator, types) -> signature; kept for good, as numba keeps what it has of each operator
+    _of_operators = {}  # (operator, types) -> signature; kept for good, as numba keeps what it has of each operator
 
     def __init__(self, context):
         self._context = context
+        self._of_function = {}  # (called, types) -> signature; (type, name of an attribute) -> type
 
     def __getattr__(self, name):
         return getattr(self._context, name)
 
     def resolve_function_type(self, function, arguments, named):
         """Return the signature of a call."""
-        is_operator = isinstance(function, types.Function) and function.typing_key in _OPERATORS
-        if named or not is_operator:
+        if named:
             return self._context.resolve_function_type(function, arguments, named)
-        known, call = self._signatures, (function, arguments)
+        is_operator = isinstance(function, types.Function) and function.typing_key in _OPERATORS
+        known = self._of_operators if is_operator else self._of_function
+        call = function, arguments
         if call not in known:
             known[call] = self._context.resolve_function_type(function, arguments, named)
         return known[call]
+
+    def resolve_getattr(self, numba_type, name):
+        """Return the type of an attribute."""
+        if (numba_type, name) not in self._of_function:
+            self._of_function[numba_type, name] = self._context.resolve_getattr(numba_type, name)
+        return self._of_function[numba_type, name]
 
 
 _OPERATORS = frozenset(thing for thing in vars(operator).values() if isinstance(thing, type(operator.add)))

@@ -16,6 +16,7 @@ pictures are.
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -94,14 +95,15 @@ class GroundShadow:
         threads: int | None = None,
     ) -> None:
         self.ground = _ground_under(scene, size)
-        if self.ground is None:
-            self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
-        elif all(material.is_opaque for mesh in scene.meshes for material in mesh.palette):
-            self.opacity = np.float32(strength) * _count_hidden(scene, self.ground, points or POINTS, threads)
-        else:
-            if points is None:
-                points = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
-            self.opacity = np.float32(strength) * draw_masks(scene, self.ground, points, threads)
+        self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
+        if self.ground is not None:
+            with compiling_ahead(partial(list_kernels, scene)):
+                if _is_opaque(scene):
+                    hidden = _count_hidden(scene, self.ground, points or POINTS, threads)
+                else:
+                    fewer = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
+                    hidden = draw_masks(scene, self.ground, points or fewer, threads)
+            self.opacity = np.float32(strength) * hidden
         self._rimmed = np.pad(self.opacity, 1)  # no shadow beyond the last texel
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
@@ -156,8 +158,7 @@ class GroundShadow:
         def lay(rows: tuple[int, int]) -> None:
             lay_under(ground, behind, DECODED, rows, words, color, alpha)
 
-        with compiling_ahead(list_picture_kernels):
-            threads.map(lay, threads.ranges(height, -(-MIN_PIXELS // width)))
+        threads.map(lay, threads.ranges(height, -(-MIN_PIXELS // width)))
 
 
 def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[SceneTables, Options]:
@@ -256,32 +257,36 @@ def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> 
         return counts
 
     try:
-        with compiling_ahead(list_kernels):
-            for mesh in scene.meshes:
-                draw(mesh)
-            layers, triangles = bits.join(parts), np.concatenate(near)
-            counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
+        for mesh in scene.meshes:
+            draw(mesh)
+        layers, triangles = bits.join(parts), np.concatenate(near)
+        counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
     finally:
         workers.close()
     return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
 
 
-def list_kernels() -> list[Job]:
-    """List the kernels that make the masks of what is opaque."""
-    found, points, near = KernelList(), np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
+def _is_opaque(scene: Scene) -> bool:
+    """Tell whether no light passes through."""
+    return all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
+
+
+def list_kernels(scene: Scene) -> list[Job]:
+    """List the kernels that make the shadow of a scene, and lay it under a picture."""
+    ground = _ground_under(scene, 8)
+    if ground is None:
+        return []
+    found, line = KernelList(), np.empty(0, np.float32)
+    seen = SeenGround(NO_ALPHA, np.empty((3, 3)), line, line)
+    found.add(lay_under, seen, line, DECODED, (0, 0), np.empty((0, 0), np.uint32), NO_COLOR, NO_ALPHA)
+    if not _is_opaque(scene):
+        return [*found.jobs, *PreparedScene(*masks_of(scene)).list_kernels(_camera_at(ground, 0.0, 0.0))]
+    points, near = np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
     layers = bits.make_layers((4, 4), 0.0)
     found.add(bits.project, np.empty((0, 3)), np.empty((5, 3)), 0, 0, points)
     found.add(bits.draw_layers, points, np.empty((0, 3), np.uint32), 0, 0, layers, near)
     lights = np.empty((2, bits.CHUNK), np.float32)
     found.add(bits.count_hidden, layers, near, lights, 0, bits.make_scratch(layers), np.empty(0, np.uint8))
-    return list(found.jobs)
-
-
-def list_picture_kernels() -> list[Job]:
-    """List the kernel that lays the shadow under a picture."""
-    found, line = KernelList(), np.empty(0, np.float32)
-    words, ground = np.empty((0, 0), np.uint32), SeenGround(NO_ALPHA, np.empty((3, 3)), line, line)
-    found.add(lay_under, ground, line, DECODED, (0, 0), words, NO_COLOR, NO_ALPHA)
     return list(found.jobs)
 
 
@@ -311,17 +316,13 @@ def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDA
             prepared.threads.close()
         return covered
 
-    def list_kernels() -> list[Job]:
-        return PreparedScene(casters, options).list_kernels(_camera_at(ground, 0.0, 0.0))
+    if n_batch == 1:
+        covered = draw_batch(0)
+    else:
+        from concurrent.futures import ThreadPoolExecutor
 
-    with compiling_ahead(list_kernels):
-        if n_batch == 1:
-            covered = draw_batch(0)
-        else:
-            from concurrent.futures import ThreadPoolExecutor
-
-            with ThreadPoolExecutor(n_batch) as pool:
-                covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
+        with ThreadPoolExecutor(n_batch) as pool:
+            covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
     return covered.astype(np.float32) / np.float32(255 * n)
 
 

@@ -37,10 +37,11 @@ FLOOR = 8  # of a band, in units of its lattice: half a unit beside the line mov
 OVERLAP = 2  # layers of a band that the next one has, too
 LOG_FACTORS = 2, 1, 0  # of the bands: binary logarithm of the lattice's points in a texel, along each axis
 NEAR, NEAR_END = 2.0, 3.0  # t below which triangles are drawn exactly: FLOOR of the first band in texels; with overlap
-SUBTEXEL = 256.0  # places of vertices in a texel, along each axis
+LOG_SUBTEXEL, SUBTEXEL = 8, 256.0  # places of vertices in a texel, along each axis
 CHUNK = 64  # points of the light that are worked on together
+PADDING = 8  # words between masks, so that the same texel of many isn't in the same place of the processor's cache
 SMALL = 4  # texels along each axis that a small triangle may reach over
-ROUNDING = np.float32(2.0**-10)  # of differences of coordinates, which are below 2^11 and have 24 bits
+ROUNDING = np.float32(2.0**-7)  # of differences of coordinates, which have 24 bits, and are placed on the grid
 
 
 class Layers(NamedTuple):
@@ -332,9 +333,10 @@ def draw_layers(points, faces, first, end, layers, out_near):
 class PassScratch(NamedTuple):
     """Room for CHUNK points of the light."""
 
-    masks: np.ndarray  # (CHUNK, n_row * n_word) uint64: texels that a point doesn't see
+    # (CHUNK, n_row * n_word + PADDING) uint64: texels that a point doesn't see
+    masks: np.ndarray
     sums: np.ndarray  # (7, n_row * n_word) uint64: bits of the number of points that don't see a texel
-    corners: np.ndarray  # (11, CHUNK) float32
+    edges: np.ndarray  # (11, CHUNK) int32: three edge functions with their gains, the column and row they begin at
     covered: np.ndarray  # (CHUNK,) uint32
 
 
@@ -342,58 +344,94 @@ def make_scratch(layers: Layers) -> PassScratch:
     """Return room for CHUNK points of the light, with nothing hidden."""
     size = layers.ground.size
     return PassScratch(
-        np.zeros((CHUNK, size), np.uint64), np.zeros((CHUNK.bit_length(), size), np.uint64),
-        np.empty((11, CHUNK), np.float32), np.empty(CHUNK, np.uint32),
+        np.zeros((CHUNK, size + PADDING), np.uint64), np.zeros((CHUNK.bit_length(), size), np.uint64),
+        np.empty((11, CHUNK), np.int32), np.empty(CHUNK, np.uint32),
     )  # fmt: skip
 
 
 @helper
-def draw_small(triangle, lights, n_x, n_y, shape, scratch):
-    """Draw a triangle that covers no more than n_x by n_y texels, for CHUNK points of the light side by side.
+def place_on_grid(position):
+    """A coordinate in whole 1/SUBTEXEL, int32."""
+    return np.int32(np.rint(np.float32(SUBTEXEL) * position))
 
-    By edge functions; what lies on a left edge, or on a level one at the top, is inside, as it is for `fill`.
+
+@helper
+def edge_at_origin(x0, y0, x1, y1):
+    """An edge function at the origin, int32."""
+    return np.int32(np.int32(x0 * y1) - np.int32(y0 * x1))
+
+
+@helper
+def begin_edge(value, across, down, flip, rows, k):
+    """Write an edge function at the origin, and what it gains from a texel to the next, across and down.
+
+    flip : -1 where it is below 0 inside, else 0. What is written is 0 or more inside, also on a left edge and on a
+        level one at the top, as for `fill`, and negative outside
     """
-    (a, b, c), zero = triangle, np.float32(0.0)
-    corners, covered, x, y = scratch.corners, scratch.covered, lights[0], lights[1]
-    ax, ay, bx, by, cx, cy = corners[0], corners[1], corners[2], corners[3], corners[4], corners[5]
-    left, top, ab, bc, ca = corners[6], corners[7], corners[8], corners[9], corners[10]
+    across, down = np.int32(np.int32(across ^ flip) - flip), np.int32(np.int32(down ^ flip) - flip)
+    is_owned = np.int32(across > 0) | (np.int32(across == 0) & np.int32(down > 0))
+    rows[0][k] = np.int32(np.int32(value ^ flip) - flip) + is_owned - np.int32(1)
+    rows[1][k], rows[2][k] = np.int32(across << np.int32(LOG_SUBTEXEL)), np.int32(down << np.int32(LOG_SUBTEXEL))
+
+
+@helper
+def draw_small(triangle, lights, n_x, n_y, shape, scratch):
+    """Draw a triangle that covers no more than n_x by n_y texels, for CHUNK points of the light side by side."""
+    a, b, c = triangle
+    edges, covered, x, y = scratch.edges, scratch.covered, lights[0], lights[1]
+    ab, bc, ca = (edges[0], edges[1], edges[2]), (edges[3], edges[4], edges[5]), (edges[6], edges[7], edges[8])
+    left, top, mask = edges[9], edges[10], np.int32(SUBTEXEL - 1)
     for k in range(index(CHUNK)):
-        x0, y0 = a[0] - x[k] * a[2], a[1] - y[k] * a[2]
-        x1, y1 = b[0] - x[k] * b[2], b[1] - y[k] * b[2]
-        x2, y2 = c[0] - x[k] * c[2], c[1] - y[k] * c[2]
-        left[k], top[k] = np.ceil(min(min(x0, x1), x2)), np.ceil(min(min(y0, y1), y2))
-        ax[k], ay[k], bx[k], by[k] = x0 - left[k], y0 - top[k], x1 - left[k], y1 - top[k]
-        cx[k], cy[k] = x2 - left[k], y2 - top[k]
-        # The sign of an edge function right of a point on the edge, or below it where the edge is level.
-        ab[k] = y0 - y1 if y0 != y1 else x1 - x0
-        bc[k] = y1 - y2 if y1 != y2 else x2 - x1
-        ca[k] = y2 - y0 if y2 != y0 else x0 - x2
+        x0, y0 = place_on_grid(a[0] - x[k] * a[2]), place_on_grid(a[1] - y[k] * a[2])
+        x1, y1 = place_on_grid(b[0] - x[k] * b[2]), place_on_grid(b[1] - y[k] * b[2])
+        x2, y2 = place_on_grid(c[0] - x[k] * c[2]), place_on_grid(c[1] - y[k] * c[2])
+        first_x, first_y = np.int32(min(min(x0, x1), x2) + mask) & ~mask, np.int32(min(min(y0, y1), y2) + mask) & ~mask
+        left[k], top[k] = first_x >> np.int32(LOG_SUBTEXEL), first_y >> np.int32(LOG_SUBTEXEL)
+        x0, x1, x2 = np.int32(x0 - first_x), np.int32(x1 - first_x), np.int32(x2 - first_x)
+        y0, y1, y2 = np.int32(y0 - first_y), np.int32(y1 - first_y), np.int32(y2 - first_y)
+        e0, e1, e2 = edge_at_origin(x0, y0, x1, y1), edge_at_origin(x1, y1, x2, y2), edge_at_origin(x2, y2, x0, y0)
+        flip = np.int32(np.int32(e0 + e1 + e2) >> np.int32(31))  # the sign of the area
+        begin_edge(e0, np.int32(y0 - y1), np.int32(x1 - x0), flip, ab, k)
+        begin_edge(e1, np.int32(y1 - y2), np.int32(x2 - x1), flip, bc, k)
+        begin_edge(e2, np.int32(y2 - y0), np.int32(x0 - x2), flip, ca, k)
         covered[k] = 0
     for row in range(n_y):
         for column in range(n_x):
-            u, v, bit = np.float32(column), np.float32(row), np.uint32(SMALL * row + column)
+            bit, u, v = np.uint32(SMALL * row + column), np.int32(column), np.int32(row)
             for k in range(index(CHUNK)):
-                x0, y0, x1, y1, x2, y2 = ax[k] - u, ay[k] - v, bx[k] - u, by[k] - v, cx[k] - u, cy[k] - v
-                e0, e1, e2 = x0 * y1 - y0 * x1, x1 * y2 - y1 * x2, x2 * y0 - y2 * x0
-                e0, e1, e2 = e0 if e0 != zero else ab[k], e1 if e1 != zero else bc[k], e2 if e2 != zero else ca[k]
-                low, high = min(min(e0, e1), e2), max(max(e0, e1), e2)
-                is_inside = np.uint32(low > zero) | np.uint32(high < zero)
-                covered[k] |= is_inside << bit
-    found = np.uint32(0)
+                e0 = ab[0][k] + np.int32(u * ab[1][k]) + np.int32(v * ab[2][k])
+                e1 = bc[0][k] + np.int32(u * bc[1][k]) + np.int32(v * bc[2][k])
+                e2 = ca[0][k] + np.int32(u * ca[1][k]) + np.int32(v * ca[2][k])
+                covered[k] |= np.uint32(np.int32(e0 | e1 | e2) >= 0) << bit
+    n_found = np.uint32(0)
     for k in range(index(CHUNK)):
-        found |= covered[k]
-    if found == 0:
+        n_found += np.uint32(covered[k] != 0)
+    if n_found == 0:
         return
+    # Where it covers something for many points, for which can't be foretold: then nothing takes less time to draw than
+    # to leave out.
+    is_rare = n_found < CHUNK // 4
     n_row, n_word = shape
     for k in range(index(CHUNK)):
-        if covered[k] != 0:
-            mask, first_row, column = scratch.masks[k], np.int64(top[k]), np.int64(left[k])
-            for row in range(n_y):
-                run = np.uint64((covered[k] >> np.uint32(SMALL * row)) & np.uint32((1 << SMALL) - 1))
-                if run != 0 and 0 <= first_row + row < n_row and 0 <= column < 64 * n_word - SMALL:
-                    word, bit = (first_row + row) * n_word + (column >> 6), np.uint64(column & 63)
-                    mask[word] |= run << bit
-                    mask[word + 1] |= (run >> np.uint64(1)) >> (np.uint64(63) - bit)
+        if is_rare and covered[k] == 0:
+            continue
+        first_row, column = np.int64(top[k]), np.int64(left[k])
+        if first_row >= 0 and first_row + n_y <= n_row and 0 <= column < 64 * n_word - SMALL:
+            mask, word, bit = scratch.masks[k], index(first_row * n_word + (column >> 6)), np.uint64(column & 63)
+            rest = covered[k]
+            for _ in range(n_y):
+                run = np.uint64(rest & np.uint32((1 << SMALL) - 1))
+                mask[word] |= run << bit
+                if bit > np.uint64(64 - SMALL):
+                    mask[word + index(1)] |= run >> (np.uint64(64) - bit)
+                word += index(n_word)
+                rest >>= np.uint32(SMALL)
+
+
+@helper
+def holds_centre(low, high, t):
+    """Tell whether a texel's centre may lie between two coordinates, for any point of the light."""
+    return np.ceil(low - t - ROUNDING) <= high + t + ROUNDING
 
 
 @helper
@@ -405,9 +443,12 @@ def draw_near(near, lights, shape, scratch):
             (near[f, 3], near[f, 4], near[f, 5]),
             (near[f, 6], near[f, 7], near[f, 8]),
         )
-        slope = max(a[2], b[2], c[2]) - min(a[2], b[2], c[2])
-        wide = max(a[0], b[0], c[0]) - min(a[0], b[0], c[0]) + slope + ROUNDING
-        tall = max(a[1], b[1], c[1]) - min(a[1], b[1], c[1]) + slope + ROUNDING
+        low, high = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
+        left, right = min(a[0], b[0], c[0]), max(a[0], b[0], c[0])
+        top, bottom = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        if not (holds_centre(left, right, high) and holds_centre(top, bottom, high)):
+            continue
+        wide, tall = right - left + (high - low) + ROUNDING, bottom - top + (high - low) + ROUNDING
         if wide < SMALL and tall < SMALL:
             draw_small((a, b, c), lights, np.int64(wide) + 1, np.int64(tall) + 1, shape, scratch)
         else:
@@ -481,7 +522,7 @@ def count_hidden(layers, near, lights, n_light, scratch, out_counts):
     shape, ground = (layers.n_row, layers.n_word), layers.ground
     draw_near(near, lights, shape, scratch)
     for k in range(n_light):
-        mask = scratch.masks[k]
+        mask = scratch.masks[k, : len(ground)]
         for word in range(index(len(ground))):
             mask[word] |= ground[word]
         follow(layers, np.float64(lights[0, k]), np.float64(lights[1, k]), mask)

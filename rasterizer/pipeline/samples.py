@@ -209,18 +209,24 @@ def offset_from(first, k, group, record):
 @helper
 def offset_of_point(first, k, group, record):
     """See `offset_from`. What it is rounded from are multiples of 128 parts of a sample: a float32 holds them."""
-    whole, part = group.numbers.view(np.int32), np.float32(1.0 / SUBPIXEL)
-    across = np.int64(first.x[k]) - SUBPIXEL * np.int64(whole[record + index(1)])
-    down = np.int64(first.y[k]) - SUBPIXEL * np.int64(whole[record + index(2)])
+    anchor, part = anchor_of(group, record), np.float32(1.0 / SUBPIXEL)
+    across = np.int64(first.x[k]) - SUBPIXEL * anchor[0]
+    down = np.int64(first.y[k]) - SUBPIXEL * anchor[1]
     return np.float32(across) * part, np.float32(down) * part
 
 
 @helper
 def offset_of_sample(first, k, group, record):
     """See `offset_from`."""
-    whole = group.numbers.view(np.int32)
-    across = first[0] + np.int64(k) - np.int64(whole[record + index(1)])
-    return np.float32(across), np.float32(first[1] - np.int64(whole[record + index(2)]))
+    anchor = anchor_of(group, record)
+    return np.float32(first[0] + np.int64(k) - anchor[0]), np.float32(first[1] - anchor[1])
+
+
+@helper
+def anchor_of(group, record):
+    """Return the sample at which the planes of a record have their values: where four numbers are whole ones' bits."""
+    x, y = np.float32(group.numbers[record + index(1)]), np.float32(group.numbers[record + index(2)])
+    return np.int64(x.view(np.int32)), np.int64(y.view(np.int32))
 
 
 # ---------------------------------------------------------------- values within their ranges

@@ -248,6 +248,43 @@ def test_structures_items_and_variables_are_those_of_python():
     assert outcomes[0][3][:2] == [[0, 7, 2, 3], [4, 2, 6, 7]] and outcomes[0][5] == (57.0, 5.0, 4.0)
 
 
+def ranges(n, few):
+    """Count by ranges of one, two and three ends, of none, backwards, nested, left early, and of unsigned numbers."""
+    total, last = 0, -1
+    for k in range(n):
+        for last in range(k, few):
+            total += 10 * last + k
+        if k == 5:
+            break
+    for k in range(n, few):
+        total += 1000 * k
+    for k in range(n, -n, -3):
+        total += 100 * k
+    for k in range(index(2), index(5)):
+        last += np.int64(k)
+    for _ in range(np.int32(-3)):
+        total += 10**6
+    return total, last
+
+
+def numbers_and_truths(a, b, k):
+    """Operations on numbers of several types, of which some are constants; powers; and what is true."""
+    total = 2 * k + a - 1 if k else -1.0
+    total *= b**2 + 2.0**k + (k + 7) ** 3 // 4
+    total += (k << 3 | 1) % 5 + (k > 2) + (not a == b) + np.float32(1) / np.float32(3)
+    return total, bool(a) and not bool(k - 3), np.int32(a) & 3, -k ^ 5, (a, b, k)[-1], int(b) < index(9)
+
+
+def test_ranges_and_numbers_are_those_of_python():
+    for function, cases in (
+        (ranges, ((7, 4), (3, 9), (0, 0), (-2, 3))),
+        (numbers_and_truths, ((1.5, 2.5, 3), (-4.0, 1e9, 2), (0.0, 0.0, 1))),
+    ):
+        entry = EntryPoint(function, cases[0])
+        for given in cases:
+            assert entry(*given) == function(*given), given
+
+
 def test_the_least_and_the_greatest_number_are_those_of_python():
     """Also where one isn't a number, and of two zeros."""
     entry = EntryPoint(extremes, (1.5, 2.5, 3.5, 2))
