@@ -180,7 +180,9 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
     camera, view = words["camera"], words["view"]
     if not (camera is None or isinstance(camera, (Camera, str, os.PathLike, Mapping))):
         raise SceneError(f'{mark}camera must be a Camera, "file", "frame", a path or None; given {shown(camera)}')
-    is_pair = isinstance(view, (tuple, list, np.ndarray)) and len(view) == 2
+    if isinstance(camera, str) and camera in VIEWS:
+        raise SceneError(f"{camera!r} is a view, no camera: give it as {mark}view")
+    is_pair = view.shape == (2,) if isinstance(view, np.ndarray) else isinstance(view, (tuple, list)) and len(view) == 2
     if not (view is None or is_pair or (isinstance(view, str) and view in VIEWS)):
         raise SceneError(f"{mark}view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {shown(view)}")
     if number(words["zoom"], f"{mark}zoom") <= 0.0:

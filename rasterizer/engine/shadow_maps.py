@@ -238,7 +238,8 @@ def draw_shadow_map(
             geometry, sides = _some_faces(geometry, seen), None if sides is None else sides[seen]
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
         coding = make_map_coding(screen)
-        if not are_seen_from_outside(light_view, screen, (size, size), casters.bounds).all():
+        is_finite = np.isfinite(projection[:4]).all()  # else the map is narrower than a number can say
+        if not (is_finite and are_seen_from_outside(light_view, screen, (size, size), casters.bounds).all()):
             sides = None
         render_pass = shadow_map_pass(coding, screen, texels[layer], sides)
         draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
