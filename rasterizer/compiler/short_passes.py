@@ -1,8 +1,7 @@
 """What numba does to make a kernel's instructions, as far as kernels need it: a first picture waits for nothing else.
 
 Two thirds of the time that a kernel takes to compile pass before the optimiser sees it: in numba's passes, each over
-every function, and in writing, printing and reading instructions that the optimiser takes out again. Without
-this module a first picture with an empty store takes twice the processor's time.
+every function, and in writing, printing and reading instructions that the optimiser takes out again.
 
 * `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
 * A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
