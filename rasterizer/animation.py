@@ -141,7 +141,7 @@ def turntable(
     angles = [360.0 * k / n_frame for k in range(n_frame)]
     with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
         cameras = viewpoint.cameras_round(
-            angles, renderer.scene, renderer.options.size, renderer.subject, renderer.framing
+            angles, renderer.scene, renderer.options.size, lambda: renderer.subject, renderer.framing
         )
         return Animation([renderer.render(camera) for camera in cameras], seconds)
 

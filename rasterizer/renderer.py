@@ -255,9 +255,7 @@ class Renderer:
         SceneError : what is no camera, a camera beside angles, an `out` that doesn't fit, a picture that this machine's
             memory can't hold; and after `close`
         """
-        viewpoint = Viewpoint(camera=camera, **words)
-        subject = None if isinstance(viewpoint.camera, Camera) else self.subject
-        seen_by = viewpoint.camera_of(self.scene, self.options.size, subject, self._framing)
+        seen_by = self._camera_of(Viewpoint(camera=camera, **words))
         pixels = None if out is None else checked_out(out, self.options)
         with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, seen_by)):
             return self._render(seen_by, pixels)
@@ -279,11 +277,15 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         x, y = checked_pixel(x, y, self.options.size)
-        camera = Viewpoint(camera=camera).camera_of(self.scene, self.options.size, self.subject, self._framing)
+        camera = self._camera_of(Viewpoint(camera=camera))
         with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)
+
+    def _camera_of(self, viewpoint: Viewpoint) -> Camera:
+        """Return the camera that a picture is taken with."""
+        return viewpoint.camera_of(self.scene, self.options.size, lambda: self.subject, self._framing)
 
     def _list_kernels(self, camera: Camera | None = None) -> list[Job]:
         """List the kernels of a picture through a camera; None = of the first one, before anything is prepared."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
@@ -80,14 +80,17 @@ class Viewpoint:
         """What `load` takes as its `camera`: "file" where the model's own is asked for."""
         return "file" if isinstance(self.camera, str) and self.camera == "file" else None
 
-    def camera_of(self, scene: Scene, size: tuple[int, int], subject: Any = None, framing: Any = None) -> Camera:
+    def camera_of(
+        self, scene: Scene, size: tuple[int, int], subject: Callable[[], Any] | None = None, framing: Any = None
+    ) -> Camera:
         """Make the camera for a picture of a scene: the scene's own where there is one and no word asks for another.
 
         Parameters
         ----------
         scene : Scene
         size : (width, height) of the picture, pixels
-        subject : Scene or points (n, 3), what is framed; None = the scene
+        subject : function that returns what is framed, Scene or points (n, 3), called where something is; None = the
+            scene
         framing : dict of the arguments of `Camera.framing` that a scene file gives instead of a camera, or None; words
             that are given come first
 
@@ -108,9 +111,10 @@ class Viewpoint:
             return zoomed(own, self.zoom)
         if self.eye is not None:
             return zoomed(self._standing(scene, framing or {}), self.zoom)
-        if framing is None and not given and (subject is None or subject is scene):
+        framed = scene if subject is None else subject()
+        if framing is None and not given and framed is scene:
             return zoomed(scene.framed(size[0] / size[1]), self.zoom)  # which is kept
-        camera = Camera.framing(scene if subject is None else subject, **self.framing(scene.up, size, framing))
+        camera = Camera.framing(framed, **self.framing(scene.up, size, framing))
         return zoomed(camera, self.zoom)
 
     def framing(self, up: str, size: tuple[int, int], framing: Any = None) -> dict[str, Any]:
@@ -141,7 +145,7 @@ class Viewpoint:
         angles: Sequence[float],
         scene: Scene,
         size: tuple[int, int],
-        subject: Any = None,
+        subject: Callable[[], Any] | None = None,
         framing: Any = None,
         *,
         has_target: bool = True,
@@ -163,7 +167,7 @@ class Viewpoint:
         framing = None if self.camera == "frame" else self.camera if isinstance(self.camera, Mapping) else framing
         settings = self.framing(scene.up, size, framing)
         start = settings.pop("azimuth")
-        cameras = Camera.orbit(scene if subject is None else subject, [start + angle for angle in angles], **settings)
+        cameras = Camera.orbit(scene if subject is None else subject(), [start + angle for angle in angles], **settings)
         return [zoomed(camera, self.zoom) for camera in cameras]
 
 

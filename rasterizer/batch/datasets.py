@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..choices import ARRAY_SUFFIXES
+from ..choices import ARRAY_SUFFIXES, install_command
 from ..errors import OutputError, RasterizerError, SceneError, shown
 from ..io.files import make_folder_of, write_whole
 from ..io.png import encode_png
@@ -126,7 +126,7 @@ def import_pycocotools() -> Any:
     try:
         from pycocotools import mask
     except ImportError as fault:
-        message = "COCO's masks need pycocotools: install the extra dataset, as in pip install '.[dataset]'"
+        message = f"COCO's masks need pycocotools, of the extra dataset: {install_command('dataset')}"
         raise RasterizerError(f"{message} ({fault})") from fault
     return mask
 

@@ -37,7 +37,7 @@ def check_camera(arguments) -> None:
         if arguments.camera != "file":
             box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (arguments.eye or (0.0, 0.0, 0.0))
             up = "y" if arguments.up in (None, "auto") else arguments.up
-            viewpoint.camera_of(SimpleNamespace(camera=None, bounds=box, up=up), arguments.size, box)
+            viewpoint.camera_of(SimpleNamespace(camera=None, bounds=box, up=up), arguments.size, lambda box=box: box)
 
 
 def camera_of(arguments, view, scene, framing=None, subject=None) -> Camera:

@@ -81,7 +81,7 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     with make_renderer(scene, options) as renderer:
         for k, target in enumerate(targets):
             if k == 0 or target.view != targets[k - 1].view:
-                camera = camera_of(arguments, target.view, scene, loaded.framing, renderer.subject)
+                camera = camera_of(arguments, target.view, scene, loaded.framing, lambda: renderer.subject)
                 frame = renderer.render(camera)
                 warnings = picture_warnings(frame, scene, arguments, camera, model)
                 messages.warn(*warnings)

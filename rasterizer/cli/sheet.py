@@ -119,7 +119,7 @@ def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dic
     frames, warnings = [], []
     with make_renderer(loaded.scene, options) as renderer:
         for target in targets:
-            camera = camera_of(arguments, target.view, loaded.scene, loaded.framing, renderer.subject)
+            camera = camera_of(arguments, target.view, loaded.scene, loaded.framing, lambda: renderer.subject)
             frames.append(renderer.render(camera))
             warnings += picture_warnings(frames[-1], loaded.scene, arguments, camera, model)
     warnings = list(dict.fromkeys(warnings))

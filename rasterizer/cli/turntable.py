@@ -180,7 +180,7 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
         options = replace(options, ground=False)
         messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
     with make_renderer(scene, options) as renderer, Bar(messages) as bar:
-        cameras = _cameras(arguments, model, loaded, renderer.subject)
+        cameras = _cameras(arguments, model, loaded, lambda: renderer.subject)
         frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))
         warnings = picture_warnings(frames.first, scene, arguments, cameras[0], model)
         messages.warn(*warnings)

@@ -81,7 +81,7 @@ class PreparedScene:
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         self._lightings: dict[tuple, Lighting] = {}  # what is the same in all views, by type and features
         self._plan_parts: dict[int, PlanParts] = {}  # by the id of a plan that is kept there
-        for name in {"geometry", "_inner_sides"}.intersection(() if like is None else vars(like)):
+        for name in {"geometry", "_sides_of_loaded", "_inner_sides"}.intersection(() if like is None else vars(like)):
             vars(self)[name] = vars(like)[name]
 
     @cached_property
