@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import Job, compiling_ahead
+from ..geometry.closed import is_opaque
 from ..options import Options
 from ..pipeline import ground as bits
 from ..pipeline.ground_picture import SeenGround, lay_under
-from ..pipeline.threads import Workers
+from ..pipeline.threads import MIN_PART, Workers
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.framing import orbit_axes
@@ -49,9 +50,6 @@ MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
 MIN_FACES, PASS_FACES = 2**15, 2**15  # that are worth layers of their own; that are drawn into them in one go
 # Prepared scenes whose masks are drawn side by side, and triangles of a scene of which there are several.
 MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
-
-
-MIN_PIXELS = 2**15  # that are worth a thread of their own
 DECODED = LINEAR_OF_BYTE.astype(np.float32)
 NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 
@@ -98,7 +96,7 @@ class GroundShadow:
         self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         if self.ground is not None:
             with compiling_ahead(partial(list_kernels, scene)):
-                if _is_opaque(scene):
+                if all(map(is_opaque, scene.meshes)):
                     hidden = _count_hidden(scene, self.ground, points or POINTS, threads)
                 else:
                     fewer = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
@@ -145,6 +143,7 @@ class GroundShadow:
         color, alpha : (height, width, 3) and (height, width) float32, linear, of the same picture, changed; None where
             nobody needs them
         background : linear colour of what lies behind; None = the picture stays transparent
+        threads : that take rows each
         """
         height, width = rgba.shape[:2]
         planes = None if self.ground is None else _texel_planes(self.ground, camera, (width, height))
@@ -158,7 +157,7 @@ class GroundShadow:
         def lay(rows: tuple[int, int]) -> None:
             lay_under(ground, behind, DECODED, rows, words, color, alpha)
 
-        threads.map(lay, threads.ranges(height, -(-MIN_PIXELS // width)))
+        threads.map(lay, threads.ranges(height, -(-MIN_PART // width)))
 
 
 def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[SceneTables, Options]:
@@ -266,11 +265,6 @@ def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> 
     return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
 
 
-def _is_opaque(scene: Scene) -> bool:
-    """Tell whether no light passes through."""
-    return all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
-
-
 def list_kernels(scene: Scene) -> list[Job]:
     """List the kernels that make the shadow of a scene, and lay it under a picture."""
     ground = _ground_under(scene, 8)
@@ -279,7 +273,7 @@ def list_kernels(scene: Scene) -> list[Job]:
     found, line = KernelList(), np.empty(0, np.float32)
     seen = SeenGround(NO_ALPHA, np.empty((3, 3)), line, line)
     found.add(lay_under, seen, line, DECODED, (0, 0), np.empty((0, 0), np.uint32), NO_COLOR, NO_ALPHA)
-    if not _is_opaque(scene):
+    if not all(map(is_opaque, scene.meshes)):
         return [*found.jobs, *PreparedScene(*masks_of(scene)).list_kernels(_camera_at(ground, 0.0, 0.0))]
     points, near = np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
     layers = bits.make_layers((4, 4), 0.0)
