@@ -15,11 +15,12 @@ from ..frame import Frame
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
+from ..scene.framing import corners_of_box
 from ..scene.scene import Scene
 
 
 class Annotator:
-    """Annotate pictures of a scene; Renderers are kept from one to the next.
+    """Annotate pictures of a scene; Renderers are kept from one to the next. A context manager, which ends them.
 
     Parameters
     ----------
@@ -33,6 +34,12 @@ class Annotator:
         self._size = options.size
         self._renderers: dict[Any, Renderer] = {}
 
+    def __enter__(self) -> "Annotator":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """End the Renderers."""
         for renderer in self._renderers.values():
@@ -43,7 +50,7 @@ class Annotator:
         """Return what is said of a picture: `size`, `camera` and `objects`, see `render_many`."""
         camera = frame._source.camera  # type: ignore[union-attr]  # nobody has pickled it
         ids = frame.object if frame.has("object") else self._draw(None, "object", camera, self._size)
-        rectangles = [_rectangle(_corners(mesh.bounds), camera, self._size) for mesh in self._scene.meshes]
+        rectangles = [_rectangle(corners_of_box(mesh.bounds), camera, self._size) for mesh in self._scene.meshes]
         objects = [self._annotate(k, ids, rectangles, camera) for k in range(len(rectangles))]
         return {"size": list(self._size), "camera": describe(camera, self._size), "objects": objects}
 
@@ -96,11 +103,6 @@ def describe(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
     R, t = pose[:3, :3].T, -pose[:3, :3].T @ pose[:3, 3]
     opengl = {"pose": pose.tolist(), "R": (R + 0.0).tolist(), "t": (t + 0.0).tolist()}
     return {"opencv": opencv, "opengl": opengl, "height": camera.height}
-
-
-def _corners(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the corners (8, 3) of a box (2, 3)."""
-    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _rectangle(points: NDArray[Any], camera: Camera, size: tuple[int, int]) -> tuple[float, float, float, float]:

@@ -9,14 +9,14 @@ from .parser import make_parser
 
 SHELLS = ("bash", "zsh", "fish", "powershell")  # those to which shtab tells flags of commands
 _FILES = ("MODEL", "OUT", "FILE", "FOLDER")  # what stands for a file in the help
-_EXAMPLES = """\
+_EXAMPLES = f"""\
 examples:
   raster completion bash > ~/.local/share/bash-completion/completions/raster
   raster completion zsh > ~/.zfunc/_raster      in fpath before compinit
   raster completion fish > ~/.config/fish/completions/raster.fish
   source <(raster completion bash)              for this shell alone
 
-It takes the extra completion: pip install 'scanline-rasterizer[completion]'
+It takes the extra completion: {install_command("completion")}
 """
 
 

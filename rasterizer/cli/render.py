@@ -5,6 +5,7 @@ argparse    names, checked    one model after the other
 """
 
 import math
+from contextlib import nullcontext
 from time import perf_counter
 
 from ..errors import counted
@@ -77,8 +78,7 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     # What is written is known before a scene file is read, but for which arrays a file of arrays holds.
     is_array = holds_arrays(arguments)
     arguments, options = take_options(arguments, loaded, model, but=() if is_array else ("outputs",))
-    annotator = make_annotator(scene, options) if getattr(arguments, "manifest", None) else None
-    with make_renderer(scene, options) as renderer:
+    with make_renderer(scene, options) as renderer, _annotating(arguments, scene, options) as annotator:
         for k, target in enumerate(targets):
             if k == 0 or target.view != targets[k - 1].view:
                 camera = camera_of(arguments, target.view, scene, loaded.framing, lambda: renderer.subject)
@@ -100,8 +100,10 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
                 messages.record(record, target.output == STDIO)
 
 
-def make_annotator(scene, options):
-    """Make what says of pictures what a manifest holds."""
+def _annotating(arguments, scene, options):
+    """Make what says of pictures what a manifest holds, a context manager; None inside it where none is written."""
+    if not getattr(arguments, "manifest", None):
+        return nullcontext()
     from ..batch.annotations import Annotator
 
     return Annotator(scene, options)

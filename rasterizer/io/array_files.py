@@ -155,12 +155,10 @@ def encode_array_png(
             legal = f"a PNG file holds indices up to {MAX_U16 - 1}"
             raise OutputError(f"{legal}; given {name} {array.max()}: write it as .npy, .npz or .exr")
         stored, text = (array + 1).astype(np.uint16), _text(1, -1, "index")
-    elif name in NORMALS:
+    else:  # NORMALS: no other arrays pass check_arrays
         stored = np.rint((array.astype(np.float64) + 1) * (MAX_U8 / 2)).astype(np.uint8)
         stored[(array == 0).all(axis=-1)] = 0  # which no unit vector is
         text = _text(2 / MAX_U8, -1, "unit vector")
-    else:
-        raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {name!r}: write it as .npy, .npz or .exr")
     has_runs = name == "mask" or name in INDICES
     return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text}, has_runs)
 
@@ -211,13 +209,10 @@ def encode_exr(arrays: dict[str, NDArray]) -> bytes:
     Raises
     ------
     OutputError : the library OpenEXR is missing, or can't write the file; a whole number that float32 doesn't hold
-    SceneError : an array of 8-bit colours
     """
     exr = import_exr()
     channels: dict[str, NDArray[np.float32]] = {}
     for name, array in arrays.items():
-        if name in ("rgb", "rgba"):
-            raise SceneError(f"an EXR file holds linear colours: give 'color', not {name!r}")
         if array.dtype.kind in "iu" and array.max(initial=0) > MAX_WHOLE:
             legal = f"an EXR file holds whole numbers up to {MAX_WHOLE}"
             raise OutputError(f"{legal}; given {name} {array.max()}: write it as .npy or .npz")

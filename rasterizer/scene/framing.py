@@ -310,8 +310,13 @@ def _point_sets(subject: Any) -> list[NDArray[Any]]:
         legal = "bounds (2, 3), points (n, 3), a mesh or a scene"
         raise SceneError(f"what is framed must be {legal}; given {shown(subject)}")
     if points.shape == (2, 3) and not hasattr(subject, "vertices"):  # bounds: all corners of the box
-        points = np.stack(np.meshgrid(*points.T, indexing="ij"), axis=-1).reshape(-1, 3)
+        points = corners_of_box(points)
     return [points]
+
+
+def corners_of_box(bounds: NDArray[Any]) -> NDArray[Any]:
+    """Return the corners (8, 3) of a box (2, 3)."""
+    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def cos_sin(degrees: float) -> tuple[float, float]:
