@@ -17,9 +17,8 @@ LOWEST = np.float32(1e-30)  # alpha that colours are divided by
 class SeenGround(NamedTuple):
     """The shadow, and where a picture shows it."""
 
-    shadow: (
-        np.ndarray
-    )  # (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
+    # (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
+    shadow: np.ndarray
     # (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the ground in
     # column first/third and row second/third of texels, before the camera where the third is above 0.
     planes: np.ndarray
