@@ -20,7 +20,7 @@ from bench import measure, scenes
 from rasterizer import Options, render
 from rasterizer.analysis.timing import take_turns
 from rasterizer.io.png import encode_png
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 
 NOISE = "noise"  # what no writer can make smaller
 DEFAULT_LEVEL = 6  # Pillow's

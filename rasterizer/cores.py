@@ -1,14 +1,21 @@
-"""How many processors this process may use, and work beside that of the caller; nothing but the standard library is
-imported."""
+"""How many processors this process may use, and threads to use them with: kernels release the GIL, so plain Python
+threads run them side by side. Nothing but the standard library is imported.
+
+A thread waits for calls in a queue. An executor of `concurrent.futures` would do, but a call through it takes
+longer, and it would have to be imported.
+"""
 
 import os
 import threading
-from collections.abc import Iterable, Iterator
-from contextvars import copy_context
+import weakref
 from queue import SimpleQueue
-from typing import TypeVar
 
-_T = TypeVar("_T")
+from .locks import renew_in_child
+
+# A part of a stage is worth a thread of its own from here on. To wake a thread, and to be woken when it is done, takes
+# about as long as a light takes for this many vertices.
+MIN_PART = 32_768
+PARTS_PER_THREAD = 4  # more parts than threads, so that a delayed thread does not hold up the stage
 
 
 def n_core() -> int:
@@ -16,38 +23,115 @@ def n_core() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def ahead(items: Iterable[_T], n_item: int) -> Iterator[_T]:
-    """Yield items that a thread of their own takes from an iterable, up to `n_item` of them before they are asked for.
+class Workers:
+    """A fixed number of threads, the caller's among them; with one thread everything runs in the caller's.
 
-    What that raises is raised here. With one processor nothing is taken ahead.
+    `lock` is for those who share the workers: who draws a picture holds it. A process that is forked has neither
+    the threads nor, perhaps, the holder of the lock: there both are made anew.
     """
-    if n_core() == 1:
-        yield from items
-        return
-    taken: SimpleQueue = SimpleQueue()  # pairs of an item, or what was raised, and whether it is an item
-    room, is_over = threading.Semaphore(n_item), threading.Event()
 
-    def take() -> None:
-        end: BaseException | None = None
+    def __init__(self, n_thread: int):
+        self.n_thread = n_thread
+        self._start()
+        renew_in_child(self)
+
+    def renew(self) -> None:
+        """Start anew, in a forked process."""
+        self._end.detach()
+        self._start()
+
+    def _start(self) -> None:
+        self.lock = threading.RLock()
+        self._calls, self._helpers = SimpleQueue(), []  # the threads, but for the caller's, are started when needed
+        self._end = weakref.finalize(self, self._calls.put, None)
+
+    def ranges(self, n: int, min_part: int = MIN_PART) -> list[tuple[int, int]]:
+        """Divide range(n) into parts that are worth a thread each, `min_part` or more, in order; at least one part."""
+        n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // min_part))
+        cuts = [n * k // n_part for k in range(n_part + 1)]
+        return list(zip(cuts[:-1], cuts[1:], strict=True))
+
+    def map(self, function, items) -> list:
+        """Call `function` with every item, on the threads where there is more than one; results in the items' order.
+
+        Every thread takes the next item when it is done with one. The caller's begins at once, while others are still
+        waking. What one of them raises is raised here, when all have stopped: they take no further item then.
+        """
+        items = list(items)
+        n_helper = min(self.n_thread, len(items)) - 1
+        if n_helper < 1:
+            return [function(item) for item in items]
+        self._hire(n_helper)
+        results, numbers, failures = [None] * len(items), iter(range(len(items))), []
+
+        def work():
+            try:
+                for number in numbers:  # a range's iterator hands every number to one thread only
+                    if failures:
+                        return
+                    results[number] = function(items[number])
+            except BaseException as fault:  # noqa: BLE001  raised where `map` was called
+                failures.append(fault)
+
+        calls = [_Call(work) for _ in range(n_helper)]
         try:
-            for item in items:
-                taken.put((item, True))
-                room.acquire()
-                if is_over.is_set():
-                    return
-        except BaseException as fault:  # noqa: BLE001  raised where items are asked for
-            end = fault
-        taken.put((end, False))
+            for call in calls:
+                self._calls.put(call)
+            work()
+            for call in calls:
+                call.settle()
+        except BaseException as fault:  # Ctrl-C: nobody may go on drawing into what the caller has given up
+            failures.append(fault)
+            for call in calls:
+                call.settle()
+            raise
+        if failures:
+            raise next((fault for fault in failures if not isinstance(fault, Exception)), failures[0])
+        return results
 
-    helper = threading.Thread(target=copy_context().run, args=(take,), daemon=True)
-    helper.start()
-    try:
-        while (got := taken.get())[1]:
-            yield got[0]
-            room.release()
-        if got[0] is not None:
-            raise got[0]
-    finally:  # also where no more items are wanted
-        is_over.set()
-        room.release()
-        helper.join()
+    def _hire(self, n: int) -> None:
+        """Start threads, so that there are at least `n`; where no more can be started, those there are do it all."""
+        while len(self._helpers) < n:
+            helper = threading.Thread(target=_serve, args=(self._calls,), daemon=True)
+            try:
+                helper.start()
+            except RuntimeError:  # the process may have no more of them, or is ending
+                return
+            self._helpers.append(helper)
+
+    def close(self) -> None:
+        """End the threads; what is mapped afterwards is done on the caller's."""
+        self._end()
+        for helper in self._helpers:
+            helper.join()
+
+
+class _Call:
+    """One helper's share of a `map`: made by a helper, or taken back by the caller, whoever comes first."""
+
+    def __init__(self, work):
+        self._work, self._comers = work, []
+        self._is_running = threading.Lock()
+        self._is_running.acquire()
+
+    def make(self) -> None:
+        """Do the work, unless it was taken back."""
+        self._comers.append("helper")
+        if self._comers[0] == "helper":
+            self._work()
+            self._is_running.release()
+
+    def settle(self) -> None:
+        """Take the call back if no helper has begun, else wait until it is made; may be called again, after Ctrl-C."""
+        self._comers.append("caller")
+        if self._comers[0] == "helper":
+            with self._is_running:
+                pass
+
+
+def _serve(calls: SimpleQueue) -> None:
+    """Make the calls that come, until None does."""
+    while (call := calls.get()) is not None:
+        call.make()
+        del call  # it holds what is drawn
+    calls.put(None)  # for the next one

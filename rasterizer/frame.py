@@ -17,7 +17,7 @@ from .io.formats import encoded, on_white, picture_format
 from .io.png import encode_png, srgb_profile
 from .keywords import checked_keywords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
-from .pipeline.threads import Workers
+from .cores import Workers
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -3,16 +3,22 @@ rest. And what looks like a mistake in a picture.
 """
 
 import os
+import threading
+from contextlib import suppress
 from dataclasses import fields
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..options import Options
-from ..renderer import Renderer
 from .cameras import check_camera, is_camera_given
 from .messages import STDIO, Failures, Results, compilation_shown
 from .models import make_settings, with_options
 from .outputs import Outputs, needed_outputs, plan_targets, without
+
+if TYPE_CHECKING:
+    from ..renderer import Renderer
 
 OPTIONS = frozenset(field.name for field in fields(Options))
 
@@ -39,6 +45,7 @@ def draw_models(arguments, messages, draw, check=None) -> tuple[list, int]:
     settings = make_settings(arguments)
     check_camera(arguments)
     plan, n_model = plan_missing(arguments, messages, check)
+    threading.Thread(target=_import_renderer).start()
     failures = Failures(messages, arguments.json)
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages), results, Outputs(plan, arguments) as outputs:
@@ -47,6 +54,12 @@ def draw_models(arguments, messages, draw, check=None) -> tuple[list, int]:
                 draw(targets, arguments, settings, messages, outputs.of_model(number, results))
         failures += outputs.finish(messages)
     return failures, n_model
+
+
+def _import_renderer() -> None:
+    """Import what draws, while the first model is read: most of that is done without the GIL."""
+    with suppress(Exception):  # it is raised where a Renderer is made
+        import_module("..renderer", __package__)
 
 
 def plan_missing(arguments, messages, check=None) -> tuple[list, int]:
@@ -73,8 +86,10 @@ def take_options(arguments, loaded, model, but=("outputs",)) -> tuple:
     return arguments, make_options(arguments)
 
 
-def make_renderer(scene, options) -> Renderer:
+def make_renderer(scene, options) -> "Renderer":
     """Make what draws a scene with options."""
+    from ..renderer import Renderer
+
     return Renderer(scene, options=options)
 
 

@@ -30,7 +30,7 @@ from ..pipeline.gradients import (
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
 from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
-from ..pipeline.threads import MIN_PART
+from ..cores import MIN_PART
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 

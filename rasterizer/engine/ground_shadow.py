@@ -27,7 +27,7 @@ from ..geometry.closed import is_opaque
 from ..options import Options
 from ..pipeline import ground as bits
 from ..pipeline.ground_picture import SeenGround, lay_under
-from ..pipeline.threads import MIN_PART, Workers
+from ..cores import MIN_PART, Workers
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.framing import orbit_axes

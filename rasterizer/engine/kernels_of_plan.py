@@ -53,7 +53,7 @@ CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 SIDES = np.empty(0, np.int8)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
 WORDS = np.empty((0, 3), np.uint32)
-NUMBER_ROWS = equal_rows.number_rows, WORDS, np.uint64(0), FACES, WORDS, 0, NUMBERS, FACES  # equal rows
+KEYS = np.empty(0, np.uint64)
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
     Triangles(CORNERS, CORNERS, FLAGS),
@@ -95,7 +95,7 @@ def list_mesh_kernels() -> list[Job]:
     found = KernelList()
     found.add(obj_numbers.read_rows, FLAGS, NUMBERS, LENGTHS, ROWS)
     found.add(obj_numbers.read_corners, FLAGS, NUMBERS, NUMBERS, np.empty((3, 0), np.int32))
-    found.add(*NUMBER_ROWS)
+    found.add_equal_rows()
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
     found.add(
         ears.cut_outlines, polygons, ears.make_ear_scratch(0), 0, np.empty((0, 3), np.int64), np.empty(0, np.bool_)
@@ -132,6 +132,12 @@ class KernelList:
         """Add a function that kernels call by its address."""
         self.jobs[function, ("batch function", dtype.name)] = None
 
+    def add_equal_rows(self) -> None:
+        """Add what finds equal rows."""
+        self.add(equal_rows.deal_rows, WORDS, 0, np.uint64(0), FACES, FACES, KEYS)
+        self.add(equal_rows.match_rows, KEYS, WORDS, KEYS, FACES)
+        self.add(equal_rows.number_rows, FACES, NUMBERS)
+
 
 class Parts(NamedTuple):
     """What the kernels of a pass are called with, without room."""
@@ -159,9 +165,9 @@ class PictureKernels(KernelList):
     # ------------------------------------------------ before the first picture
 
     def add_equal_rows(self) -> None:
-        """Add what finds equal vertices, where there may be more than are sorted."""
+        """Add it, where there may be more rows than are sorted."""
         if any(3 * mesh.n_face >= FEW for mesh in self.tables.meshes):
-            self.add(*NUMBER_ROWS)
+            super().add_equal_rows()
 
     def add_geometry(self) -> None:
         """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""

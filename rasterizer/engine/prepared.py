@@ -18,7 +18,7 @@ from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
 from ..pipeline.resolve import Encoding, encode_picture
 from ..pipeline.textures import Textures
-from ..pipeline.threads import Workers
+from ..cores import Workers
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View

@@ -24,7 +24,7 @@ from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING
-from ..pipeline.threads import Workers
+from ..cores import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View

@@ -1,97 +1,147 @@
-"""Equal rows of arrays, found by a hash table: the compiled part of weld.py."""
+"""Equal rows of arrays, found by hash tables that fit into the cache, on threads: the compiled part of weld.py.
+
+    rows ─ ranges ─ dealt to parts by their hash ─ parts ─ the first row of those that are equal ─ numbered in order
+           side by side                            side by side
+
+Equal rows come into one part, so that no table needs to know of another one. Source: the partitioned hash join, Shatdal,
+Kant & Naughton 1994, "Cache conscious algorithms for relational query processing", VLDB.
+"""
 
 import os
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import index, kernel
+from ..compiler.kernels import helper, index, kernel
 
-_SHIFT = np.uint64(29)
+PART = 1 << 15  # rows, whose table of twice as many slots of 8 bytes is as large as the cache of a core
+MAX_PARTS = 1 << 10  # for more of them, places to write to would leave the cache themselves
+
+_LOW = np.uint64(0xFFFFFFFF)
+_HIGH, _SHIFT = np.uint64(32), np.uint64(29)
 
 
-class Finder:
-    """Find equal rows among all that it is given, some at a time.
+def find_equal_rows(rows: NDArray, workers: Any) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
+    """Find equal rows, bit by bit; but -0 is 0.
 
     Parameters
     ----------
-    n_word : of a row, 32 bits each
-    n_row : distinct rows to have room for; there may be more
-    n_given : rows that are given at a time, at most
+    rows : (n, k) float32 or float64, contiguous or not, fewer than 2^32 - 1
+    workers : Workers, threads to find them on
+
+    Returns
+    -------
+    unsigned : (n, k), the rows with 0 for -0
+    first : (n_unique,) row at which each distinct row appears first, ascending
+    inverse : (n,) with rows[first][inverse] equal to rows
     """
+    n_row, values = len(rows), np.empty(rows.shape, rows.dtype)
+    bits = values.view(np.uint32)
+    n_part = min(MAX_PARTS, 1 << (n_row // PART).bit_length())
+    # A seed that no file's maker knows: rows that share a hash would take the square of their number.
+    seed = np.frombuffer(os.urandom(8), np.uint64)[0]
+    keys, inverse = np.empty(n_row, np.uint64), np.empty(n_row, np.uint32)
 
-    def __init__(self, n_word: int, n_row: int, n_given: int):
-        self._n_row, self._rows = 0, np.empty((n_row + n_given, n_word), np.uint32)
-        self._table = np.zeros(1 << (2 * len(self._rows) - 1).bit_length(), np.uint32)
-        self._first = np.empty(n_given, np.int64)
-        # A seed that no file's maker knows: rows that share a hash would take the square of their number.
-        self._seed = np.frombuffer(os.urandom(8), np.uint64)[0]
+    def deal(part: tuple[int, int]) -> list[NDArray[np.uint64]]:
+        here, ends = slice(*part), np.zeros(n_part + 1, np.uint32)
+        np.add(rows[here], 0.0, out=values[here])  # the sum turns -0 into 0
+        deal_rows(bits[here], part[0], seed, inverse[here], ends, keys[here])
+        return np.split(keys[here], ends[1:-1])
 
-    @property
-    def rows(self) -> NDArray[np.uint32]:
-        """The distinct rows, in the order of their first appearance."""
-        return self._rows[: self._n_row]
+    def match(pieces: tuple[NDArray[np.uint64], ...]) -> None:
+        table = np.zeros(1 << (2 * sum(map(len, pieces))).bit_length(), np.uint64)
+        for piece in pieces:
+            match_rows(piece, bits, table, inverse)
 
-    def forget(self) -> None:
-        """Find what comes from now on among itself alone."""
-        self._n_row = 0
-        self._table.fill(0)
+    workers.map(match, zip(*workers.map(deal, workers.ranges(n_row)), strict=True))
+    first = np.empty(n_row, np.int64)
+    return values, first[: number_rows(inverse, first)].copy(), inverse
 
-    def find(self, bits: NDArray[np.uint32], out: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Write for each row which distinct one it is; return at which rows new ones appear, until the next call."""
-        if self._n_row + len(bits) > len(self._rows):
-            self._grow()
-        n_known = self._n_row
-        self._n_row = number_rows(bits, self._seed, self._table, self._rows, n_known, self._first, out)
-        return self._first[: self._n_row - n_known]
 
-    def _grow(self) -> None:
-        """Make room for twice as many distinct rows."""
-        rows, n_given = self.rows, len(self._first)
-        self._rows = np.empty((2 * len(rows) + n_given, rows.shape[1]), np.uint32)
-        self._table = np.zeros(1 << (2 * len(self._rows) - 1).bit_length(), np.uint32)
-        numbers = np.empty(n_given, np.uint32)
-        for begin in range(0, len(rows), n_given):
-            some = rows[begin : begin + n_given]
-            number_rows(some, self._seed, self._table, self._rows, begin, self._first, numbers)
+@helper
+def hash_of_row(bits, row, seed):
+    """Return a number below 2^32, which rows that differ share by chance alone.
+
+    A multiplication and a shift a column: Steele, Lea & Flood 2014, Fast splittable pseudorandom number generators
+    (SplitMix64), OOPSLA.
+    """
+    mixed = seed
+    for column in range(index(bits.shape[1])):
+        mixed = (mixed ^ bits[row, column]) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed ^= mixed >> _SHIFT
+    return mixed >> _HIGH
 
 
 @kernel
-def number_rows(bits, seed, table, rows, n_row, first, out):
-    """Number distinct rows in the order of their first appearance; return how many are known then.
+def deal_rows(bits, first_row, seed, hashes, out_ends, out_keys):
+    """Deal rows to 2^m parts by the upper bits of their hash, each part's in their order.
 
-    bits (n, k) u32; seed u64; table (2^m,) u32 holds for `n_row` rows that are known their number + 1, else 0, and is
-    twice as long as these and n at least; rows (n_row + n, k) u32 holds the known ones and takes the new ones; first
-    (n,) i64 takes the places of the new ones, out (n,) u32 the number of each.
+    bits (n, k) u32; first_row: the number of the first one; seed u64; hashes (n,) u32, working space; out_ends
+    (2^m + 1,) u32 comes in as zero; out_keys (n,) u64, each hash << 32 | the row's number: those of part p are
+    out_keys[out_ends[p] : out_ends[p + 1]].
+    """
+    n_row, n_part = index(len(bits)), index(len(out_ends) - 1)
+    # Count one entry further on, and begin to fill there: that moves each part's start to where the next one's is.
+    for row in range(n_row):
+        mixed = hash_of_row(bits, row, seed)
+        hashes[row] = mixed
+        out_ends[(mixed * n_part >> _HIGH) + index(1)] += np.uint32(1)
+    n_before = np.uint32(0)
+    for part in range(n_part):
+        n_here = out_ends[part + index(1)]
+        out_ends[part + index(1)] = n_before
+        n_before += n_here
+    for row in range(n_row):
+        mixed = index(hashes[row])
+        part = (mixed * n_part >> _HIGH) + index(1)
+        out_keys[out_ends[part]] = mixed << _HIGH | (row + index(first_row))
+        out_ends[part] += np.uint32(1)
 
-    Open addressing: Knuth, TAOCP 3, 6.4, algorithm L. The hash, a multiplication and a shift a column, is made as in
-    Steele, Lea & Flood 2014, Fast splittable pseudorandom number generators (SplitMix64), OOPSLA.
+
+@kernel
+def match_rows(keys, bits, table, out_first):
+    """Find for each row of a part the first one that is equal to it.
+
+    keys (n,) u64, of `deal_rows`, in the order of rows; bits (n_row, k) u32; table (2^m,) u64 holds for each distinct
+    row of the part that is known its key + 1, else 0, and is longer than the part; out_first (n_row,) u32.
+
+    Open addressing: Knuth, TAOCP 3, 6.4, algorithm L.
     """
     mask, n_column = index(len(table) - 1), index(bits.shape[1])
-    n_known = index(n_row)
-    n_row = n_known
-    for row in range(index(len(bits))):
-        mixed = seed
-        for column in range(n_column):
-            mixed = (mixed ^ bits[row, column]) * np.uint64(0xBF58476D1CE4E5B9)
-            mixed ^= mixed >> _SHIFT
-        slot = mixed & mask
+    for k in range(index(len(keys))):
+        key = keys[k]
+        row, slot = key & _LOW, (key >> _HIGH) & mask
         while True:
-            number = index(table[slot])
-            if number == index(0):
+            other = table[slot]
+            if other == index(0):
+                table[slot] = key + index(1)
+                out_first[row] = row
+                break
+            other -= index(1)
+            if other >> _HIGH == key >> _HIGH:
+                first, is_equal = other & _LOW, True
                 for column in range(n_column):
-                    rows[n_row, column] = bits[row, column]
-                first[n_row - n_known] = row
-                out[row] = n_row
-                n_row += index(1)
-                table[slot] = n_row
-                break
-            number -= index(1)
-            is_equal = True
-            for column in range(n_column):
-                is_equal &= bits[row, column] == rows[number, column]
-            if is_equal:
-                out[row] = number
-                break
+                    is_equal &= bits[row, column] == bits[first, column]
+                if is_equal:
+                    out_first[row] = first
+                    break
             slot = (slot + index(1)) & mask
-    return np.int64(n_row)
+
+
+@kernel
+def number_rows(numbers, out_first):
+    """Number distinct rows in the order of their first appearance; return how many there are.
+
+    numbers (n,) u32 holds for each row the first one that is equal to it, and takes its number; out_first (n,) i64
+    takes the first row of each number.
+    """
+    n_distinct = index(0)
+    for row in range(index(len(numbers))):
+        if numbers[row] == row:
+            out_first[n_distinct] = row
+            numbers[row] = n_distinct
+            n_distinct += index(1)
+        else:
+            numbers[row] = numbers[numbers[row]]
+    return np.int64(n_distinct)

@@ -3,25 +3,20 @@
 Formats repeat a vertex for each of its triangles (STL), and where its texture coordinates or colours change (glTF, and
 exporters of all others). A surface that is smooth there would show a seam.
 
-    rows ─ blocks ─┬─ distinct rows of each ─┬─ distinct rows of all
-                   └─ which of them each is ─┴─ which of these each is
-           on a thread of its own              on the caller's
-
-Memory grows with the distinct rows, not with all of them. Rows of a block are found in a table that fits into the
-cache, by compiled code (equal_rows.py): most vertices are repeated by triangles that are near them in the file. Few
-rows are sorted instead, so that nobody waits for a compiler to read a small file.
+Equal rows are found by compiled code, on threads (equal_rows.py). Few are sorted instead, so that nobody waits for a
+compiler to read a small file. Of triangles that share nothing, equal corners are found in each block of them first: most
+are repeated by triangles that are near them in the file, so that memory grows with the distinct ones.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cores import ahead
+from ..cores import Workers, n_core
 
 FEW = 1 << 14  # rows that are sorted
-BLOCK = 1 << 16  # rows whose table fits into the cache
-_N_AHEAD = 4  # blocks
+BLOCK = 1 << 15  # rows, what is known of which stays in the cache of a core
 
 
 def weld(part: dict) -> dict:
@@ -48,21 +43,44 @@ def weld(part: dict) -> dict:
     return welded
 
 
-def weld_triangles(blocks: Iterable[NDArray], n_face: int) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """Join the corners of triangles that share nothing, where they stand at one position.
 
     Parameters
     ----------
-    blocks : (n, 3, 3) each, float32 or float64, contiguous or not, of BLOCK // 3 triangles at most
-    n_face : how many triangles they have
+    read : function of the first and the end of some triangles, which returns their corners, (n, 3, 3), float32 or
+        float64, contiguous or not; it is called on threads
+    n_face : how many triangles there are
 
     Returns
     -------
     vertices : (n_vertex, 3), in the order of their first use; -0 is 0
     faces : (n_face, 3)
     """
-    _, faces, vertices = _number_rows((block.reshape(-1, 3) for block in blocks), 3 * n_face)
-    return vertices.astype(np.float64), faces.reshape(-1, 3)
+    size = BLOCK // 3
+    blocks = [(begin, min(begin + size, n_face)) for begin in range(0, n_face, size)]
+    faces, alone = np.empty((n_face, 3), np.uint32), Workers(1)
+
+    def join_near(block: tuple[int, int]) -> NDArray:
+        rows, first, faces[slice(*block)].reshape(-1)[:] = _equal_rows(read(*block).reshape(-1, 3), alone)
+        return rows[first]
+
+    workers = Workers(n_core())
+    try:
+        distinct = workers.map(join_near, blocks)
+        offsets = np.cumsum([0, *map(len, distinct)])
+        joined = np.concatenate(distinct)
+        del distinct
+        rows, first, numbers = _equal_rows(joined, workers)
+
+        def renumber(k: int) -> None:
+            of_block = faces[slice(*blocks[k])]
+            np.take(numbers[offsets[k] : offsets[k + 1]], of_block, out=of_block, mode="clip")
+
+        workers.map(renumber, range(len(blocks)))
+    finally:
+        workers.close()
+    return rows[first].astype(np.float64), faces
 
 
 def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -77,49 +95,21 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    starts = range(0, max(len(rows), 1), BLOCK)
-    return _number_rows((rows[begin : begin + BLOCK] for begin in starts), len(rows))[:2]
+    workers = Workers(n_core())
+    try:
+        return _equal_rows(rows, workers)[1:]
+    finally:
+        workers.close()
 
 
-def _number_rows(blocks, n_row) -> tuple[NDArray[np.int64], NDArray[np.uint32], NDArray]:
-    """Return what `unique_rows` does of rows that come in blocks of BLOCK rows at most, and the distinct rows."""
-    if n_row < FEW:
-        rows = np.ascontiguousarray(np.concatenate(list(blocks))) + 0.0  # the sum turns -0 into 0
-        first, inverse = _sort_rows(rows.view(np.uint32))
-        return first, inverse, rows[first]
-    from .equal_rows import Finder
+def _equal_rows(rows: NDArray, workers: Workers) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
+    """Return what `find_equal_rows` does."""
+    if len(rows) < FEW:
+        values = np.ascontiguousarray(rows) + 0.0  # the sum turns -0 into 0
+        return values, *_sort_rows(values.view(np.uint32))
+    from .equal_rows import find_equal_rows
 
-    inverse, firsts, numbers, known = np.empty(n_row, np.uint32), [], np.empty(BLOCK, np.uint32), None
-    for begin, end, rows, first in ahead(_distinct_in_blocks(blocks, inverse), _N_AHEAD):
-        bits, block = rows.view(np.uint32), inverse[begin:end]
-        if known is None:  # the first block tells how many rows there will be
-            known = Finder(bits.shape[1], len(rows) * n_row // len(block), BLOCK)
-        if first is None:
-            firsts.append(known.find(bits, block) + begin)
-        else:
-            firsts.append(first[known.find(bits, numbers)] + begin)
-            np.take(numbers, block, out=block, mode="clip")
-    return np.concatenate(firsts), inverse, known.rows.view(rows.dtype)
-
-
-def _distinct_in_blocks(blocks, inverse) -> Iterator[tuple[int, int, NDArray, NDArray[np.int64] | None]]:
-    """Yield where each block begins and ends, its distinct rows, and where in it they appear first; write for each row
-    which of these it is. Where most rows of the first block are distinct, so are those of the others: they are yielded
-    as they are, with None."""
-    from .equal_rows import Finder
-
-    begin, near, is_repeated = 0, None, True
-    for block in blocks:
-        rows, end = np.ascontiguousarray(block) + 0.0, begin + len(block)
-        near = near or Finder(rows.view(np.uint32).shape[1], 0, BLOCK)
-        if is_repeated:
-            near.forget()
-            first = near.find(rows.view(np.uint32), inverse[begin:end])
-            yield begin, end, near.rows.view(rows.dtype).copy(), first.copy()
-            is_repeated = begin > 0 or 2 * len(first) < len(block)
-        else:
-            yield begin, end, rows, None
-        begin = end
+    return find_equal_rows(rows, workers)
 
 
 def _sort_rows(bits: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:

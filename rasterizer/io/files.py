@@ -25,6 +25,7 @@ allowed.
 import contextlib
 import os
 import stat
+import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -190,6 +191,7 @@ class LongFile:
 
     def __init__(self, stream, name: str):
         self._stream, self._name, self._length = stream, name, os.fstat(stream.fileno()).st_size
+        self._lock = threading.Lock()  # threads share the place that is read next
 
     def __len__(self) -> int:
         return self._length
@@ -197,8 +199,9 @@ class LongFile:
     def __getitem__(self, part: slice) -> bytes:
         begin, end, _ = part.indices(self._length)
         try:
-            self._stream.seek(begin)
-            data = self._stream.read(end - begin)
+            with self._lock:
+                self._stream.seek(begin)
+                data = self._stream.read(end - begin)
         except OSError as fault:
             raise ModelError(f"{self._name}: can't be read ({fault.strerror or fault})") from fault
         if len(data) != end - begin:

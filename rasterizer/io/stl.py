@@ -6,14 +6,13 @@ import re
 import numpy as np
 
 from ..errors import counted
-from ..geometry.weld import BLOCK, weld_triangles
+from ..geometry.weld import weld_triangles
 from ..scene.material import Material
 from .model_file import WHITE, ModelFile, Part, text_of
 from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _HEAD = 4096  # bytes in which a text shows that it is one
-_BLOCK = BLOCK // 3  # faces
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -47,12 +46,12 @@ def read_stl(model: ModelFile) -> list[Part]:
         return []
     attributes = np.empty(n_face, np.uint16)
 
-    def read_block(begin):
-        rows = np.frombuffer(data[_row(begin) : _row(min(begin + _BLOCK, n_face))], _STL_ROW)
-        attributes[begin : begin + len(rows)] = rows["attribute"]
+    def read(begin, end):
+        rows = np.frombuffer(data[_row(begin) : _row(end)], _STL_ROW)
+        attributes[begin:end] = rows["attribute"]
         return rows["corners"]
 
-    part = _soup(map(read_block, range(0, n_face, _BLOCK)), n_face, "")
+    part = _soup(read, n_face, "")
     return [part | _stl_colors(header, attributes)]
 
 
@@ -61,9 +60,9 @@ def _row(face: int) -> int:
     return _STL_HEADER + _STL_FACE * face
 
 
-def _soup(blocks, n_face, name) -> Part:
-    """Make a part of triangles, (n, 3, 3) each block of them."""
-    vertices, faces = weld_triangles(blocks, n_face)
+def _soup(read, n_face, name) -> Part:
+    """Make a part of triangles; parameters as in `weld_triangles`."""
+    vertices, faces = weld_triangles(read, n_face)
     return {"vertices": vertices, "faces": faces, "name": name, "material": Material()}
 
 
@@ -87,8 +86,7 @@ def _read_ascii_stl(model) -> list[Part]:
         name = first[1].strip() if len(first) == 2 and first[0].lower() == "solid" else ""
         if len(rows):
             corners = numbers.reshape(-1, 3, 3)
-            blocks = np.split(corners, range(_BLOCK, len(corners), _BLOCK))
-            parts.append(_soup(blocks, len(corners), name))
+            parts.append(_soup(lambda begin, end, corners=corners: corners[begin:end], len(corners), name))
         begin = end.end()
     return parts
 

@@ -34,5 +34,5 @@ What stage 6 uses:
     ground              how many points of an area light each texel of the ground doesn't see
     ground_picture      the shadow of the ground, laid under a picture
 
-And around it all: threads, the workspace that each draws a band in, and intrinsics, inner loops as vector instructions.
+And around it all: the workspace that each draws a band in, and intrinsics, inner loops as vector instructions.
 """

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, kernel
-from .threads import MIN_PART
+from ..cores import MIN_PART
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner

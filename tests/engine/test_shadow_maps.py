@@ -18,7 +18,7 @@ from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gat
 from rasterizer.geometry.closed import gather_inner_sides
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.geometry.normals import polygon_normals, split_creases
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 
 
 def face_normals(vertices, faces):

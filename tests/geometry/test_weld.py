@@ -46,7 +46,7 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
 
 def test_triangles_share_vertices_in_the_order_of_their_use():
     corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, -0.0]]], np.float32)
-    vertices, faces = weld_triangles([corners], 2)
+    vertices, faces = weld_triangles(lambda begin, end: corners[begin:end], 2)
     assert faces.tolist() == [[0, 1, 2], [1, 3, 2]] and vertices.dtype == np.float64
     assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
 

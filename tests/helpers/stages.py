@@ -28,7 +28,7 @@ from rasterizer.pipeline.gradients import (
 from rasterizer.pipeline.interpolate import ScannedBand
 from rasterizer.pipeline.records import UNIT, max_units
 from rasterizer.pipeline.scan import ScanCounts, scan
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 from rasterizer.pipeline.transform import Drawables, PixelWidth, Triangles, Vertices, make_screen
 from rasterizer.pipeline.workspace import WorkspaceShape, make_workspace
 from rasterizer.reference import coverage

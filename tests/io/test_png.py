@@ -11,7 +11,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 from rasterizer.io.png import encode_png
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 
 GALLERY = sorted((ROOT / "models/pictures").glob("*.png"))[::4]
 MAX_GROWTH = 1.25  # of a file, as a multiple of Pillow's default, in the mean

@@ -12,7 +12,7 @@ from helpers.pixels import AXIS, skewed
 import rasterizer as rz
 from rasterizer.engine import ground_shadow
 from rasterizer.engine.ground_shadow import GroundShadow
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 
 CUBE = rz.Mesh(*solids.cube())
 SIZE = (40, 30)

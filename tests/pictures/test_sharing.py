@@ -15,7 +15,7 @@ from helpers.pinhole import octasphere
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 
 SIZE = (60, 45)
 CAMERAS = [rz.Camera.perspective((4 * np.cos(a), 1.5, 4 * np.sin(a)), fov=40) for a in np.linspace(0, 6, 8)]

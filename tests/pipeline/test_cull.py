@@ -19,7 +19,7 @@ from rasterizer.pipeline.cull import (
     list_seen_faces,
     sort_into_bands,
 )
-from rasterizer.pipeline.threads import MIN_PART, Workers
+from rasterizer.cores import MIN_PART, Workers
 from rasterizer.pipeline.transform import OUTSIDE, PixelWidth, Vertices
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection

@@ -16,7 +16,7 @@ from rasterizer.engine.shadow_maps import Precision, Shadows
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View
 

@@ -13,7 +13,7 @@ from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
 from rasterizer.engine.draw import choose_band_rows
-from rasterizer.pipeline.threads import MIN_PART, Workers
+from rasterizer.cores import MIN_PART, Workers
 
 SIZE = (103, 157)  # no multiple of anything
 CAMERA = rz.Camera.perspective((1.5, 2, 4), fov=40)

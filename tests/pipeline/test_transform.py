@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.pipeline.threads import Workers
+from rasterizer.cores import Workers
 from rasterizer.pipeline.transform import (
     DEPTH_BITS,
     DEPTH_MARGIN,
