@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need 
 from bench import measure, scenes
 from rasterizer import Options, render
 from rasterizer.analysis.timing import take_turns
-from rasterizer.io.png import encode_png
 from rasterizer.cores import Workers
+from rasterizer.io.png import encode_png
 
 NOISE = "noise"  # what no writer can make smaller
 DEFAULT_LEVEL = 6  # Pillow's

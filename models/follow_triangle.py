@@ -14,6 +14,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
+from rasterizer.cores import Workers
 from rasterizer.engine.attributes import light_all, make_coding, make_encoding, scale_depths
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
@@ -27,7 +28,6 @@ from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.cull import Band, first_sample
 from rasterizer.pipeline.resolve import srgb_thresholds
 from rasterizer.pipeline.scan import ScanCounts, Triangle, advance, scan, start_edge
-from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
 from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
 from rasterizer.pipeline.workspace import WorkspacePool, make_picture

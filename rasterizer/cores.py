@@ -8,9 +8,13 @@ longer, and it would have to be imported.
 import os
 import threading
 import weakref
+from collections.abc import Callable, Iterable
 from queue import SimpleQueue
+from typing import Any, TypeVar
 
 from .locks import renew_in_child
+
+_T = TypeVar("_T")
 
 # A part of a stage is worth a thread of its own from here on. To wake a thread, and to be woken when it is done, takes
 # about as long as a light takes for this many vertices.
@@ -30,10 +34,16 @@ class Workers:
     the threads nor, perhaps, the holder of the lock: there both are made anew.
     """
 
-    def __init__(self, n_thread: int):
+    def __init__(self, n_thread: int) -> None:
         self.n_thread = n_thread
         self._start()
         renew_in_child(self)
+
+    def __enter__(self) -> "Workers":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def renew(self) -> None:
         """Start anew, in a forked process."""
@@ -51,7 +61,7 @@ class Workers:
         cuts = [n * k // n_part for k in range(n_part + 1)]
         return list(zip(cuts[:-1], cuts[1:], strict=True))
 
-    def map(self, function, items) -> list:
+    def map(self, function: Callable[[Any], _T], items: Iterable[Any]) -> list[_T]:
         """Call `function` with every item, on the threads where there is more than one; results in the items' order.
 
         Every thread takes the next item when it is done with one. The caller's begins at once, while others are still
@@ -64,7 +74,7 @@ class Workers:
         self._hire(n_helper)
         results, numbers, failures = [None] * len(items), iter(range(len(items))), []
 
-        def work():
+        def work() -> None:
             try:
                 for number in numbers:  # a range's iterator hands every number to one thread only
                     if failures:
@@ -109,7 +119,7 @@ class Workers:
 class _Call:
     """One helper's share of a `map`: made by a helper, or taken back by the caller, whoever comes first."""
 
-    def __init__(self, work):
+    def __init__(self, work: Callable[[], None]) -> None:
         self._work, self._comers = work, []
         self._is_running = threading.Lock()
         self._is_running.acquire()

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, SavedArray
+from .cores import Workers
 from .errors import OutputError, SceneError, counted, shown
 from .io.files import write_whole
 from .io.formats import encoded, on_white, picture_format
 from .io.png import encode_png, srgb_profile
 from .keywords import checked_keywords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
-from .cores import Workers
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -449,11 +449,8 @@ class Frame:
 
     def _map_bands(self, function: Callable[[Any], Any], items: list) -> list:
         """Call a function with every item, on as many threads as have drawn the picture."""
-        workers = Workers(getattr(self.stats, "threads", 1))  # a sheet of pictures has no stats
-        try:
+        with Workers(getattr(self.stats, "threads", 1)) as workers:  # a sheet of pictures has no stats
             return workers.map(function, items)
-        finally:
-            workers.close()
 
 
 def show_in_notebook(picture: object) -> bool:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cores import MIN_PART
 from ..geometry.polygons import fill_means
 from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import (
@@ -30,7 +31,6 @@ from ..pipeline.gradients import (
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
 from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
-from ..cores import MIN_PART
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import Job, compiling_ahead
+from ..cores import MIN_PART, Workers
 from ..geometry.closed import is_opaque
 from ..options import Options
 from ..pipeline import ground as bits
 from ..pipeline.ground_picture import SeenGround, lay_under
-from ..cores import MIN_PART, Workers
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.framing import orbit_axes
@@ -310,13 +310,8 @@ def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDA
             prepared.threads.close()
         return covered
 
-    if n_batch == 1:
-        covered = draw_batch(0)
-    else:
-        from concurrent.futures import ThreadPoolExecutor
-
-        with ThreadPoolExecutor(n_batch) as pool:
-            covered = sum(pool.map(draw_batch, range(n_batch)), np.uint32(0))
+    with Workers(n_batch) as workers:
+        covered = sum(workers.map(draw_batch, range(n_batch)), np.uint32(0))
     return covered.astype(np.float32) / np.float32(255 * n)
 
 

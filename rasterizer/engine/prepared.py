@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import Job
+from ..cores import Workers
 from ..geometry.closed import gather_inner_sides
 from ..geometry.points import Geometry, gather_geometry
 from ..locks import cached_property
@@ -18,7 +19,6 @@ from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
 from ..pipeline.resolve import Encoding, encode_picture
 from ..pipeline.textures import Textures
-from ..cores import Workers
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View

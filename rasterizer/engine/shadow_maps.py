@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cores import Workers
 from ..errors import SceneError
 from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
@@ -24,7 +25,6 @@ from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING
-from ..cores import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View

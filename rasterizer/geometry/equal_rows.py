@@ -3,8 +3,8 @@
     rows ─ ranges ─ dealt to parts by their hash ─ parts ─ the first row of those that are equal ─ numbered in order
            side by side                            side by side
 
-Equal rows come into one part, so that no table needs to know of another one. Source: the partitioned hash join, Shatdal,
-Kant & Naughton 1994, "Cache conscious algorithms for relational query processing", VLDB.
+Equal rows come into one part, so that no table needs to know of another one. Source: the partitioned hash join of
+Shatdal, Kant & Naughton 1994, "Cache conscious algorithms for relational query processing", VLDB.
 """
 
 import os

@@ -4,8 +4,8 @@ Formats repeat a vertex for each of its triangles (STL), and where its texture c
 exporters of all others). A surface that is smooth there would show a seam.
 
 Equal rows are found by compiled code, on threads (equal_rows.py). Few are sorted instead, so that nobody waits for a
-compiler to read a small file. Of triangles that share nothing, equal corners are found in each block of them first: most
-are repeated by triangles that are near them in the file, so that memory grows with the distinct ones.
+compiler to read a small file. Of triangles that share nothing, equal corners are found in each block of them first:
+most are repeated by triangles that are near them in the file, so that memory grows with the distinct ones.
 """
 
 from collections.abc import Callable
@@ -65,8 +65,7 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
         rows, first, faces[slice(*block)].reshape(-1)[:] = _equal_rows(read(*block).reshape(-1, 3), alone)
         return rows[first]
 
-    workers = Workers(n_core())
-    try:
+    with Workers(n_core()) as workers:
         distinct = workers.map(join_near, blocks)
         offsets = np.cumsum([0, *map(len, distinct)])
         joined = np.concatenate(distinct)
@@ -78,8 +77,6 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
             np.take(numbers[offsets[k] : offsets[k + 1]], of_block, out=of_block, mode="clip")
 
         workers.map(renumber, range(len(blocks)))
-    finally:
-        workers.close()
     return rows[first].astype(np.float64), faces
 
 
@@ -95,11 +92,8 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    workers = Workers(n_core())
-    try:
+    with Workers(n_core()) as workers:
         return _equal_rows(rows, workers)[1:]
-    finally:
-        workers.close()
 
 
 def _equal_rows(rows: NDArray, workers: Workers) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:

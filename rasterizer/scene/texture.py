@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
-from ..cores import n_core
+from ..cores import Workers, n_core
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..keywords import checked_fields
 from ..locks import cached_property
@@ -389,10 +389,8 @@ def decode_ahead(pictures: Iterable[tuple[Any, bytes | memoryview]]) -> dict[Any
         n_thread = min(len(opened), n_core())
         if n_thread < 2:
             return {}
-        from concurrent.futures import ThreadPoolExecutor
-
-        with ThreadPoolExecutor(n_thread) as pool:
-            decoded = zip(opened, pool.map(_pixels_or_none, opened.values()), strict=True)
+        with Workers(n_thread) as workers:
+            decoded = zip(opened, workers.map(_pixels_or_none, opened.values()), strict=True)
             return {key: pixels for key, pixels in decoded if pixels is not None}
 
 

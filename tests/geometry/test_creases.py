@@ -10,8 +10,8 @@ from helpers.solids import check_split, cone, corner_normals, cube, sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rasterizer.geometry.normals import polygon_normals, split_creases
 from rasterizer.cores import Workers
+from rasterizer.geometry.normals import polygon_normals, split_creases
 
 
 def face_normals(vertices, faces):

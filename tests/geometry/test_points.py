@@ -11,9 +11,9 @@ from helpers.solids import sphere
 
 import rasterizer as rz
 from rasterizer import reference
+from rasterizer.cores import Workers
 from rasterizer.geometry.points import flat_part, gather_geometry, polygon_centroids, smooth_part
 from rasterizer.geometry.surfaces import compute_clearance, compute_point_clearance, flag_inverted
-from rasterizer.cores import Workers
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

@@ -11,7 +11,9 @@ from helpers.model_bytes import gltf_with, threemf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rasterizer.cores import Workers
 from rasterizer.errors import ModelError
+from rasterizer.geometry.equal_rows import find_equal_rows
 from rasterizer.geometry.points import smooth_part
 from rasterizer.geometry.weld import unique_rows, weld_triangles
 from rasterizer.io.loader import load
@@ -42,6 +44,19 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
         assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
         assert not differences(case[first][inverse], case)
         assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
+
+
+@pytest.mark.parametrize("n_thread", [1, 2, 3])
+def test_equal_rows_are_found_alike_on_any_number_of_threads(n_thread):
+    """Parts of 2^15 rows, dealt from several ranges; all rows equal, none, and a few numbers over and over."""
+    generator = np.random.default_rng(n_thread)
+    with Workers(n_thread) as workers:
+        for n_row, n_value in ((1, 1), (70_001, 1), (300_000, 40), (300_000, 2**31)):
+            rows = generator.integers(0, n_value, (n_row, 2)).astype(np.float32)
+            values, first, inverse = find_equal_rows(rows, workers)
+            assert not differences(values, rows)
+            _, expected = np.unique(rows, axis=0, return_index=True)
+            assert not differences(first, np.sort(expected)) and not differences(rows[first][inverse], rows)
 
 
 def test_triangles_share_vertices_in_the_order_of_their_use():

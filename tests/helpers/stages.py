@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 import rasterizer as rz
+from rasterizer.cores import Workers
 from rasterizer.engine.attributes import scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
@@ -28,7 +29,6 @@ from rasterizer.pipeline.gradients import (
 from rasterizer.pipeline.interpolate import ScannedBand
 from rasterizer.pipeline.records import UNIT, max_units
 from rasterizer.pipeline.scan import ScanCounts, scan
-from rasterizer.cores import Workers
 from rasterizer.pipeline.transform import Drawables, PixelWidth, Triangles, Vertices, make_screen
 from rasterizer.pipeline.workspace import WorkspaceShape, make_workspace
 from rasterizer.reference import coverage

@@ -10,8 +10,8 @@ from helpers.pairs import pairs
 from helpers.raster import ROOT
 from PIL import Image
 
-from rasterizer.io.png import encode_png
 from rasterizer.cores import Workers
+from rasterizer.io.png import encode_png
 
 GALLERY = sorted((ROOT / "models/pictures").glob("*.png"))[::4]
 MAX_GROWTH = 1.25  # of a file, as a multiple of Pillow's default, in the mean

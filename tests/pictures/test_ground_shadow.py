@@ -10,9 +10,9 @@ from helpers.arrays import deviations, differences
 from helpers.pixels import AXIS, skewed
 
 import rasterizer as rz
+from rasterizer.cores import Workers
 from rasterizer.engine import ground_shadow
 from rasterizer.engine.ground_shadow import GroundShadow
-from rasterizer.cores import Workers
 
 CUBE = rz.Mesh(*solids.cube())
 SIZE = (40, 30)

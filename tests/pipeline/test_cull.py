@@ -7,6 +7,7 @@ import pytest
 from helpers.arrays import differences
 from helpers.stages import SERIAL, random_triangles, slivers
 
+from rasterizer.cores import MIN_PART, Workers
 from rasterizer.engine.shadow_maps import CUBE, _look, border_planes
 from rasterizer.pipeline.cull import (
     MAX_PLANES,
@@ -19,7 +20,6 @@ from rasterizer.pipeline.cull import (
     list_seen_faces,
     sort_into_bands,
 )
-from rasterizer.cores import MIN_PART, Workers
 from rasterizer.pipeline.transform import OUTSIDE, PixelWidth, Vertices
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection

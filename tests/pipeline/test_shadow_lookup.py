@@ -10,13 +10,13 @@ from helpers.batches import axes_of, call, read, write
 from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
+from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Precision, Shadows
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
-from rasterizer.cores import Workers
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View
 

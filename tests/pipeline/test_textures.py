@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 
+from rasterizer.cores import Workers
 from rasterizer.engine.texture_tables import lay_textures, list_textures, pack_textures
 from rasterizer.pipeline import textures as packing
 from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT, texel_at
 from rasterizer.pipeline.textures import first_texel, texcoord_error, texcoord_references
-from rasterizer.cores import Workers
 from rasterizer.reference.shading import sample_texture
 from rasterizer.scene.texture import Texture
 

@@ -12,8 +12,8 @@ from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
-from rasterizer.engine.draw import choose_band_rows
 from rasterizer.cores import MIN_PART, Workers
+from rasterizer.engine.draw import choose_band_rows
 
 SIZE = (103, 157)  # no multiple of anything
 CAMERA = rz.Camera.perspective((1.5, 2, 4), fov=40)
