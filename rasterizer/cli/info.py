@@ -100,7 +100,7 @@ def _describe(model, arguments, messages) -> dict:
         messages.detail(text)
     entry = formats.format_of(model, arguments.input_format)
     points, faces = _gather(scene)
-    topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces)
+    topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces, scene.bounds)
     materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}.values()
     textures = {id(texture): texture for each in materials for texture in each.textures}.values()
     low, high = scene.bounds

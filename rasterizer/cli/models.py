@@ -234,7 +234,9 @@ def _tell_up(model, scene, messages) -> None:
     step = scene.n_face // _MAX_LOOKED_AT + 1
     faces = [mesh.faces[::step] + np.int64(offset) for mesh, offset in zip(scene.meshes, offsets[:-1], strict=True)]
     points = [mesh.vertices for mesh in scene.meshes]
-    up, reason = guess_up(points[0] if len(points) == 1 else np.concatenate(points), np.concatenate(faces))
+    up, reason = guess_up(
+        points[0] if len(points) == 1 else np.concatenate(points), np.concatenate(faces), scene.bounds
+    )
     if up not in (None, scene.up):
         messages.notice(f"{model}: drawn with {scene.up} upwards; the shape says {up} ({reason}): try --up {up}")
 

@@ -45,7 +45,8 @@ def find_equal_rows(rows: NDArray, workers: Any) -> tuple[NDArray, NDArray[np.in
 
     def deal(part: tuple[int, int]) -> list[NDArray[np.uint64]]:
         here, ends = slice(*part), np.zeros(n_part + 1, np.uint32)
-        np.add(rows[here], 0.0, out=values[here])  # the sum turns -0 into 0
+        with np.errstate(invalid="ignore"):  # of signalling NaNs
+            np.add(rows[here], 0.0, out=values[here])  # the sum turns -0 into 0
         deal_rows(bits[here], part[0], seed, inverse[here], ends, keys[here])
         return np.split(keys[here], ends[1:-1])
 
@@ -56,7 +57,7 @@ def find_equal_rows(rows: NDArray, workers: Any) -> tuple[NDArray, NDArray[np.in
 
     workers.map(match, zip(*workers.map(deal, workers.ranges(n_row)), strict=True))
     first = np.empty(n_row, np.int64)
-    return values, first[: number_rows(inverse, first)].copy(), inverse
+    return values, first[: number_rows(inverse, first)], inverse
 
 
 @helper

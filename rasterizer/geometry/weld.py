@@ -77,7 +77,13 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
             np.take(numbers[offsets[k] : offsets[k + 1]], of_block, out=of_block, mode="clip")
 
         workers.map(renumber, range(len(blocks)))
-    return rows[first].astype(np.float64), faces
+        vertices = np.empty((len(first), 3))
+
+        def place(part: tuple[int, int]) -> None:
+            vertices[slice(*part)] = rows[first[slice(*part)]]
+
+        workers.map(place, workers.ranges(len(first)))
+    return vertices, faces
 
 
 def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -99,7 +105,8 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
 def _equal_rows(rows: NDArray, workers: Workers) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
     """Return what `find_equal_rows` does."""
     if len(rows) < FEW:
-        values = np.ascontiguousarray(rows) + 0.0  # the sum turns -0 into 0
+        with np.errstate(invalid="ignore"):  # of signalling NaNs
+            values = np.ascontiguousarray(rows) + 0.0  # the sum turns -0 into 0
         return values, *_sort_rows(values.view(np.uint32))
     from .equal_rows import find_equal_rows
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES
+from ..cores import MIN_PART, Workers, n_core
 from ..errors import SceneError, shown
 from .validate import choice, is_whole, number, picture_size
 
@@ -214,6 +215,7 @@ class Cloud:
 
     def __init__(self, subject: Any, axes: Array) -> None:
         self._sets, self._axes = _point_sets(subject), axes
+        self._workers = Workers(n_core() if sum(map(len, self._sets)) > MIN_PART else 1)
         self._origin = self._chosen_origin()
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
         if not np.isfinite(self.extremes).all():
@@ -228,16 +230,22 @@ class Cloud:
     def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
         directions_world = directions @ self._axes
+        chunks = [s[i : i + _CHUNK] for s in self._sets for i in range(0, len(s), _CHUNK)]
         best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
-        for chunk in (s[i : i + _CHUNK] for s in self._sets for i in range(0, len(s), _CHUNK)):
-            local = np.array(chunk.T, np.float64, order="C")  # columns: numpy's loops over them are long
-            local -= self._origin[:, None]
-            scores = directions_world @ local
-            where = scores.argmax(axis=1)
-            reached = np.take_along_axis(scores, where[:, None], axis=1)[:, 0]
+        for reached, found in self._workers.map(lambda chunk: self._farthest_of(chunk, directions_world), chunks):
             is_better = (reached > best) | np.isnan(reached)
-            best[is_better], points[is_better] = reached[is_better], local.T[where[is_better]]
-        return points @ self._axes.T
+            best[is_better], points[is_better] = reached[is_better], found[is_better]
+        with np.errstate(invalid="ignore"):
+            return points @ self._axes.T
+
+    def _farthest_of(self, points: Array, directions: Array) -> tuple[Array, Array]:
+        """Return how far the furthest of some points are along directions in world space, (k,), and these, (k, 3)."""
+        local = np.array(points.T, np.float64, order="C")  # columns: numpy's loops over them are long
+        with np.errstate(invalid="ignore"):  # of points that aren't finite, which are refused
+            local -= self._origin[:, None]
+            scores = directions @ local
+        where = scores.argmax(axis=1)
+        return np.take_along_axis(scores, where[:, None], axis=1)[:, 0], local.T[where]
 
     def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
         """Return a point given along the camera's axes, or along other ones (3, 3), in world coordinates."""

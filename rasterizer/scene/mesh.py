@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES, WEIGHTINGS, Axis, Weighting
+from ..cores import Workers, n_core
 from ..errors import ModelError, SceneError, counted, shown
 from ..keywords import checked_fields
 from ..locks import cached_property
@@ -256,8 +257,12 @@ class Mesh(KeepsArrays):
     def used_vertices(self) -> NDArray[np.float64]:
         """The vertices (n, 3) float64 that at least one face uses: `vertices` itself where all are used."""
         is_used = np.zeros(self.n_vertex, dtype=bool)
-        for start in range(0, self.n_face, mesh_arrays.CHUNK):  # numpy would turn all indices into int64 at once
+
+        def flag(start: int) -> None:
             is_used[self.faces[start : start + mesh_arrays.CHUNK].ravel()] = True
+
+        with Workers(n_core()) as workers:  # in chunks: numpy would turn all indices into int64 at once
+            workers.map(flag, range(0, self.n_face, mesh_arrays.CHUNK))
         return self.vertices if is_used.all() else fixed(self.vertices[is_used])
 
     @cached_property

@@ -10,13 +10,14 @@ _LEVEL = 0.99  # cosine: such faces lie level, within 8 degrees
 _EVIDENCE = 0.02  # share of the area that has to lie on the ground before it says what is down
 
 
-def guess_up(points: NDArray[np.float64], faces: NDArray) -> tuple[str | None, str]:
+def guess_up(points: NDArray[np.float64], faces: NDArray, bounds: NDArray[np.float64]) -> tuple[str | None, str]:
     """Guess which axis of a model points upwards: things stand on a level base.
 
     Parameters
     ----------
     points : (n_vertex, 3) float64
-    faces : (n_face, 3) integers
+    faces : (n_face, 3) integers, all or some
+    bounds : (2, 3) float64, lowest and highest corner of the box round the model
 
     Returns
     -------
@@ -25,8 +26,7 @@ def guess_up(points: NDArray[np.float64], faces: NDArray) -> tuple[str | None, s
     The evidence for an axis is the area of the faces that lie level at its lowest end and face down, less that of those
     at its other end that face up: a box has as much of either, and says nothing.
     """
-    low, high = points.min(axis=0), points.max(axis=0)
-    corners = points[faces]
+    corners, (low, high) = points[faces], bounds
     opposite = {"y": "-y", "z": "-z", "-y": "y", "-z": "z"}
     with np.errstate(all="ignore"):
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -245,6 +245,18 @@ def test_bad_faces_of_trimesh_objects_are_dropped_where_asked():
     assert 0 < only_mesh([trimesh.Scene(soup)], drop_bad_faces=True).n_face < 12
 
 
+@pytest.mark.parametrize("n", [99, 60_000])  # vertices that are looked at one after the other, and on threads
+@pytest.mark.parametrize("format", ["stl", "ply", "glb"])
+def test_signalling_nans_are_refused_without_a_word_of_numpy(format, n, recwarn):
+    points = np.random.default_rng(0).normal(size=(n, 3)).astype(np.float32)
+    soup = trimesh.Trimesh(points, np.arange(n).reshape(-1, 3), process=False)
+    data = soup.export(file_type=format).replace(points[5, 1].tobytes(), b"\x01\0\x80\x7f")
+    with pytest.raises(ModelError, match="1 of .* not finite"):
+        load(data, format=format)
+    assert only_mesh(data, format=format, drop_bad_faces=True).n_face == n // 3 - 1
+    assert not [str(warning.message) for warning in recwarn]
+
+
 def test_an_open_file_names_others_as_its_path_does(tmp_path):
     (tmp_path / "wood.mtl").write_text("newmtl red\nKd 1 0 0\n")
     (tmp_path / "in").mkdir()
