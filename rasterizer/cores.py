@@ -9,6 +9,8 @@ import os
 import threading
 import weakref
 from collections.abc import Callable, Iterable
+from contextvars import copy_context
+from functools import partial
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
@@ -64,8 +66,9 @@ class Workers:
     def map(self, function: Callable[[Any], _T], items: Iterable[Any]) -> list[_T]:
         """Call `function` with every item, on the threads where there is more than one; results in the items' order.
 
-        Every thread takes the next item when it is done with one. The caller's begins at once, while others are still
-        waking. What one of them raises is raised here, when all have stopped: they take no further item then.
+        Every thread takes the next item when it is done with one, in the caller's context. The caller's begins at once,
+        while others are still waking. They take no further item when one has failed; what is raised here then, when all
+        have stopped, is what the first item raises that fails.
         """
         items = list(items)
         n_helper = min(self.n_thread, len(items)) - 1
@@ -75,15 +78,15 @@ class Workers:
         results, numbers, failures = [None] * len(items), iter(range(len(items))), []
 
         def work() -> None:
-            try:
-                for number in numbers:  # a range's iterator hands every number to one thread only
-                    if failures:
-                        return
+            for number in numbers:  # a range's iterator hands every number to one thread only
+                if any(failed < number for failed, _ in failures):
+                    return
+                try:
                     results[number] = function(items[number])
-            except BaseException as fault:  # noqa: BLE001  raised where `map` was called
-                failures.append(fault)
+                except BaseException as fault:  # noqa: BLE001  raised where `map` was called
+                    failures.append((number, fault))
 
-        calls = [_Call(work) for _ in range(n_helper)]
+        calls = [_Call(partial(copy_context().run, work)) for _ in range(n_helper)]
         try:
             for call in calls:
                 self._calls.put(call)
@@ -91,12 +94,12 @@ class Workers:
             for call in calls:
                 call.settle()
         except BaseException as fault:  # Ctrl-C: nobody may go on drawing into what the caller has given up
-            failures.append(fault)
+            failures.append((-1, fault))
             for call in calls:
                 call.settle()
             raise
         if failures:
-            raise next((fault for fault in failures if not isinstance(fault, Exception)), failures[0])
+            raise min(failures, key=lambda failure: (isinstance(failure[1], Exception), failure[0]))[1]
         return results
 
     def _hire(self, n: int) -> None:

@@ -2,7 +2,7 @@
 
 It knows meshes and arrays, and no files.
 
-    weld, equal_rows    equal vertices are joined, so that normals have no seams; equal rows of arrays, and their kernels
+    weld, equal_rows    equal vertices are joined, so that normals have no seams; equal rows of arrays
     points              all meshes of a scene as one set of arrays: what pictures are drawn from
     normals             normals of polygons and vertices, averaged up to the creases
     polygons            convex polygons found again among triangles, and drawn about their centres

@@ -175,7 +175,7 @@ def cut_faces(model, points, corners, counts, line_of) -> Cut:
     if len(cut.crossing):
         more = f"; so do {len(cut.crossing) - 1} more" if len(cut.crossing) > 1 else ""
         warn_caller(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}")
-    if not (counts == 4).any():
+    if cut.corners is None or not (counts == 4).any():
         return cut
     first = (np.cumsum(counts) - counts)[cut.polygons]
     is_second_half = (counts[cut.polygons] == 4) & (cut.corners[:, 0] == first) & (cut.corners[:, 1] == first + 2)

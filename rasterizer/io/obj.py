@@ -15,14 +15,15 @@ Visualizer manual, appendix B1, 1995.
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from itertools import accumulate
-from typing import NamedTuple
+from itertools import accumulate, compress
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cores import Workers, n_core
 from ..errors import counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import Material
@@ -85,13 +86,13 @@ def _read_parts(model, lines) -> list[Part]:
         return f":{lines.number_of(corners.lines[face])}: the face"
 
     cut = cut_faces(model, points[:, :3], corners.v, corners.counts, place)
-    whole = _make_part(lines, points, corners, cut.corners)
-    face_lines = corners.lines[cut.polygons]
-    material_of_face, names = _in_force(lines, "usemtl", face_lines)
-    object_of_face, objects = _in_force(lines, "o", face_lines)
+    whole = _make_part(lines, points, corners, cut)
+    face_lines = cut.of_polygons(corners.lines)
+    material_begins, names = _in_force(lines, "usemtl", face_lines)
+    object_begins, objects = _in_force(lines, "o", face_lines)
     # A material has one number, however often its name stands there; an object is another each time.
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    whole["face_material"] = np.array([numbers[name] for name in names] + [-1])[material_of_face]
+    whole["face_material"] = np.repeat([-1, *(numbers[name] for name in names)], np.diff(material_begins))
     materials = {}
     if numbers:
         from .mtl import find_materials
@@ -101,12 +102,13 @@ def _read_parts(model, lines) -> list[Part]:
     palette = [materials.get(name, replace(default, name=name_in(name))) for name in numbers] + [default]
     groups = set(lines.names_of("g")[1])
     objects.append(groups.pop() if len(groups) == 1 else "")  # the only group names what stands before the first object
-    if corners.counts.max() > 3:
+    if cut.polygons is not None:
         whole["polygons"] = cut.polygons
-    group_of_face, groups = _in_force(lines, "s", face_lines)
+    group_begins, groups = _in_force(lines, "s", face_lines)
     if groups:
-        whole["smoothing"] = np.array([*map(_smoothing_group, groups), 0], np.int32)[group_of_face]
-    ranges = _object_ranges(whole, object_of_face)
+        of_groups = np.array([0, *map(_smoothing_group, groups)], np.int32)
+        whole["smoothing"] = np.repeat(of_groups, np.diff(group_begins))
+    ranges = _object_ranges(whole, object_begins)
     model.allowance.show(len(ranges))
     return [
         _with_materials(model, _take_range(whole, begin, end), palette, objects[number])
@@ -114,9 +116,9 @@ def _read_parts(model, lines) -> list[Part]:
     ]
 
 
-def _make_part(lines, points, corners: "Corners", triangles) -> Part:
-    """Put all triangles of the file, (n, 3) places in the list of corners, in one part."""
-    faces = corners.v[triangles]
+def _make_part(lines, points, corners: "Corners", cut) -> Part:
+    """Put all triangles of the file in one part."""
+    faces = cut.of_corners(corners.v)
     part = {"vertices": points[:, :3], "faces": faces, "material": Material()}
     if points.shape[1] >= 6:
         is_used = np.zeros(len(points), bool)
@@ -126,10 +128,10 @@ def _make_part(lines, points, corners: "Corners", triangles) -> Part:
             colors[is_used] = bytes_of(points[is_used, 3:6])
             part |= {"colors": colors, "material": WHITE}
     if corners.vn is not None and corners.vn.max() >= 0:
-        vn = corners.vn[triangles]
+        vn = cut.of_corners(corners.vn)
         part |= {"normals": lines.rows_of("vn")[vn, :3], "has_normals": (vn >= 0).all(axis=1)}
     if corners.vt is not None and corners.vt.max() >= 0:
-        vt, texcoords = corners.vt[triangles], lines.rows_of("vt")[:, :2]
+        vt, texcoords = cut.of_corners(corners.vt), lines.rows_of("vt")[:, :2]
         is_there = vt >= 0
         if is_there.any():
             part["uv"] = np.where(is_there[..., None], texcoords[np.where(is_there, vt, 0)], 0.0)
@@ -137,10 +139,11 @@ def _make_part(lines, points, corners: "Corners", triangles) -> Part:
     return part
 
 
-def _in_force(lines, keyword, face_lines) -> tuple[np.ndarray, list[str]]:
-    """Return for each triangle which line of a keyword was the last before it, -1 where none was; and their names."""
+def _in_force(lines, keyword, face_lines) -> tuple[list[int], list[str]]:
+    """Return between which triangles the lines of a keyword stand: 0, the first triangle behind each, and how many
+    there are; and what the lines say. So what a line says holds for the triangles from its entry to the next."""
     places, names = lines.names_of(keyword)
-    return np.searchsorted(places, face_lines) - 1, names
+    return [0, *np.searchsorted(face_lines, places).tolist(), len(face_lines)], names
 
 
 def _smoothing_group(name: str) -> int:
@@ -153,19 +156,21 @@ def _smoothing_group(name: str) -> int:
 # --- objects --------------------------------------------------------------------------------------------------------
 
 
-def _object_ranges(whole: Part, object_of_face) -> list[tuple[int, int, int]]:
-    """Return for each object its number, and where its triangles begin and end.
+def _object_ranges(whole: Part, edges: list[int]) -> list[tuple[int, int, int]]:
+    """Return for each object its number, -1 of what stands before the first, and where its triangles begin and end.
 
     Objects without a face that has an area go with their neighbour, so that the faces keep their numbers: a mesh must
     have such a face.
     """
-    begins = np.flatnonzero(np.diff(object_of_face, prepend=object_of_face[0] - 1))
-    if len(begins) > 1:
+    spans = zip(edges[:-1], edges[1:], strict=True)
+    found = [(number, begin) for number, (begin, end) in enumerate(spans, -1) if begin < end]
+    if len(found) > 1:
+        begins = [begin for _, begin in found]
         is_kept = np.logical_or.reduceat(has_area(whole["vertices"], whole["faces"]), begins)
         is_kept[is_kept.argmax()] = True
-        begins = begins[is_kept]
-    edges = [0, *begins[1:].tolist(), len(object_of_face)]
-    return list(zip(object_of_face[begins].tolist(), edges[:-1], edges[1:], strict=True))
+        found = list(compress(found, is_kept))
+    numbers, begins = zip(*found, strict=True)
+    return list(zip(numbers, [0, *begins[1:]], [*begins[1:], edges[-1]], strict=True))
 
 
 def _take_range(whole: Part, begin, end) -> Part:
@@ -245,6 +250,7 @@ def _with_materials(model, part: Part, palette, name) -> Part:
 _ATTRIBUTES = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
 _BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
+_LETTERS = 1 << 18  # that are looked at in one go, likewise
 FEW = 1 << 20  # letters of a file that is read without waiting for a compiler, or for the code that it made
 _NO_COMMENT = re.compile(rb"\d\.#[A-Za-z]+\d*")  # 1.#QNAN, 1.#IND: what C libraries write for what is no number
 
@@ -272,6 +278,7 @@ class ObjLines:
 
     def __init__(self, data: bytes, few: int = FEW):
         self._is_long = len(data) >= few
+        self._workers = Workers(n_core() if self._is_long else 1)
         text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
         self._index(text)
         if (self._heads & 255 == BLANK).any():
@@ -280,11 +287,21 @@ class ObjLines:
     def _index(self, text) -> None:
         """Find where the lines of a text begin and end."""
         self._text, self._letters = text, np.frombuffer(text, np.uint8)
-        self._ends = np.flatnonzero(self._letters == NEWLINE)
+        self._ends = np.concatenate(self._map(self._newlines_from, len(text), _LETTERS))
         self._starts = np.concatenate(([0], self._ends[:-1] + 1))
-        # The first two letters of each line as one number; behind the last newline is another.
-        seconds = self._letters.take(self._starts + 1, mode="clip")
-        self._heads = self._letters[self._starts] | seconds.astype(np.uint16) << 8
+        self._heads = np.concatenate(self._map(self._heads_from, len(self._starts), _LETTERS))
+
+    def _map(self, function: Callable[[int], Any], n: int, size: int) -> list:
+        """Call a function with 0, `size`, 2 `size` … below n, on threads where the file is long; with 0 at least."""
+        return self._workers.map(function, range(0, max(n, 1), size))
+
+    def _newlines_from(self, begin: int) -> NDArray[np.int64]:
+        return np.flatnonzero(self._letters[begin : begin + _LETTERS] == NEWLINE) + begin
+
+    def _heads_from(self, begin: int) -> NDArray[np.uint16]:
+        """Return the first two letters of lines as one number each; behind the last newline is another."""
+        starts = self._starts[begin : begin + _LETTERS]
+        return self._letters[starts] | self._letters.take(starts + 1, mode="clip").astype(np.uint16) << 8
 
     def number_of(self, line: int) -> int:
         """Return the number of a line in the file, from 1; of lines that a backslash joins the first."""
@@ -315,7 +332,7 @@ class ObjLines:
         ------
         LineError : a line with too few numbers, or with something else
         """
-        tables = [self._rows_in(keyword, lines) for lines in self._blocks_of(keyword)]
+        tables = self._map_lines(keyword, lambda lines: self._rows_in(keyword, lines))
         width = min(table.shape[1] for table in tables)
         return np.concatenate([table[:, :width] for table in tables])
 
@@ -327,7 +344,7 @@ class ObjLines:
         LineError : a word that is no corner, or refers to a vertex that there is not
         """
         given = {attribute: self.lines_of(attribute) for attribute in _ATTRIBUTES}
-        blocks = [self._corners_in(given, lines) for lines in self._blocks_of("f")]
+        blocks = self._map_lines("f", lambda lines: self._corners_in(given, lines))
         *columns, missing = zip(*blocks, strict=True)
         self.missing = dict(zip(("texture coordinates", "normals"), map(sum, zip(*missing, strict=True)), strict=True))
         self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[1])
@@ -343,12 +360,15 @@ class ObjLines:
                 faults.append(fault.args)
         return min(faults, default=None)
 
-    def _blocks_of(self, keyword) -> Iterator[NDArray[np.int64]]:
-        """Yield the lines of v, vt, vn or f, some at a time; one item at least."""
+    def _map_lines(self, keyword, read: Callable[[NDArray[np.int64]], Any]) -> list:
+        """Call a function with the lines of v, vt, vn or f, some at a time; with none where there are none."""
         lines = self.lines_of(keyword)
-        for begin in range(0, max(len(lines), 1), _BLOCK):
-            yield lines[begin : begin + _BLOCK]
+
+        def read_from(begin: int) -> Any:
             report_progress(begin, len(lines), f"reading lines '{keyword}'")
+            return read(lines[begin : begin + _BLOCK])
+
+        return self._map(read_from, len(lines), _BLOCK)
 
     def _rows_in(self, keyword, lines) -> NDArray[np.float64]:
         """Return the numbers of some lines, as many as all of these have."""

@@ -129,7 +129,7 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
         return []
     points = points.astype(np.float64)
     cut = cut_faces(model, points, corners, counts, place)
-    faces = corners.reshape(-1, 3) if (counts == 3).all() else corners[cut.corners]
+    faces = cut.of_corners(corners)
     part = {"vertices": points, "faces": faces, "name": "", "material": Material()}
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
@@ -214,22 +214,22 @@ def _face_attributes(model, table, element, cut, counts) -> dict:
     part = {}
     colors = _colors(table, element)
     if colors is not None:
-        part |= {"face_colors": colors[cut.polygons], "material": WHITE}
+        part |= {"face_colors": cut.of_polygons(colors), "material": WHITE}
     if isinstance(table.get("texnumber"), np.ndarray):
         number = table["texnumber"]
         is_index = (number >= 0) & (number < 2**31)  # False for nan
-        part["picture"] = np.where(is_index, number, -1).astype(np.int64)[cut.polygons]
+        part["picture"] = cut.of_polygons(np.where(is_index, number, -1).astype(np.int64))
     for name in _WEDGES:
         wedge = table.get(name)
         if not isinstance(wedge, List):
             continue
-        is_there = (wedge.counts == 2 * counts)[cut.polygons]
+        is_there = cut.of_polygons(wedge.counts == 2 * counts)
         if not is_there.all():
             n = int((wedge.counts != 2 * counts).sum())
             model.tell(f"{counted(n, 'face')} without two texture coordinates for each corner: drawn with 0, 0")
         # The place of a corner in the list of corners, counted within its face.
-        at = cut.corners - (np.cumsum(counts) - counts)[cut.polygons][:, None]
-        place = (np.cumsum(wedge.counts) - wedge.counts)[cut.polygons][:, None] + 2 * at
+        at = cut.of_corners(np.arange(counts.sum())) - cut.of_polygons(np.cumsum(counts) - counts)[:, None]
+        place = cut.of_polygons(np.cumsum(wedge.counts) - wedge.counts)[:, None] + 2 * at
         place = np.where(is_there[:, None], place, 0)
         if len(wedge.items) >= 2:
             uv = np.stack([wedge.items[place], wedge.items[place + 1]], axis=2).astype(np.float64)

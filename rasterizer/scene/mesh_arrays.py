@@ -73,7 +73,7 @@ def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.u
         raise ModelError(f"face {refusal.polygon} {refusal.fault}") from None
     if len(cut.crossing):
         warn_caller(f"face {listed(cut.crossing)} {CROSSING}")
-    return corners.astype(np.uint32)[cut.corners], cut.polygons
+    return cut.of_corners(corners.astype(np.uint32)), cut.polygons
 
 
 def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:

@@ -43,11 +43,19 @@ _UNIT = 2.0**-53
 
 
 class Cut(NamedTuple):
-    """Triangles of polygons, in the order of the polygons."""
+    """Triangles of polygons, in the order of the polygons; None where all polygons are triangles."""
 
-    corners: NDArray[np.int64]  # (n_triangle, 3) indices into the list of corners
-    polygons: NDArray[np.int32]  # (n_triangle,)
+    corners: NDArray[np.int64] | None  # (n_triangle, 3) indices into the list of corners
+    polygons: NDArray[np.int32] | None  # (n_triangle,)
     crossing: NDArray[np.int64]  # (n,) the polygons that cross themselves
+
+    def of_corners(self, values: NDArray) -> NDArray:
+        """Return what the triangles have, (n_triangle, 3), of values of the corners, (n_corner,)."""
+        return values.reshape(-1, 3) if self.corners is None else values[self.corners]
+
+    def of_polygons(self, values: NDArray) -> NDArray:
+        """Return what the triangles have, (n_triangle, ...), of values of the polygons, (n_polygon, ...)."""
+        return values if self.polygons is None else values[self.polygons]
 
 
 class TooManyCorners(Exception):
@@ -77,8 +85,6 @@ def fan_corners(counts: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]
     polygons : (n_triangle,) int64
     """
     counts = np.asarray(counts, np.int64)
-    if (counts == 3).all():  # as in most large files
-        return np.arange(3 * len(counts)).reshape(-1, 3), np.arange(len(counts))
     n_triangle = np.maximum(counts - 2, 0)
     polygons = np.repeat(np.arange(len(counts)), n_triangle)
     step = np.arange(len(polygons)) - np.repeat(np.cumsum(n_triangle) - n_triangle, n_triangle)
@@ -100,9 +106,9 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     TooManyCorners : cutting the concave ones takes more than MAX_STEPS steps
     """
     counts = np.asarray(counts, np.int64)
+    if (counts == 3).all():  # as in most large files
+        return Cut(None, None, np.empty(0, np.int64))
     triangles, polygons = fan_corners(counts)
-    if (counts == 3).all():
-        return Cut(triangles, polygons.astype(np.int32), np.empty(0, np.int64))
     starts = np.cumsum(counts) - counts
     first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
     found = []
