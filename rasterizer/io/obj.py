@@ -347,8 +347,9 @@ class ObjLines:
         blocks = self._map_lines("f", lambda lines: self._corners_in(given, lines))
         *columns, missing = zip(*blocks, strict=True)
         self.missing = dict(zip(("texture coordinates", "normals"), map(sum, zip(*missing, strict=True)), strict=True))
-        self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[1])
-        return Corners(*(None if column[0] is None else np.concatenate(column) for column in columns))
+        self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[0])
+        joined = (None if column[0] is None else np.concatenate(column) for column in columns)
+        return Corners(self.lines_of("f"), *joined)
 
     def first_fault(self) -> tuple[int, str] | None:
         """Return the first line that can't be read, from 0, and why; None where all can be."""
@@ -383,7 +384,7 @@ class ObjLines:
         return _read_rows(keyword, lines, self._words_of(keyword, lines))
 
     def _corners_in(self, given, lines) -> tuple[NDArray, ...]:
-        """Return what `Corners` holds of some face lines; `given` are all lines of v, vt and vn."""
+        """Return what `Corners` holds of some face lines, but for these; `given` are all lines of v, vt and vn."""
         if self._is_long and len(lines):
             from .obj_numbers import read_corners
 
@@ -394,7 +395,7 @@ class ObjLines:
             if n_corner >= 0:
                 indices, missing, is_bad = _find_vertices(given, lines, counts, out[:, :n_corner])
                 if not is_bad.any():
-                    return lines, counts, *indices, missing
+                    return counts, *indices, missing
         return _read_corners(given, lines, self._words_of("f", lines))
 
     def _words_of(self, keyword, lines) -> Words:
@@ -447,7 +448,7 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
 
 
 def _read_corners(given, lines, words) -> tuple[NDArray, ...]:
-    """Return what `Corners` holds of some face lines; `given` are all lines of v, vt and vn."""
+    """Return what `Corners` holds of some face lines, but for these; `given` are all lines of v, vt and vn."""
     pieces, counts = divide(words, b"/"), np.diff(words.first)
     numbers, is_number = read_integers(pieces)
     places = pieces.first[:-1] + np.arange(len(given))[:, None]
@@ -467,7 +468,7 @@ def _read_corners(given, lines, words) -> tuple[NDArray, ...]:
         if word.startswith("/") or not is_number[k, corner]:
             reason = f"'{cut(word, 60)}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
         raise LineError(line, reason)
-    return lines, counts, *indices, missing
+    return counts, *indices, missing
 
 
 def _find_vertices(given, lines, counts, numbers) -> tuple[list[NDArray | None], list[int], NDArray[np.bool_]]:
