@@ -50,7 +50,7 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
             here = builder.load(position)
             address = builder.bitcast(builder.gep(data, [here]), _ENTRIES.as_pointer())
             new, e0, e1, e2 = (state.next(builder) for state in states)
-            old = builder.load(address, align=8)
+            old = freeze(builder, builder.load(address, align=8))
             is_inside = builder.icmp_signed(
                 ">=", builder.or_(e0, builder.or_(e1, e2)), ir.Constant(_EDGES, [0] * LANES)
             )
@@ -60,6 +60,11 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def build_settled(typing_context, entry):
+    """Build `scan.settled`."""
+    return entry(entry), lambda context, builder, signature, arguments: freeze(builder, arguments[0])
 
 
 class _Ramp:
@@ -380,6 +385,13 @@ def in_fours(builder, n):
     with cgutils.for_range(builder, count) as loop:
         first = builder.mul(loop.index, step)
         yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
+
+
+def freeze(builder, value):
+    """The same value, as LLVM's instruction `freeze` gives it: see `scan.settled`."""
+    instruction = ir.instructions.Instruction(builder.block, value.type, "freeze", [value])
+    builder._insert(instruction)
+    return instruction
 
 
 def splat(builder, llvm_type, value):
