@@ -13,6 +13,7 @@ Coordinates (a, b, c) are taken along the camera's axes right, up, forward; the 
 """
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES
 from ..errors import SceneError, shown
+from ..locks import cached_property
 from .validate import choice, is_whole, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
@@ -30,6 +32,7 @@ _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
 _ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
 _FIRST, _MAX_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
+_FEW = 8 * _CHUNK  # points that are copied once for all that is asked of them
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
 
 
@@ -184,8 +187,7 @@ def _center(cloud: "Cloud", touched: Array, depth: float) -> Array:
     while (slopes > before).any():
         (s, r), before = slopes, slopes
         found = cloud.farthest(np.array([(1, 0, -s), (-1, 0, -s), (0, 1, -r), (0, -1, -r)]))
-        # Asked for indices, too, np.unique doesn't import np.ma.
-        known = np.unique(np.concatenate([known, found]), axis=0, return_index=True)[0]
+        known = np.array(sorted({*map(tuple, known.tolist()), *map(tuple, found.tolist())}))
         slopes = np.maximum(_half_extents(known, depth)[0], before)
     return np.append(_half_extents(known, depth)[1], depth)
 
@@ -229,15 +231,25 @@ class Cloud:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
         directions_world = directions @ self._axes
         best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
-        for chunk in (s[i : i + _CHUNK] for s in self._sets for i in range(0, len(s), _CHUNK)):
-            local = np.array(chunk.T, np.float64, order="C")  # columns: numpy's loops over them are long
-            local -= self._origin[:, None]
+        for local in self._few or self._columns():
             scores = directions_world @ local
             where = scores.argmax(axis=1)
-            reached = np.take_along_axis(scores, where[:, None], axis=1)[:, 0]
+            reached = scores[np.arange(len(scores)), where]
             is_better = (reached > best) | np.isnan(reached)
             best[is_better], points[is_better] = reached[is_better], local.T[where[is_better]]
         return points @ self._axes.T
+
+    @cached_property
+    def _few(self) -> list[Array]:
+        """All of `_columns` of a subject with few points; none of others, whose copies would leave the caches."""
+        return list(self._columns()) if sum(map(len, self._sets)) <= _FEW else []
+
+    def _columns(self) -> Iterator[Array]:
+        """Yield the points relative to the origin, (3, n) each: numpy's loops over columns are long."""
+        for chunk in (s[i : i + _CHUNK] for s in self._sets for i in range(0, len(s), _CHUNK)):
+            local = np.array(chunk.T, np.float64, order="C")
+            local -= self._origin[:, None]
+            yield local
 
     def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
         """Return a point given along the camera's axes, or along other ones (3, 3), in world coordinates."""
