@@ -408,7 +408,7 @@ class ViewPlans:
         """
         shift = 0.0
         if shadow_shift is not None and self.plan.has_shadows and not self.plan.of_materials.is_double.all():
-            shift = shadow_shift()
+            shift = _up(shadow_shift())
         distances = self._measure(view, screen, shift)
         arrays = {name: getattr(distances, name).tobytes() for name in ("furthest", "clearances")}
         key = distances._replace(**arrays), screen.is_perspective

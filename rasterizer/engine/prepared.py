@@ -347,7 +347,7 @@ class PreparedScene:
             found |= {"color": error} if "color" in outputs else {}
             found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
             if view_plan.plan.has_shadows:
-                found["shadows"] = self._shadows.list_bounds(view_plan.plan, camera.view())
+                found["shadows"] = self._shadows.list_bounds(view_plan.plan)
         if self.buffer_names:
             view, bounds = camera.view(), self.tables.bounds
             has_means = not (self.options.is_flat or {"normal", "normal_camera"}.isdisjoint(outputs))

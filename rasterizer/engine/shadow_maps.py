@@ -59,8 +59,7 @@ class Shadows:
         self._geometry, self._bounds, self._plan = geometry, bounds, plan
         # By the index of the light, and by the type of the maps: where the light was (`place_of`), and its maps.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
-        # By the index of the light: where it was, and `widest_texel`, 0 where it reaches nothing.
-        self._texels: dict[int, tuple[tuple, float]] = {}
+        self._of_lights: list[ShadowMap | None] = []  # what `draw` returned last
 
     def draw(
         self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
@@ -87,29 +86,24 @@ class Shadows:
                 shadow_map.fit_view(view.eye, plan)
                 room -= len(shadow_map.block)
             maps.append(shadow_map)
+        self._of_lights = maps
         return maps
 
     def _is_asked(self, plan: Plan, k: int) -> bool:
         """Tell whether a light casts shadows, and some material reflects it."""
         return shadow_of(plan.lights[k]) is not None and bool(plan.is_lit[:, k].any())
 
-    def list_bounds(self, plan: Plan, view: View) -> tuple[ShadowBound, ...]:
-        """List what the maps of each type of light that casts shadows in a view can't tell, see `ShadowBound`."""
+    def list_bounds(self, plan: Plan) -> tuple[ShadowBound, ...]:
+        """List what the maps of each type of light can't tell, see `ShadowBound`, in the view that they were drawn for
+        last."""
         found: dict[str, ShadowBound] = {}
-        for k, light in enumerate(plan.lights):
-            if self._casters is None or not self._is_asked(plan, k):
+        for light, shadow_map in zip(plan.lights, self._of_lights, strict=True):
+            if shadow_map is None or shadow_map.texel == 0.0:
                 continue
-            name, place = type(light).__name__, place_of(light, view)
-            last_place, texel = self._texels.get(k, (None, 0.0))
-            if place != last_place:
-                beam = entry_of(light).beam(light, view)
-                is_reached = beam is not None and reaches(light, beam, self._casters.corners)
-                texel = widest_texel(beam, self._casters.corners, shadow_of(light)) if is_reached else 0.0
-                self._texels[k] = place, texel
+            name, texel = type(light).__name__, shadow_map.texel
             near = (shadow_of(light).filter + 1) / 2 * texel
             last = found.get(name, ShadowBound(name, 0.0, 0.0))
-            if texel > 0.0:
-                found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
+            found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
         return tuple(found.values())
 
     @cached_property
@@ -183,6 +177,7 @@ class ShadowMap(NamedTuple):
 
     block: NDArray[np.floating]  # the header, the texels, and TAPS that aren't written; float32 or float64
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
+    texel: float  # the longest side of one, see `MapViews.texels`
 
     def fit_view(self, eye: NDArray[np.float64], plan: Plan) -> None:
         """Write what depends on the view: the origin relative to the eye, as the positions of surface points are, and
@@ -247,7 +242,8 @@ def draw_shadow_map(
         row[lookup.SLACK] = _slack(projection, size, dtype)
         row[lookup.LAYER] = layer
         layer += 1
-    return ShadowMap(block, maps.origin)
+    texel = max((longer for _, longer in maps.texels(casters.corners)), default=0.0)
+    return ShadowMap(block, maps.origin, texel)
 
 
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
@@ -432,12 +428,6 @@ def corners_of(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
 def map_side(shadow: Any) -> int:
     """Return the texels along a side of a map: those of a Shadow, and on every side what its filter reaches beyond."""
     return shadow.size + 2 * (shadow.filter >> 1)
-
-
-def widest_texel(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> float:
-    """Return the largest side of a texel of a light's maps, scene units, on a surface that faces the light where the
-    scene is furthest from it; arguments as `choose_views` takes them."""
-    return max((longer for _, longer in choose_views(beam, corners, shadow).texels(corners)), default=0.0)
 
 
 # ---------------------------------------------------------------- what a light reaches, and what its maps leave out

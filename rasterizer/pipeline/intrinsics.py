@@ -50,7 +50,7 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
             here = builder.load(position)
             address = builder.bitcast(builder.gep(data, [here]), _ENTRIES.as_pointer())
             new, e0, e1, e2 = (state.next(builder) for state in states)
-            old = builder.load(address, align=8)
+            old = freeze(builder, builder.load(address, align=8))
             is_inside = builder.icmp_signed(
                 ">=", builder.or_(e0, builder.or_(e1, e2)), ir.Constant(_EDGES, [0] * LANES)
             )
@@ -60,6 +60,11 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def build_settled(typing_context, entry):
+    """Build `scan.settled`."""
+    return entry(entry), lambda context, builder, signature, arguments: freeze(builder, arguments[0])
 
 
 class _Ramp:
@@ -177,7 +182,10 @@ def build_count_before(typing_context, texels, corner, pitch, n_tap, plane):
         real = limit.type
         reals = ir.VectorType(real, TAPS)
         radius = builder.lshr(n_tap, long(1))
-        n_before = cgutils.alloca_once_value(builder, long(0))
+        counts = ir.VectorType(ir.IntType(8 * size), TAPS)  # of each column
+        n_before = cgutils.alloca_once_value(builder, ir.Constant(counts, [0] * TAPS))
+        ones, steep = ir.Constant(reals, [1.0] * TAPS), splat(builder, reals, slope_y)
+        top = splat(builder, reals, builder.sitofp(builder.neg(radius), real))
         with cgutils.for_range_slice(builder, long(0), n_tap, long(TAPS)) as (column, _):
             first = builder.sitofp(builder.sub(column, radius), real)
             right = builder.fadd(ir.Constant(reals, list(map(float, range(TAPS)))), splat(builder, reals, first))
@@ -185,14 +193,18 @@ def build_count_before(typing_context, texels, corner, pitch, n_tap, plane):
             along = builder.fadd(splat(builder, reals, limit), along)
             is_tap = builder.fcmp_ordered("<=", right, splat(builder, reals, builder.sitofp(radius, real)))
             along = builder.select(is_tap, along, ir.Constant(reals, [float("inf")] * TAPS))
+            row = cgutils.alloca_once_value(builder, top)
             with cgutils.for_range(builder, n_tap) as loop:
-                down = builder.fmul(builder.sitofp(builder.sub(loop.index, radius), real), slope_y)
+                down = builder.load(row)
+                builder.store(builder.fadd(down, ones), row)
                 here = builder.add(builder.add(corner, column), builder.mul(loop.index, pitch))
-                row = builder.load(builder.bitcast(builder.gep(data, [here]), reals.as_pointer()), align=size)
-                is_before = builder.fcmp_ordered(">", row, builder.fadd(along, splat(builder, reals, down)))
-                n_here = builder.zext(builder.ctpop(builder.bitcast(is_before, ir.IntType(TAPS))), long)
-                builder.store(builder.add(builder.load(n_before), n_here), n_before)
-        return builder.load(n_before)
+                texel = builder.load(builder.bitcast(builder.gep(data, [here]), reals.as_pointer()), align=size)
+                is_before = builder.fcmp_ordered(">", texel, builder.fadd(along, builder.fmul(down, steep)))
+                builder.store(builder.sub(builder.load(n_before), builder.sext(is_before, counts)), n_before)
+        total = builder.load(n_before)
+        for half in (TAPS // 2, TAPS // 4, TAPS // 8):
+            total = builder.add(total, shuffle(builder, total, total, [(k + half) % TAPS for k in range(TAPS)]))
+        return builder.sext(builder.extract_element(total, ir.Constant(ir.IntType(32), 0)), long)
 
     return signature, generate
 
@@ -380,6 +392,13 @@ def in_fours(builder, n):
     with cgutils.for_range(builder, count) as loop:
         first = builder.mul(loop.index, step)
         yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
+
+
+def freeze(builder, value):
+    """The same value, as LLVM's instruction `freeze` gives it: see `scan.settled`."""
+    instruction = ir.instructions.Instruction(builder.block, value.type, "freeze", [value])
+    builder._insert(instruction)
+    return instruction
 
 
 def splat(builder, llvm_type, value):

@@ -86,6 +86,7 @@ TAPS = 8  # texels of a row of a filter that are compared side by side; so many 
 # Quantities of the batch. FROM_LIGHT, the point as seen from the light, becomes: the number of the texel that it lies
 # in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube.
 TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
+N_BEFORE = TEXEL  # where there is a filter: how many of its texels lie before the limit
 SLOPE_X, SLOPE_Y = f.LIMIT_SLOPES, f.LIMIT_SLOPES + f.NEXT
 MAX_MOVED = SLOPE_X  # before: how far a point may have been moved along its normal
 CUBE_FACE = f.SHADOW_COUNT
@@ -328,7 +329,9 @@ def count_lit(batch, texels, first, sizes, start, end):
     for k in range(start, end):
         corner = np.int64(first) + np.int64(index_of(batch[TEXEL_IDX + k])) - to_corner
         plane = batch[LIMIT + k], batch[SLOPE_X + k], batch[SLOPE_Y + k]
-        share = (total - real(count_before(texels, index(corner), index(size), n_tap, plane))) / total
+        batch[N_BEFORE + k] = real(count_before(texels, index(corner), index(size), n_tap, plane))
+    for k in range(start, end):  # a loop of its own, as in `gather_texels`
+        share = (total - batch[N_BEFORE + k]) / total
         batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * share if share > zero else zero
 
 

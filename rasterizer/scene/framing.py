@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES
-from ..cores import MIN_PART, Workers, n_core
+from ..cores import Workers, n_core
 from ..errors import SceneError, shown
+from ..locks import cached_property
 from .validate import choice, is_whole, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
@@ -31,6 +32,7 @@ _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
 _ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
 _FIRST, _MAX_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
+_FEW = 8 * _CHUNK  # points that are copied once for all that is asked of them
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
 
 
@@ -185,8 +187,7 @@ def _center(cloud: "Cloud", touched: Array, depth: float) -> Array:
     while (slopes > before).any():
         (s, r), before = slopes, slopes
         found = cloud.farthest(np.array([(1, 0, -s), (-1, 0, -s), (0, 1, -r), (0, -1, -r)]))
-        # Asked for indices, too, np.unique doesn't import np.ma.
-        known = np.unique(np.concatenate([known, found]), axis=0, return_index=True)[0]
+        known = np.array(sorted({*map(tuple, known.tolist()), *map(tuple, found.tolist())}))
         slopes = np.maximum(_half_extents(known, depth)[0], before)
     return np.append(_half_extents(known, depth)[1], depth)
 
@@ -215,7 +216,6 @@ class Cloud:
 
     def __init__(self, subject: Any, axes: Array) -> None:
         self._sets, self._axes = _point_sets(subject), axes
-        self._workers = Workers(n_core() if sum(map(len, self._sets)) > MIN_PART else 1)
         self._origin = self._chosen_origin()
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
         if not np.isfinite(self.extremes).all():
@@ -230,26 +230,45 @@ class Cloud:
     def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
         directions_world = directions @ self._axes
-        chunks = [s[i : i + _CHUNK] for s in self._sets for i in range(0, len(s), _CHUNK)]
         best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
-        for reached, found in self._workers.map(lambda chunk: self._farthest_of(chunk, directions_world), chunks):
-            is_better = (reached > best) | np.isnan(reached)
-            best[is_better], points[is_better] = reached[is_better], found[is_better]
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore"):  # of points that aren't finite, which are refused
+            for reached, found in self._farthest_of_chunks(directions_world):
+                is_better = (reached > best) | np.isnan(reached)
+                best[is_better], points[is_better] = reached[is_better], found[is_better]
             return points @ self._axes.T
 
-    def _farthest_of(self, points: Array, directions: Array) -> tuple[Array, Array]:
-        """Return how far the furthest of some points are along directions in world space, (k,), and these, (k, 3)."""
-        local = np.array(points.T, np.float64, order="C")  # columns: numpy's loops over them are long
-        with np.errstate(invalid="ignore"):  # of points that aren't finite, which are refused
-            local -= self._origin[:, None]
-            scores = directions @ local
-        where = scores.argmax(axis=1)
-        return np.take_along_axis(scores, where[:, None], axis=1)[:, 0], local.T[where]
+    def _farthest_of_chunks(self, directions: Array) -> list[tuple[Array, Array]]:
+        """Return of each chunk how far its furthest points are along directions in world space, and these."""
+        if self._few:
+            return [_farthest_column(local, directions) for local in self._few]
+        with Workers(n_core()) as workers:
+            return workers.map(lambda chunk: _farthest_column(self._columns(chunk), directions), self._chunks())
+
+    @cached_property
+    def _few(self) -> list[Array]:
+        """The columns of a subject with few points; none of others, whose copies would leave the caches."""
+        is_few = sum(map(len, self._sets)) <= _FEW
+        return [self._columns(chunk) for chunk in self._chunks()] if is_few else []
+
+    def _chunks(self) -> list[NDArray[Any]]:
+        return [points[i : i + _CHUNK] for points in self._sets for i in range(0, len(points), _CHUNK)]
+
+    def _columns(self, points: NDArray[Any]) -> Array:
+        """Return points relative to the origin, (3, n): numpy's loops over columns are long."""
+        local = np.array(points.T, np.float64, order="C")
+        local -= self._origin[:, None]
+        return local
 
     def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
         """Return a point given along the camera's axes, or along other ones (3, 3), in world coordinates."""
         return self._origin + np.asarray(p_local) @ (self._axes if axes is None else axes)
+
+
+def _farthest_column(columns: Array, directions: Array) -> tuple[Array, Array]:
+    """Return how far the furthest of some points (3, n) are along directions (k, 3), (k,), and these, (k, 3)."""
+    scores = directions @ columns
+    where = scores.argmax(axis=1)
+    return scores[np.arange(len(scores)), where], columns.T[where]
 
 
 class SweptCloud(Cloud):

@@ -14,8 +14,9 @@ from helpers.pinhole import QUAD, octasphere, unit
 import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.prepared import PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
+from rasterizer.engine.shadow_maps import Casters, Precision, Shadows, draw_shadow_map, gather_casters
 from rasterizer.geometry.closed import gather_inner_sides
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
@@ -361,3 +362,19 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     assert moved is not moving, "a light that moves with the camera sees something else"
     dull = plan._replace(is_lit=np.zeros_like(plan.is_lit))
     assert draw(dull) == [None, None], "nothing reflects them"
+
+
+def test_neighbouring_views_share_a_plan_that_states_what_float32_moves_in_each():
+    """A plan for each view of a turn would take a good part of a small picture's time."""
+    light = rz.DirectionalLight((0.3, -1, -1), attached="camera", shadow=rz.Shadow(64))
+    scene, options = rz.Scene([FLOOR, BALL], light), rz.Options(shading="phong")
+    prepared = PreparedScene(SceneTables(scene, options), options)
+    precision = Precision(prepared.view_plans.plan, prepared.tables.bounds)
+    plans, shifts = {}, set()
+    for camera in rz.Camera.orbit(scene, [35 + 0.25 * k for k in range(24)]):
+        found, shift = prepared.plan_for(camera), precision.shift(camera.view())
+        (stated,) = (near for cause, near, _ in found.steps if "shadow in float32" in cause)
+        assert 0.0 < shift <= stated <= 1.05 * shift
+        plans[id(found.plan)] = found.plan
+        shifts.add(shift)
+    assert len(plans) <= 8 < 20 <= len(shifts)
