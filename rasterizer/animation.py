@@ -140,8 +140,8 @@ def turntable(
     viewpoint, others = Viewpoint(**side), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]
     with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
-        cameras = viewpoint.cameras_round(
-            angles, renderer.scene, renderer.options.size, lambda: renderer.subject, renderer.framing
+        cameras = viewpoint.over(renderer.framing).cameras_round(
+            angles, renderer.scene, renderer.options.size, lambda: renderer.subject
         )
         return Animation([renderer.render(camera) for camera in cameras], seconds)
 

@@ -16,7 +16,7 @@ from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io.files import identity_of, make_folder_of, write_all
-from ..io.loader import load
+from ..io.loader import SceneFile, read_source
 from ..options import Options
 from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
@@ -265,10 +265,10 @@ class Batch:
 
     def _share(self, source: Any, settings: Mapping[str, Any]) -> SharedObject:
         """Return a model that is an object as what is sent once; one that may change is copied, by loading it."""
-        is_frozen = isinstance(source, (Scene, Mesh, bytes))
+        is_frozen = isinstance(source, (Scene, SceneFile, Mesh, bytes))
         shared = self._objects.get(id(source)) if is_frozen else None
         if shared is None:
-            shared = SharedObject(source if is_frozen else load(source, **settings), str(self._n_object))
+            shared = SharedObject(source if is_frozen else read_source(source, **settings), str(self._n_object))
             self._n_object += 1
             if is_frozen:
                 self._objects[id(source)] = shared
@@ -317,7 +317,7 @@ class Batch:
             job.note = note._replace(error=plain_error(note.run.name, fault))
             return []
         run = note.run._replace(path=None, identity=None, load={})
-        again = Job(draw_run, run, self._share(model.scene, {}))
+        again = Job(draw_run, run, self._share(model.file, {}))
         again.note = note._replace(warnings=model.warnings, files_read=model.files_read)
         return [again]
 
@@ -345,7 +345,7 @@ class Batch:
                 make_folder_of(output)
             write_all(drawn.contents)
             if self._manifest is not None:
-                files = item.task.named_files(item.options)
+                files = item.task.named_files(drawn.options or item.options)
                 self._manifest.add(item.number, files, _said_of(item.task, files) | (drawn.said or {}))
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)

@@ -120,18 +120,20 @@ class _Manifest:
 
     def left_out(self, is_left_out) -> set:
         """Return the targets that are left out: all of a view, where the manifest has its line, or none."""
-        found = set()
+        from .outputs import needed_outputs
+
+        found, outputs = set(), needed_outputs(self._arguments)
         for number, view in enumerate(self._views):
-            if all(map(is_left_out, view)) and self._file.keep(number, _named_files(view, self._arguments)):
+            if all(map(is_left_out, view)) and self._file.keep(number, _named_files(view, outputs)):
                 found.update(view)
         return found
 
-    def note(self, view, said) -> None:
+    def note(self, view, said, outputs) -> None:
         """Add the line of a picture that was written."""
         from ..batch.manifest import depth_scale
 
         number = self._numbers[view[0].output]
-        view, files = self._views[number], _named_files(view, self._arguments)
+        view, files = self._views[number], _named_files(self._views[number], outputs)
         scale = depth_scale(files, self._arguments.scale)
         self._file.add(
             number, files, {"model": view[0].model, "seed": None, "view": view[0].view, "depth_scale": scale} | said
@@ -148,10 +150,10 @@ class _Manifest:
             write_bop(self._arguments.manifest, self._arguments.bop, unit=self._arguments.unit)
 
 
-def _named_files(view, arguments) -> dict[str, str]:
-    """Return the path of each array's file of a picture by its name, that of the picture itself as "rgb"."""
-    from .outputs import needed_outputs, suffix_of
+def _named_files(view, outputs) -> dict[str, str]:
+    """Return the path of each array's file of a picture by its name, that of the picture itself as "rgb"; `outputs` are
+    those of the frame."""
+    from .outputs import suffix_of
 
-    is_array = suffix_of(view[0].output) in ARRAY_SUFFIXES
-    plain = needed_outputs(arguments) if is_array else ("rgb",)
+    plain = outputs if suffix_of(view[0].output) in ARRAY_SUFFIXES else ("rgb",)
     return {name: target.output for target in view for name in target.arrays or plain}

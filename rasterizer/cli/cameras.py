@@ -32,8 +32,10 @@ def check_camera(arguments) -> None:
         if arguments.up is not None and arguments.camera not in (None, "frame"):
             raise SceneError("a picture has a camera, or a side that it is framed from; given --camera, --up")
         viewpoint = Viewpoint(**words)
-        if isinstance(arguments.camera, str) and viewpoint.camera != arguments.camera:
-            arguments.camera_file, arguments.camera = arguments.camera, viewpoint.camera
+        if isinstance(arguments.camera, str) and arguments.camera not in ("file", "frame"):
+            held = Viewpoint(camera=arguments.camera)
+            arguments.camera_file = arguments.camera
+            arguments.camera = held.camera if isinstance(held.camera, Camera) else held
         if arguments.camera != "file":
             box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (arguments.eye or (0.0, 0.0, 0.0))
             up = "y" if arguments.up in (None, "auto") else arguments.up
@@ -41,11 +43,12 @@ def check_camera(arguments) -> None:
 
 
 def camera_of(arguments, view, scene, framing=None, subject=None) -> Camera:
-    """Make the camera for a view of a scene, by its name or None; the others are those of `Viewpoint.camera_of`."""
-    return Viewpoint(**_words_of(arguments, view)).camera_of(scene, arguments.size, subject, framing)
+    """Make the camera for a view of a scene, by its name or None; `framing` is a scene file's, the others are those
+    of `Viewpoint.camera_of`."""
+    return Viewpoint(**_words_of(arguments, view)).over(framing).camera_of(scene, arguments.size, subject)
 
 
 def cameras_round(arguments, angles, scene, framing, subject, has_target) -> list[Camera]:
     """Make the cameras of a turntable; the parameters are those of `Viewpoint.cameras_round`."""
-    viewpoint = Viewpoint(**_words_of(arguments))
-    return viewpoint.cameras_round(angles, scene, arguments.size, subject, framing, has_target=has_target)
+    viewpoint = Viewpoint(**_words_of(arguments)).over(framing)
+    return viewpoint.cameras_round(angles, scene, arguments.size, subject, has_target=has_target)

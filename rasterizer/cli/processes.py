@@ -38,7 +38,7 @@ class ModelWork(NamedTuple):
 class ModelDone(NamedTuple):
     """What comes back."""
 
-    notes: dict[str | None, dict]  # what the manifest says of each view
+    notes: dict[str | None, tuple]  # of each view what the manifest says of it, and the outputs of its frame
     contents: list[tuple[bytes, str]]  # of files, and the names of these
     said: list[tuple[str, tuple]]  # methods of Messages, or of Results, and what they are called with
     failures: list[RasterizerError]
@@ -117,7 +117,8 @@ def draw_in_processes(arguments, messages, plan, draw, executor=None, note=None)
     """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
 
     `draw` is `render_model`, or another function of a module that is called as that. `note` is called with the targets
-    of each view that is written, and what the manifest says of it; None = there is no manifest.
+    of each view that is written, what the manifest says of it, and the outputs of its frame; None = there is no
+    manifest.
 
     Returns
     -------
@@ -213,7 +214,7 @@ class _Work:
                     written.append(name)
             for targets in by_view(job.argument.targets) if self._note else ():
                 if all(target.output in written for target in targets):
-                    self._note(targets, done.notes[targets[0].view])
+                    self._note(targets, *done.notes[targets[0].view])
             for name, what in done.said:
                 getattr(self._results if name == "tell" else self._messages, name)(*what)
             failures += done.failures

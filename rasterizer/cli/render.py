@@ -86,7 +86,7 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
                 warnings = picture_warnings(frame, scene, arguments, camera, model)
                 messages.warn(*warnings)
                 if annotator is not None:
-                    output.notes[target.view] = annotator.annotate(frame)
+                    output.notes[target.view] = annotator.annotate(frame), options.outputs
             content = encode_target(frame, target, options.outputs, arguments.scale)
             output.write(content, target.output)
             seconds, start = perf_counter() - start, perf_counter()

@@ -153,7 +153,7 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        return import_module("rasterizer.io.scene_file").read_scene(path).framed_scene()
+        return import_module("rasterizer.io.scene_file").read_scene(path).finished_scene()
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
