@@ -254,7 +254,7 @@ class Batch:
         model = path if self._existing == "skip-newer" else None
         if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
-                return RenderRecord(index, task.path, "skipped", source=path, paths=tuple(outputs))
+                return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs))
         identity = None if path is None else identity_of(path)
         for name, output in outputs.items():
             if identity is not None and identity == identity_of(output):
@@ -350,8 +350,8 @@ class Batch:
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
         warnings = (*note.warnings, *drawn.warnings)
-        source = source_of(item.task)
-        return RenderRecord(item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, source, warnings, paths)
+        model = source_of(item.task)
+        return RenderRecord(item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, model, warnings, paths)
 
 
 def _said_of(task: RenderTask, files: dict[str, str]) -> dict[str, Any]:
@@ -370,7 +370,7 @@ def _failed(index: int, task: RenderTask, error: Exception | None, seconds: floa
     """The record of a task that failed."""
     paths = task.output.values() if isinstance(task.output, Mapping) else [task.output]
     texts = tuple(dict.fromkeys(map(str, paths)))
-    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), paths=texts)
+    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), files=texts)
 
 
 def is_there(output: str, model: str | None) -> bool:

@@ -220,32 +220,33 @@ class RenderRecord:
     Attributes
     ----------
     index : which one it was, counted from 0
-    path : of its first output, text
+    output : path of its first file, text
     status : "drawn", "skipped" (its files were there) or "failed"
     seconds : that it took where it was drawn, its model's loading included if it was the first of that model
     error : Exception, where it failed; then none of its files was written
     stats : Stats of the picture, where it was drawn
-    source : path of its model, text; None where it was no file
+    model : path, text; None where it was no file
     warnings : what its model was warned of, texts
-    paths : of all its outputs, texts, in the order in which they were given
+    files : paths of all that it writes, texts, in the order in which they were given
     """
 
     index: int
-    path: str
+    output: str
     status: Literal["drawn", "skipped", "failed"]
     seconds: float = 0.0
     error: Exception | None = None
     stats: Stats | None = None
-    source: str | None = None
+    model: str | None = None
     warnings: tuple[str, ...] = ()
-    paths: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as a dict that can be written as JSON."""
-        found = {"index": self.index, "path": self.path, "source": self.source, "status": self.status}
+        """Return it as a dict that can be written as JSON; its names are those of the lines of `--json`."""
+        found: dict[str, Any] = {"index": self.index, "status": self.status, "model": self.model}
+        found |= {"output": self.output, "files": list(self.files)}
         found |= {"seconds": round(self.seconds, 4), "error": None if self.error is None else str(self.error)}
         coverage = None if self.stats is None else self.stats.coverage
-        return found | {"coverage": coverage, "warnings": list(self.warnings), "paths": list(self.paths)}
+        return found | {"coverage": coverage, "warnings": list(self.warnings)}
 
 
 @dataclass

@@ -141,7 +141,7 @@ def _record(target, frame, scene, seconds, warnings) -> dict:
     """What --json says of a picture."""
     return {
         "status": "drawn",
-        "path": target.model,
+        "model": target.model,
         "view": target.view,
         "output": target.output,
         "arrays": target.arrays,

@@ -172,13 +172,13 @@ _NEXT = r",(?=\s*\w+=)"  # a comma that no NAME= follows belongs to the value, a
 def material(text) -> dict:
     """KEY=VALUE,..., before it the name of a material of the classic table, or that alone: fields of a Material."""
     settings, parts = {}, re.split(_NEXT, text)
-    if "=" not in parts[0]:
+    if "=" not in parts[0] and parts[0].strip() not in MATERIAL_FIELDS:
         from ..scene.material import named_fields
 
         try:
             settings = named_fields(parts.pop(0).strip())
         except SceneError as fault:
-            raise argparse.ArgumentTypeError(f"a material takes {_list_names(MATERIAL_FIELDS)}; {fault}") from None
+            raise argparse.ArgumentTypeError(f"{fault}; or KEY=VALUE, see --help material") from None
     return settings | _read_settings(parts, MATERIAL_FIELDS, "a material")
 
 

@@ -28,6 +28,7 @@ from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
+from ..scene.lights import light_type_of
 from .attributes import make_map_coding
 from .bounds import NORMALS, ShadowBound
 from .depth_range import NEAREST, are_seen_from_outside, fit_screen
@@ -99,7 +100,7 @@ class Shadows:
         for k, light in enumerate(plan.lights):
             if self._casters is None or not self._is_asked(plan, k):
                 continue
-            name, place = type(light).__name__, place_of(light, view)
+            name, place = light_type_of(light), place_of(light, view)
             last_place, texel = self._texels.get(k, (None, 0.0))
             if place != last_place:
                 beam = entry_of(light).beam(light, view)

@@ -16,7 +16,7 @@ from ..keywords import checked_fields, checked_keywords
 from ..locks import cached_property
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
-from .lights import Light, checked_lights, studio
+from .lights import Light, checked_lights, light_type_of, studio
 from .material import Material
 from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh
 from .validate import choice, number, picture_size, store, value_class
@@ -128,7 +128,7 @@ class Scene:
         choice(self.up, tuple(AXES), "the scene's up")
 
     def __repr__(self) -> str:
-        lights = ", ".join(type(light).__name__ for light in self.lights) or "none"
+        lights = ", ".join(map(light_type_of, self.lights)) or "none"
         camera = "framed" if self.camera is None else "given"
         size = f"{counted(len(self.meshes), 'mesh')}, {counted(self.n_face, 'face')}"
         return f"Scene({size}, lights: {lights}, camera: {camera})"

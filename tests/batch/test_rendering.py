@@ -62,8 +62,8 @@ def test_each_file_holds_what_one_render_writes():
         camera = rz.Camera.framing(scene, *angles, up=scene.up, aspect=24 / 16)
         with rz.Renderer(scene, (24, 16), outputs="rgb", samples=4, threads=1) as renderer:
             renderer.render(camera).save("one.png")
-        assert record.path == task.output and record.source == task.source
-        assert open(record.path, "rb").read() == open("one.png", "rb").read()
+        assert record.output == task.output and record.model == task.source
+        assert open(record.output, "rb").read() == open("one.png", "rb").read()
         assert record.stats.coverage > 0 and record.seconds > 0 and record.error is None
 
 

@@ -61,7 +61,7 @@ def test_one_bad_model_does_not_stop_the_rest(folder, capsys):
     *lines, last = map(json.loads, out.splitlines())
     assert "bad.obj:1" in last.pop("first_error")
     assert last | {"seconds": 0} == {"status": "done", "drawn": 2, "skipped": 0, "failed": 2, "seconds": 0}
-    assert sorted(line["path"] for line in lines) == sorted([CUBE, "bad.obj", "nope.stl", GEAR])
+    assert sorted(line["model"] for line in lines) == sorted([CUBE, "bad.obj", "nope.stl", GEAR])
 
 
 def test_where_nothing_is_drawn_the_exit_code_says_why(folder, capsys):
