@@ -267,7 +267,11 @@ class RenderSummary:
     first_error: str | None = None
 
     def __str__(self) -> str:
-        parts = [f"{counted(self.drawn, 'picture')} drawn"]
+        return self.describe("picture")
+
+    def describe(self, noun: str) -> str:
+        """Say it in a line; `noun` is what is counted."""
+        parts = [f"{counted(self.drawn, noun)} drawn"]
         parts += [f"{self.skipped} skipped"] if self.skipped else []
         parts += [f"{self.failed} failed"] if self.failed else []
         rate = f" ({self.drawn / self.seconds:.3g} a second)" if self.drawn and self.seconds > 0 else ""

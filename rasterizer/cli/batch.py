@@ -56,7 +56,7 @@ def add_flags(parser) -> None:
 def run(arguments, messages) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..batch.rendering import is_there
-    from .outputs import by_view, plan_targets, without
+    from .outputs import by_view, holds_arrays, plan_targets, without
     from .processes import can_use_processes, draw_in_processes
     from .render import check_options, render_model
 
@@ -88,7 +88,7 @@ def run(arguments, messages) -> tuple[list, int]:
         if manifest is not None:
             manifest.close()
     summary.skipped, summary.seconds = n_left_out, perf_counter() - start
-    messages.notice(str(summary))
+    messages.notice(summary.describe("file" if holds_arrays(arguments) else "picture"))
     if arguments.json:
         messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)})
     return failures, n_model

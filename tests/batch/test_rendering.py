@@ -122,7 +122,7 @@ def test_one_that_fails_does_not_stop_the_others():
         (rz.RenderTask(CUBE, "h.png", load={"log": lambda text: None}), "can't be drawn by another"),
         (rz.RenderTask(object(), "i.png"), "a mesh must be"),
         (rz.RenderTask(CUBE, "j.png", (1, 2, 3)), "azimuth"),
-        (rz.RenderTask(CUBE, "k.png", array="uv"), "a PNG file holds"),
+        (rz.RenderTask(CUBE, "k.png", array="uv"), "a PNG file can't hold 'uv'"),
         (rz.RenderTask(CUBE, "k.jpg", array="depth"), "written as .npy"),
         (rz.RenderTask(CUBE, "k.npz", array=("depth", "z")), "array must be one of"),
         (rz.RenderTask(CUBE, {}), "output must be the path of a file, or a dict"),

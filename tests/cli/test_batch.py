@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import time
@@ -182,7 +183,7 @@ def test_outputs_that_several_arrays_can_not_have(capsys):
                 ("--array rgb -o a.png --array uv -o b.npy --array face", "given one after -o b.npy"),
                 ("--array rgb -o a.png --array depth -o a.png", "template such as '{stem}-{array}.png'"),
                 ("--array rgb -o a.png --array depth -o b.npy --scale 1", "--scale is that of depth"),
-                ("--array uv --array depth -o {array}.png", "a .png file holds"),
+                ("--array uv --array depth -o {array}.png", "uv.png: a PNG file can't hold 'uv'"),
                 ("-o {array}.png", "-o may hold"),
             )
         ], command)  # fmt: skip
@@ -220,5 +221,23 @@ def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
         before[folder / "set" / "m.jsonl"][:-9]
     )  # as if it were interrupted
     assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made, "--resume") == 1
-    assert "6 pictures drawn, 6 skipped, 6 failed" in errors(capsys)
+    assert "6 files drawn, 6 skipped, 6 failed" in errors(capsys)
     assert {path: path.read_bytes() for path in folder.glob("set/**/*.*")} == before
+
+
+def test_the_manifest_has_no_line_of_a_file_that_is_not_written(folder, capsys):
+    """One that is there already waits until all models are read; a later one reads it, so it stays."""
+    for name in ("globe.obj", "globe.mtl", "globe.png"):
+        shutil.copy(ROOT / "models" / name, folder / name.replace(".obj", "-of-earth.obj"))
+    (folder / "models").mkdir()
+    shutil.copy(CUBE, folder / "models" / "globe.obj")
+    shutil.copy(CUBE, folder / "models" / "late.obj")
+    shutil.copy(CUBE, folder / "late.png")
+    texture = (folder / "globe.png").read_bytes()
+    models = ["models/globe.obj", "models/late.obj", "globe-of-earth.obj"]
+    assert batch(*models, "-o", "{stem}.png", "--allow-outside", "--manifest", "m.jsonl") == 1
+    assert "can't write globe.png: it is globe.png, which is read" in errors(capsys)
+    lines = [json.loads(line) for line in (folder / "m.jsonl").read_text().splitlines()]
+    assert [line["files"]["rgb"] for line in lines] == ["late.png", "globe-of-earth.png"]
+    assert (folder / "globe.png").read_bytes() == texture
+    assert (folder / "late.png").read_bytes()[:4] == b"\x89PNG"

@@ -92,9 +92,9 @@ def test_framing_anything(points, azimuth, elevation, fov, aspect, margin, up, o
     assert w.min() > 0.0
     pixels = np.stack([scale * (r @ view.right) / w, scale * (r @ view.up) / w], axis=1) / size + 0.5
     low, high = pixels.min(axis=0), 1.0 - pixels.max(axis=0)
-    # With u the spacing of the largest coordinate, those of the eye are rounded by u/2 and of r, twice as large, by u; a
-    # dot product has five roundings, of numbers below 4 of it, by 2 u: (3/2 sqrt(3) + 10) u, on two sides, here and in
-    # `framing`, is less than 64 u.
+    # With u the spacing of the largest coordinate, those of the eye are rounded by u/2, and of r, twice as large, by u;
+    # a dot product has five roundings, of numbers below 4 of it, by 2 u: (3/2 sqrt(3) + 10) u, on two sides, here and
+    # in `framing`, is less than 64 u.
     spacing = np.spacing(np.abs([*points, view.eye]).max())
     rounding = 64 * spacing * scale / w.min() / min(size)
     assert np.abs(low - high).max() <= 1e-6 + rounding
