@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from inspect import signature
 from typing import Any, Literal, get_args
 
-from ..choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, VIEWS, SavedArray
+from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.formats import picture_format
@@ -21,7 +21,6 @@ from ..viewpoint import Viewpoint
 
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
-RANDOM = "random"  # a view, or lights, by the seed of a task
 _LOADING = tuple(name for name in signature(load).parameters if name not in ("source", "files_read"))
 
 

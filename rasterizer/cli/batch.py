@@ -2,7 +2,7 @@
 
 from time import perf_counter
 
-from ..choices import ARRAY_SUFFIXES
+from ..choices import ARRAY_SUFFIXES, RANDOM
 from ..errors import OutputError, SceneError
 from ..options import Options
 from . import values
@@ -16,6 +16,8 @@ examples:
   raster batch parts/*.stl --array rgb --array depth --array object
       -o 'data/{stem}-{view}.{array}.png' --view iso,top -b white
       --manifest data/manifest.jsonl --coco data/coco.json
+  raster batch parts/*.stl -o 'data/{stem}-{view}.png' --view random:20
+      --light random --seed 0 --manifest data/manifest.jsonl --skip-existing
   raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
 
 One picture that can't be drawn doesn't stop the others, whatever the reason. A file appears whole or not at all, so a
@@ -49,7 +51,7 @@ def add_flags(parser) -> None:
     add("--bop", metavar="FOLDER", help="a scene of a BOP dataset, made of the manifest")
     add("--unit", type=values.number, metavar="MM", default=1000.0,
         help="millimetres of a scene unit, for --bop (default 1000)")  # fmt: skip
-    add_camera(parser)
+    add_camera(parser, has_seed=True)
     add_look(parser)
 
 
@@ -135,9 +137,9 @@ class _Manifest:
         number = self._numbers[view[0].output]
         view, files = self._views[number], _named_files(self._views[number], outputs)
         scale = depth_scale(files, self._arguments.scale)
-        self._file.add(
-            number, files, {"model": view[0].model, "seed": None, "view": view[0].view, "depth_scale": scale} | said
-        )
+        name = view[0].view if values.seed_of(view[0].view) is None else RANDOM
+        of_task = {"model": view[0].model, "seed": view[0].seed, "view": name, "depth_scale": scale}
+        self._file.add(number, files, of_task | said)
 
     def finish(self) -> None:
         """Put the lines in order; make COCO's annotations and BOP's folders."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
+from ..choices import RANDOM
 from ..errors import ModelError, SceneError
 from ..io import formats
 from ..io.loader import read_source
@@ -88,6 +89,7 @@ class Settings(NamedTuple):
 
     look: Look
     shadow_fields: dict  # fields of Shadow to replace, of lights that cast one
+    has_random_lights: bool = False
 
 
 class Loaded(NamedTuple):
@@ -97,6 +99,7 @@ class Loaded(NamedTuple):
     warnings: list[str]  # that loading gave, which were said
     options: dict  # a scene file's, by the names of Options
     framing: Viewpoint | None  # a scene file's, as `camera_of` takes it
+    look: Look  # the arguments', over a scene file's
 
 
 def make_settings(arguments) -> Settings:
@@ -107,6 +110,7 @@ def make_settings(arguments) -> Settings:
     SceneError : an argument that is wrong for every model
     ModelError : a texture that can't be read
     """
+    has_random = RANDOM in arguments.lights and hasattr(arguments, "seed")
     shadow_fields = _shadow_fields(arguments)
     shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
     cue = None if arguments.depth_cue == UNSAID else "none" if arguments.depth_cue is None else arguments.depth_cue
@@ -116,13 +120,13 @@ def make_settings(arguments) -> Settings:
         linear_rgb(arguments.background, "--background")
     look = _make_look(
         arguments,
-        lights=tuple(make_light(text, shadow) for text in arguments.lights) or None,
+        lights=tuple(make_light(text, shadow) for text in arguments.lights if text != RANDOM or not has_random) or None,
         shadows=shadow if arguments.shadows else False,
         depth_cue=cue,
         up=None if arguments.up == "auto" else arguments.up,
         format=arguments.input_format,
     )
-    return Settings(look, {} if arguments.shadows else shadow_fields)
+    return Settings(look, {} if arguments.shadows else shadow_fields, has_random)
 
 
 def _make_look(arguments, **words) -> Look:
@@ -170,15 +174,16 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     with noted_warnings() as texts:
         with _reading_shown(messages):
             scene, options, framing, look = _read(model, arguments, settings, messages, files_read)
+        look = settings.look.over(look)
         changed = with_options(arguments, options, {"shading", "ground"} & {*vars(arguments)}, model)
         drawn = getattr(changed, "shading", None), getattr(changed, "ground", False)
         with _told_of(model):
-            scene = settings.look.over(look).change(scene, *drawn, settings.shadow_fields)
+            scene = look.change(scene, *drawn, settings.shadow_fields)
         if settings.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
             name = next(iter(settings.shadow_fields))
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
-    return Loaded(scene, texts, options, framing)
+    return Loaded(scene, texts, options, framing, look)
 
 
 @contextmanager

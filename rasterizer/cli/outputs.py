@@ -17,13 +17,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from ..choices import ARRAY_SUFFIXES, BUFFERS
+from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
 from ..errors import OutputError, SceneError
 from ..io import formats
 from ..io.files import identity_of, write_whole
 from .flags import EVERY
 from .messages import STDIO, write_stdout
 from .models import list_models
+from .values import seed_of
 
 _ENCODING = {"JPEG": {"quality": 92}}
 _MAX_LETTERS = 255  # to which a name is padded: file systems take no longer ones
@@ -42,6 +43,7 @@ class Target(NamedTuple):
     output: str | None  # path, - for stdout, or None where no file is asked for
     frame: int | None = None  # number of a picture among those of a round
     arrays: tuple[str, ...] | None = None  # that are asked for; None = a picture, or what the suffix says
+    seed: int | None = None  # of what is random about the view
 
 
 def plan_targets(arguments, check=None) -> list[list[Target]]:
@@ -75,7 +77,9 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
     frames = range(arguments.frames) if writes_frames(arguments) else [None]
     plan = [
         [
-            Target(model, view, _fill(template, model, view, frame, part, arguments), frame, part)
+            Target(
+                model, view, _fill(template, model, view, frame, part, arguments), frame, part, _seed(view, arguments)
+            )
             for view in views
             for frame in frames
             for template, (_, names) in zip(row, files, strict=True)
@@ -85,6 +89,12 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
     ]
     _check_targets([target for row in plan for target in row], models, arguments, check or check_output)
     return plan
+
+
+def _seed(view, arguments) -> int | None:
+    """Return the seed of a random view, or of the random lights of another one."""
+    seed = seed_of(view)
+    return arguments.seed if seed is None and RANDOM in arguments.lights and hasattr(arguments, "seed") else seed
 
 
 def asked_files(arguments) -> list[tuple[str | None, tuple[str, ...] | None]]:

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers.arrays import differences
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
 from helpers.processes import is_running, workers_of
 from helpers.raster import ROOT
@@ -241,3 +242,63 @@ def test_the_manifest_has_no_line_of_a_file_that_is_not_written(folder, capsys):
     assert [line["files"]["rgb"] for line in lines] == ["late.png", "globe-of-earth.png"]
     assert (folder / "globe.png").read_bytes() == texture
     assert (folder / "late.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
+    """The same bytes for any number of processes, and one view alone; an interrupted set goes on."""
+    arrays = ["--array", "rgb", "--array", "depth", "-o", "{stem}-{view}.{array}.png"]
+    words = ["--view", "iso,random:3", "--seed", "9998", "--light", "random", *arrays]
+    names = ("iso", "random-9998", "random-9999", "random-10000")
+    tasks = [
+        rz.RenderTask(
+            model, {name: f"lib/{stem}-{view}.{name}.png" for name in ("rgb", "depth")},
+            "random" if seed else "iso", options={"size": (24, 16)}, lights="random", seed=seed or 9998,
+        )
+        for model, stem in ((CUBE, "cube"), (GEAR, "gear"))
+        for view, seed in zip(names, (None, 9998, 9999, 10000), strict=True)
+    ]  # fmt: skip
+    list(rz.render_many(tasks, n_process=1, manifest="lib/m.jsonl"))
+    expected = {path.name: path.read_bytes() for path in (folder / "lib").iterdir()}
+    assert len(expected) == 17 and len({*expected.values()}) == 17
+
+    def draw(*argv):
+        assert raster(*argv, *SIZE, CUBE, GEAR, *words) == 0
+        return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+    pictures = {name: content for name, content in expected.items() if name != "m.jsonl"}
+    assert draw("render") == pictures
+    os.unlink("gear-iso.depth.png")
+    assert draw("batch", "-j", "1", "--skip-existing", "--manifest", "m.jsonl") == expected
+    os.unlink("cube-random-9999.rgb.png")
+    assert draw("batch", "-j", "2", "--skip-existing", "--manifest", "m.jsonl") == expected
+    capsys.readouterr()
+    assert (
+        raster("render", *SIZE, CUBE, "--view", "random", "--seed", "9999", "--zoom", "2", "-o", "x.png", "--json") == 0
+    )
+    line = json.loads(capsys.readouterr().out)
+    assert (line["view"], line["seed"]) == ("random", 9999)
+    scene = rz.load(CUBE)
+    camera = rz.Camera.random(scene, 9999, size=(24, 16))
+    assert not differences(picture("x.png"), rz.render(scene, (24, 16), camera=camera, zoom=2).rgba)
+    for flags, said in (
+        ("--view random:2", "what is random needs --seed N"), ("--light random", "what is random needs --seed N"),
+        ("--seed 3", "--seed is that of random views and lights"),
+        ("--view random:0 --seed 3", "random:N makes 1 to"), ("--view random:x --seed 3", "random:20"),
+        ("--view random:2 --seed -3", "a whole number of at least 0"),
+        ("--view random --seed 1 --azimuth 3", "given --view random, --azimuth"),
+        ("--view random --seed 1 --light random --light ambient:1", "takes the place of all lights"),
+        ("--view random:2 --seed 1 -o a.png", "-{view}.png'"),
+    ):  # fmt: skip
+        assert_refused(capsys, [([CUBE, *flags.split()], said)], "render")
+    for flags, words in (
+        ("--shadows --ground", {"shadows": True, "ground": True}),
+        ("--preset headlight --color teal", {"preset": "headlight", "color": "teal"}),
+    ):
+        options = {"size": (24, 16)} | words
+        task = rz.RenderTask(CONE, "lib.png", "random", options=options, lights="random", seed=4)
+        assert [record.error for record in rz.render_many([task], n_process=1)] == [None]
+        random = ["--view", "random", "--light", "random", "--seed", "4"]
+        assert raster("render", "-s", "24x16", CONE, *flags.split(), *random, "-o", "cli.png") == 0
+        assert (folder / "cli.png").read_bytes() == (folder / "lib.png").read_bytes(), flags
+    assert_refused(capsys, [([CUBE, "--view", "random"], "one or several of iso")], "sheet")
+    assert_refused(capsys, [([CUBE, "--light", "random"], "a light is one of")], "turntable")

@@ -124,7 +124,7 @@ def test_materials_that_are_not_legal(capsys):
 
 
 def lights_of(*argv):
-    look, fields = make_settings(parse(["render", CUBE, *argv]))
+    look, fields, _ = make_settings(parse(["render", CUBE, *argv]))
     return look.change(rz.load(CUBE), shadow_fields=fields).lights
 
 

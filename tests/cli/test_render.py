@@ -97,8 +97,8 @@ def test_json_has_a_line_for_each_picture_and_each_failure(capsys):
     bounds = first.pop("error_bounds")
     assert bounds["rgb"] == 1 and "shadows" not in bounds
     assert first == {
-        "status": "drawn", "model": CUBE, "view": None, "output": "cube.png", "arrays": None, "size": [24, 16],
-        "faces": 12, "warnings": [],
+        "status": "drawn", "model": CUBE, "view": None, "seed": None, "output": "cube.png", "arrays": None,
+        "size": [24, 16], "faces": 12, "warnings": [],
     }  # fmt: skip
 
 

@@ -92,6 +92,7 @@ REFUSED = {
     "quiet": ("quiet", "warnings"),
     "array": ("array", "did you mean outputs?"),
     "scale": ("scale", "save"),
+    "seed": ("seed", "RenderTask"),
     "processes": ("processes", "n_process"),
 }
 
