@@ -29,6 +29,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from difflib import get_close_matches
 from io import BytesIO
 from pathlib import Path
 
@@ -135,7 +136,8 @@ def read_camera_file(path: str | os.PathLike[str]) -> Camera | Viewpoint:
 
 def _read_tables(root, context) -> SceneFile:
     """Read the tables of a scene file."""
-    top = root.table(KEYS, ("meshes",))
+    elsewhere = dict.fromkeys(WORDS, "camera") | {field.name: "options" for field in fields(Options)}
+    top = root.table(KEYS, ("meshes",), elsewhere)
     if "materials" in top:
         for key, entry in top["materials"].names().items():
             context.materials[key] = read_material(entry, context, key)
@@ -175,7 +177,9 @@ def _read_word(key, entry, context):
         return entry.value
     if isinstance(entry.value, dict):
         return _material_fields(entry, context)
-    return context.materials.get(entry.text(), entry.value)
+    if not isinstance(entry.value, str):
+        raise entry.fault(f"must be a table, or the name of a material; given {shown(entry.value)}")
+    return context.materials.get(entry.value, entry.value)
 
 
 def _options(entry) -> dict:
@@ -315,13 +319,14 @@ class Entry:
         """Return the entries of a table whose keys are up to the writer."""
         return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_type(dict).items()}
 
-    def table(self, legal, needed=()) -> dict[str, "Entry"]:
+    def table(self, legal, needed=(), elsewhere=None) -> dict[str, "Entry"]:
         """Return the entries of a table.
 
         Parameters
         ----------
         legal : sequence of text, the keys that it may have
         needed : sequence of text, those that it must have
+        elsewhere : dict of keys that another table has, and its name
 
         Raises
         ------
@@ -329,8 +334,10 @@ class Entry:
         """
         for key in self._of_type(dict):
             if key not in legal:
-                place = Entry(None, self.file, self._below(key))
-                raise place.fault(f"unknown key; legal are {', '.join(legal)}")
+                place, near = Entry(None, self.file, self._below(key)), get_close_matches(key, legal, n=1)
+                where = (elsewhere or {}).get(key)
+                hint = f", which {where} has" if where else f": did you mean {near[0]}?" if near else ""
+                raise place.fault(f"unknown key{hint}; legal are {', '.join(legal)}")
         for key in needed:
             if key not in self.value:
                 raise self.fault(f"{key} is missing; needed are {', '.join(needed)}")
@@ -574,6 +581,8 @@ def _read_shadow(entry):
 
 def read_camera(entry) -> Camera | Viewpoint:
     """Read a camera, or words that say where the scene is seen from."""
+    if isinstance(entry.value, str):
+        raise entry.fault(f'must be a table, such as {{view = "iso"}}; given {shown(entry.value)}')
     if isinstance(entry.value, dict) and "position" not in entry.value:
         legal = [field.name for field in fields(Camera)]
         for key in entry.value:

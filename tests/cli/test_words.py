@@ -255,6 +255,17 @@ def test_a_scene_file_draws_one_picture_from_every_entry(capsys):
     capsys.readouterr()
 
 
+def test_a_turntable_has_the_size_of_a_scene_file_or_of_options(capsys):
+    scene_file({"size": SIZE, "material": "gold", "samples": 1}, "a.json")
+    assert rz.turntable("a.json", n_frame=2).frames[0].shape == (*SIZE[::-1], 4)
+    assert rz.turntable(TORUS, n_frame=1, options=rz.Options(size=20)).frames[0].shape == (20, 20, 4)
+    assert rz.turntable(TORUS, n_frame=1, samples=1).frames[0].shape == (240, 320, 4)
+    assert raster("turntable", "a.json", "--frames", "2", "-o", "x-{frame}.png") == 0
+    for number, frame in enumerate(rz.turntable("a.json", n_frame=2).frames):
+        assert not differences(picture(f"x-{number}.png"), frame)
+    capsys.readouterr()
+
+
 def test_the_outputs_of_a_scene_file_are_what_a_file_of_arrays_holds(folder, capsys):
     scene_file({"size": SIZE, "outputs": ["depth", "face"]}, "d.json")
     task = rz.RenderTask("d.json", "task.npz")
