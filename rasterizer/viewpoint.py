@@ -184,7 +184,8 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
     """Raise SceneError where the fields of `Viewpoint` can't be together, or are no words; `mark` is what stands before
     their names, -- on the command line."""
     camera, view = words["camera"], words["view"]
-    if not (camera is None or isinstance(camera, (Camera, Viewpoint, str, os.PathLike))):
+    is_empty = isinstance(camera, str) and not camera
+    if is_empty or not (camera is None or isinstance(camera, (Camera, Viewpoint, str, os.PathLike))):
         raise SceneError(f'{mark}camera must be a Camera, "file", "frame", a path or None; given {shown(camera)}')
     if isinstance(camera, str) and camera in VIEWS:
         raise SceneError(f"{camera!r} is a view, no camera: give it as {mark}view")

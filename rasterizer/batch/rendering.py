@@ -17,11 +17,13 @@ from weakref import finalize
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io.files import identity_of, make_folder_of, write_all
 from ..io.loader import SceneFile, read_source
+from ..keywords import checked_keywords
 from ..options import Options
 from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
+from ..viewpoint import Viewpoint
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
 from .manifest import Manifest, checked_path, depth_scale
 from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
@@ -32,6 +34,7 @@ _NEVER_ASKED = "nothing was drawn: render_many draws while its records are asked
 _MAX_OBJECTS = 8  # models given as objects that are recognised when they come again
 
 
+@checked_keywords
 def render_many(
     tasks: Iterable[RenderTask],
     executor: Any = None,
@@ -110,6 +113,7 @@ class Item(NamedTuple):
     def has_model_of(self, other: "Item") -> bool:
         """Tell whether one run can hold both."""
         is_loaded_alike = self.task.load is other.task.load or not (self.task.load or other.task.load)
+        is_loaded_alike = is_loaded_alike and self.task.is_of_file == other.task.is_of_file
         return is_loaded_alike and self.path == other.path and self.shared is other.shared
 
     def shows_what(self, other: "Item") -> bool:
@@ -239,6 +243,8 @@ class Batch:
     def _check(self, index: int, task: RenderTask) -> Item | RenderRecord:
         """Return a task as an item; its record where its files are there and shall stay."""
         options = task.check()
+        if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
+            task = replace(task, camera=Viewpoint(camera=task.camera))  # type: ignore[arg-type]  # its file is read here
         path, outputs = source_of(task), {name: os.path.abspath(name) for name in task.files(options)}
         for k, (name, output) in enumerate(outputs.items()):
             other = self._outputs.get(output)
@@ -261,7 +267,7 @@ class Batch:
                 raise OutputError(f"can't write {name}: it is the model, which is read")
         if path is not None and not self._pool.is_here:
             path = os.path.abspath(path)
-        return Item(index, task, options, path, None if path is not None else self._share(task.source, task.load))
+        return Item(index, task, options, path, None if path is not None else self._share(task.source, task.loading))
 
     def _share(self, source: Any, settings: Mapping[str, Any]) -> SharedObject:
         """Return a model that is an object as what is sent once; one that may change is copied, by loading it."""
@@ -293,7 +299,7 @@ class Batch:
         task, path = items[0].task, items[0].path
         identity = None if path is None or self._pool.is_here else identify(path)
         tasks = tuple((replace(item.task, source=None), item.options) for item in items)
-        run = Run(task.name, path, identity, dict(task.load), tasks, self._manifest is not None)
+        run = Run(task.name, path, identity, task.loading, tasks, self._manifest is not None)
         job = Job(draw_run, run, items[0].shared)
         job.note = Note(items, run)
         return job

@@ -12,7 +12,7 @@ from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.formats import picture_format
 from ..io.loader import load
-from ..keywords import divided, unknown_keyword
+from ..keywords import checked_fields, divided, unknown_keyword
 from ..look import READING, Look
 from ..options import Options
 from ..scene.camera import Camera
@@ -24,6 +24,7 @@ EXISTING: tuple[str, ...] = get_args(Existing)
 _LOADING = tuple(name for name in signature(load).parameters if name not in ("source", "files_read"))
 
 
+@checked_fields
 @dataclass(frozen=True)
 class RenderTask:
     """Say what one picture of a batch shows, and where it goes.
@@ -38,7 +39,7 @@ class RenderTask:
     view : one of the named views, such as "front"; a pair (azimuth, elevation) in degrees; "random", or a dict of other
         arguments of `Camera.random`, such as {"distance": (1, 2)}, for a view by `seed`; None = the camera below, or
         the scene's own
-    camera : Camera; None = by the view
+    camera : Camera, "file", "frame" or the path of one, as `render` takes it; None = by the view
     options : Options, or a dict of words of `render`, but `view` and `camera`, which stand here, and those that say
         how a file is read, which stand in `load`. A dict replaces some of the options that a scene file has, Options
         all. `threads` is 1 unless it is given. With a dict of paths the outputs are what the files hold, whatever is
@@ -57,7 +58,7 @@ class RenderTask:
     source: Any
     output: str | os.PathLike[str] | Mapping[str, str | os.PathLike[str]]
     view: str | tuple[float, float] | Mapping[str, Any] | None = None
-    camera: Camera | None = None
+    camera: Camera | str | os.PathLike[str] | None = None
     options: Options | Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
     array: SavedArray | Sequence[SavedArray] | None = None
@@ -113,8 +114,6 @@ class RenderTask:
             raise SceneError(f"load must be a dict of arguments of rz.load; given {shown(self.load)}")
         if unknown := [name for name in self.load if name not in _LOADING]:
             raise unknown_keyword("load", unknown[0], _LOADING)
-        if self.camera is not None and not isinstance(self.camera, Camera):
-            raise SceneError(f"camera must be a Camera or None; given {shown(self.camera)}")
         if self.camera is not None and is_random(self.view):
             raise SceneError("a picture has a camera, or a random view; given both")
         if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
@@ -194,6 +193,16 @@ class RenderTask:
         if values.get("threads") is None:
             values["threads"] = 1
         return values
+
+    @property
+    def loading(self) -> dict[str, Any]:
+        """The arguments of `load` that it gives."""
+        return dict(self.load) | ({"camera": "file"} if self.is_of_file else {})
+
+    @property
+    def is_of_file(self) -> bool:
+        """Whether it asks for the camera of its model's file."""
+        return isinstance(self.camera, str) and self.camera == "file"
 
     @property
     def look(self) -> dict[str, Any]:

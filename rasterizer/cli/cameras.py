@@ -36,8 +36,6 @@ def check_camera(arguments) -> None:
             if given:
                 raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
             continue
-        if arguments.up is not None and arguments.camera not in (None, "frame"):
-            raise SceneError("a picture has a camera, or a side that it is framed from; given --camera, --up")
         viewpoint = Viewpoint(**words)
         if isinstance(arguments.camera, str) and arguments.camera not in ("file", "frame"):
             held = Viewpoint(camera=arguments.camera)

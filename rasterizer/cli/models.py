@@ -216,7 +216,7 @@ def _read(model, arguments, settings, messages, files_read) -> tuple:
     read = read_source(source, camera="file", **look.reading, log=messages.detail, files_read=files_read)
     entry, scene = formats.find(input_format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
-        is_dropped = arguments.up is not None  # another side is meant
+        is_dropped = arguments.up is not None and arguments.camera != "file"  # another side is meant
     else:
         is_dropped = scene.camera is not None and arguments.camera != "file"
         if is_dropped:

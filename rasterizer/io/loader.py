@@ -175,6 +175,8 @@ def read_source(
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     if not isinstance(mesh_settings.drop_bad_faces, (bool, np.bool_)):
         raise SceneError(f"drop_bad_faces must be True or False; given {shown(mesh_settings.drop_bad_faces)}")
+    if not isinstance(allow_outside, (bool, np.bool_)):
+        raise SceneError(f"allow_outside must be True or False; given {shown(allow_outside)}")
     is_own_camera = isinstance(camera, str) and camera == "file"
     camera = None if is_own_camera else camera
     settings = {key: value for key, value in (settings | {"camera": camera}).items() if value is not None}

@@ -64,7 +64,7 @@ def checked_cue(cue: DepthCue | float | None) -> DepthCue | None:
     """
     if cue is None or isinstance(cue, DepthCue):
         return cue
-    if isinstance(cue, (int, float)) and not isinstance(cue, bool):
+    if isinstance(cue, (int, float, np.integer, np.floating)) and not isinstance(cue, bool):
         return DepthCue(cue)
     raise SceneError(f"the depth cue must be a DepthCue, a number (its scale), or None; given {shown(cue)}")
 

@@ -9,10 +9,12 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from contextlib import suppress
 from glob import glob
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.deadly import Deadly
+from helpers.model_bytes import rich_gltf
 from helpers.odd_format import odd_format
 from helpers.raster import ROOT
 from PIL import Image
@@ -360,3 +362,24 @@ def test_a_batch_may_be_drawn_beside_another_one_by_any_executor():
     assert [record.status for record in found] == ["drawn"] * 8
     for name in os.listdir("processes"):
         assert open(f"processes/{name}", "rb").read() == open(f"threads/{name}", "rb").read(), name
+
+
+def test_a_task_takes_the_cameras_that_render_takes(folder):
+    (folder / "a.gltf").write_bytes(rich_gltf())
+    (folder / "eye.json").write_text('{"position": [3, 2, 4], "fov": 50}')
+    (folder / "side.json").write_text('{"view": "left", "zoom": 2}')
+    cameras = ("file", None, "frame", "eye.json", Path("side.json"), "file", "nope.json", "", 3)
+    options = {"size": (24, 16), "samples": 1}
+    tasks = [rz.RenderTask("a.gltf", f"{k}.png", camera=each, options=options) for k, each in enumerate(cameras)]
+    with ThreadPoolExecutor(1) as executor:
+        records = sorted(rz.render_many(tasks, executor), key=lambda record: record.index)
+    errors = [None] * 6 + [rz.ModelError, rz.SceneError, rz.SceneError]
+    assert [record.error and type(record.error) for record in records] == errors
+    for record, camera in zip(records[:6], cameras, strict=False):
+        expected = rz.render("a.gltf", **options, camera=camera, outputs="rgb").save("x.png")
+        assert Path(record.output).read_bytes() == expected.read_bytes(), camera
+    assert Path("0.png").read_bytes() == Path("5.png").read_bytes() != Path("1.png").read_bytes()
+    with pytest.raises(rz.OptionError, match="RenderTask has no option 'size'"):
+        rz.RenderTask("a.gltf", "x.png", size=3)
+    with pytest.raises(rz.OptionError, match=r'render_many\(tasks, existing="skip"\)'):
+        rz.render_many(tasks, skip_existing=True)

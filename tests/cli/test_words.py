@@ -134,6 +134,8 @@ def test_words_of_what_a_file_brings(folder, capsys):
     lights = (SUN[0], rz.DirectionalLight((1, -0.5, 0), 0.5, shadow=False))
     camera = rz.Camera.perspective((3, 3, 3))
     rz.Scene(rz.load(TORUS).meshes, lights, camera, background="navy", depth_cue=2).save("a.json")
+    (folder / "eye.json").write_text('{"position": [3, 2, 4], "fov": 50}')
+    assert draw("--up z --camera file", {"up": "z", "camera": "file"}, "a.json") == draw("", {}, "a.json")
     assert rz.load("a.json").lights == lights
     pictures = [
         draw(flags, words, "a.json")
@@ -143,6 +145,7 @@ def test_words_of_what_a_file_brings(folder, capsys):
             ("--camera frame", {"camera": "frame"}),
             ("--zoom 2", {"zoom": 2}),
             ("--up z", {"up": "z"}),
+            ("--up z --camera eye.json --ground", {"up": "z", "camera": "eye.json", "ground": True}),
             ("--background transparent", {"background": "transparent"}),
             ("--depth-cue none", {"depth_cue": "none"}),
         )
@@ -338,6 +341,9 @@ def test_words_that_contradict_each_other_or_are_not_legal():
         ({"camera": rz.Camera.perspective((1, 2, 3)), "fov": 3}, "given camera, fov"),
         ({"camera": 3}, 'camera must be a Camera, "file", "frame", a path or None; given 3'),
         ({"camera": "none.json"}, "none.json: no such file"),
+        ({"camera": ""}, "a path or None; given ''"),
+        ({"allow_outside": "yes"}, "allow_outside must be True or False; given 'yes'"),
+        ({"depth_cue": np.float32(-2)}, "the depth cue's scale must be above 0; given"),
         ({"view": "up"}, r"view must be one of iso, front, .*, or \(azimuth, elevation\); given 'up'"),
         ({"view": (1, 2, 3)}, "view must be one of"),
         ({"zoom": 0}, "zoom must be above 0; given 0"),
