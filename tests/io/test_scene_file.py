@@ -348,6 +348,12 @@ FULL = {
     "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30, "near": 1, "far": 9},
     "background": 0.5, "up": "y", "options": {"size": [4, 3]},
 }  # fmt: skip
+WORDS = {
+    "meshes": [TRIANGLE], "preset": "studio", "shadows": {"size": 64, "filter": 3}, "color": "red", "subdivide": 1,
+    "material": {"diffuse": [1, 0, 0], "shininess": 3}, "reflection": "blinn", "crease_angle": 30, "weighting": "area",
+    "drop_bad_faces": True, "depth_cue": {"scale": 2},
+    "camera": {"eye": [1, 2, 3], "target": [0, 0, 0], "fov": 30, "ortho": True, "zoom": 2, "margin": 0.1},
+}  # fmt: skip
 
 
 def places(value, way=()):
@@ -357,10 +363,10 @@ def places(value, way=()):
 
 
 @settings(max_examples=50, deadline=None)
-@given(way=st.sampled_from([way for way in places(FULL) if way]), value=VALUES)
-def test_any_other_value_is_taken_or_refused_with_its_place(way, value):
-    table = json.loads(json.dumps(FULL))
-    table["materials"]["a"] = {"diffuse": 1}
+@given(place=st.sampled_from([(table, way) for table in (FULL, WORDS) for way in places(table) if way]), value=VALUES)
+def test_any_other_value_is_taken_or_refused_with_its_place(place, value):
+    table, way = json.loads(json.dumps(place[0])), place[1]
+    table["materials"] = {"a": {"diffuse": 1}}
     if way[:2] == ("materials", "a"):
         way = ("materials", "a", *way[2:])
     target = table
@@ -368,7 +374,7 @@ def test_any_other_value_is_taken_or_refused_with_its_place(way, value):
         target = target[key]
     target[way[-1]] = value
     try:
-        scene = read(table).scene
+        scene = read(table).finished_scene()
     except (rz.SceneError, rz.ModelError) as fault:
         assert str(fault).startswith("scene: ")
     else:
