@@ -14,6 +14,7 @@ from .errors import SceneError, counted, shown
 from .frame import Frame
 from .io.animation import Timing, encode_animation
 from .io.files import write_whole
+from .io.loader import read_source
 from .keywords import divided, takes_words
 from .look import Look
 from .options import Options
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _MAX_FRAMES = 10_000
 _MAX_LOOPS = 65535
+_SIZE = 320, 240
 
 
 class Animation:
@@ -104,7 +106,7 @@ class Animation:
 @takes_words(Viewpoint, Look, Options, but=("size", "outputs"))
 def turntable(
     scene: Any,
-    size: int | Sequence[int] = (320, 240),
+    size: int | Sequence[int] | None = None,
     n_frame: int = 36,
     *,
     seconds: float = 3.0,
@@ -116,7 +118,8 @@ def turntable(
     Parameters
     ----------
     scene : Scene, or whatever `load` takes
-    size : (width, height) in pixels, or one number for a square
+    size : (width, height) in pixels, or one number for a square; None = that of the options or a scene file, else
+        (320, 240)
     n_frame : pictures of one round, 1 to 10000
     seconds : how long it takes
     options, words : those of `render`, but `outputs`. What says where a picture is taken from says it of the first
@@ -139,9 +142,13 @@ def turntable(
     side, others = divided(words, Viewpoint)
     viewpoint, others = Viewpoint(**side), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]
-    with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
-        cameras = viewpoint.cameras_round(
-            angles, renderer.scene, renderer.options.size, lambda: renderer.subject, renderer.framing
+    look = Look(**divided(others, Look)[0])
+    read = read_source(scene, camera=viewpoint.of_file, **look.reading)
+    if size is None and options is None and "size" not in read.options:
+        size = _SIZE
+    with Renderer(read, size, options=options, camera=viewpoint.of_file, **others) as renderer:
+        cameras = viewpoint.over(renderer.framing).cameras_round(
+            angles, renderer.scene, renderer.options.size, lambda: renderer.subject
         )
         return Animation([renderer.render(camera) for camera in cameras], seconds)
 

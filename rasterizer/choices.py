@@ -74,6 +74,7 @@ AXES: dict[str, tuple[float, float, float]] = {
     "-y": (0.0, -1.0, 0.0),
     "-z": (0.0, 0.0, -1.0),
 }
+RANDOM = "random"  # a view, or lights, by a seed
 # Views by name: (azimuth, elevation) in degrees; front is seen from +z with y up, from -y with z up.
 VIEWS: dict[str, tuple[float, float]] = {
     "iso": (45.0, 35.264389682754654),  # atan(1/√2): the three axes look equally long

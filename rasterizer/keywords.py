@@ -161,6 +161,7 @@ _ELSEWHERE = {
     "quiet": "nothing is said but warnings",
     "recursive": "a call takes one model: Path(folder).rglob('*.stl') lists them",
     "scale": "the frame's save() and encode() have it",
+    "seed": "Camera.random(scene, seed) and random_lights(seed) have it, and RenderTask",
     "shadow": "a light has it, DirectionalLight(..., shadow=True); shadows=True of render() is of all",
     "shadow_filter": "shadows=Shadow(filter=...)",
     "shadow_size": "shadows=Shadow(size=...)",

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from .choices import Axis, Preset, Weighting
 from .errors import ModelError, SceneError, shown
-from .io.loader import FileLike, SceneFile, read_source
-from .io.model_file import MeshSettings
 from .keywords import checked_fields
 from .options import Options
 from .scene.color import linear_rgb
@@ -26,13 +24,15 @@ from .scene.lights import (
 )
 from .scene.material import Material, named_fields
 from .scene.mesh import Mesh, checked_crease_angle
-from .scene.scene import DepthCue, Scene, SceneLike, checked_cue
+from .scene.scene import DepthCue, Scene, checked_cue
 from .scene.validate import choice, whole
 
 if TYPE_CHECKING:
     from .scene.color import ColorLike
 
 MAX_SUBDIVISIONS = 15
+# The fields that say how a file or mesh is read; the others change its scene.
+READING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")
 
 
 class LookWords(TypedDict, total=False):
@@ -93,11 +93,24 @@ class Look:
         object.__setattr__(self, "subdivide", whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS))
         object.__setattr__(self, "material", self._material_fields())
 
-    def read(self, source: SceneLike | FileLike, camera: Any = None, **settings: Any) -> SceneFile:
-        """Read what `load` does, and what a scene file says of the picture; nothing of the scene is changed."""
-        mesh_settings = MeshSettings(self.crease_angle, self.weighting, self.drop_bad_faces)
-        more = {"format": self.format, "allow_outside": self.allow_outside, **settings}
-        return read_source(source, mesh_settings, {"up": self.up}, camera, **more)
+    @property
+    def reading(self) -> dict[str, Any]:
+        """The words that say how a file or mesh is read, as `load` takes them."""
+        return {name: getattr(self, name) for name in READING}
+
+    def over(self, other: Look | None) -> Look:
+        """Return the look that a scene file asks for, if it does, changed by what this one says: its lights replace all
+        others, of a material its fields those of the same names."""
+        if other is None:
+            return self
+        given = {}
+        for each in fields(Look):
+            value = getattr(self, each.name)
+            if value is not None and (each.default is None or value != each.default):
+                given[each.name] = value
+        lights = {"lights": self.lights, "preset": self.preset} if {"lights", "preset"} & {*given} else {}
+        material = {"material": other.material | self.material, "color": None, "reflection": None}
+        return replace(other, **given | lights | material)
 
     def change(
         self,

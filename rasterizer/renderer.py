@@ -20,7 +20,7 @@ from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
 from .io.files import name_of
-from .io.loader import FileLike, SceneFile
+from .io.loader import FileLike, SceneFile, read_source
 from .keywords import divided, takes_words
 from .locks import cached_property
 from .look import Look, LookWords
@@ -167,7 +167,7 @@ class Renderer:
             Options(**words)
         self.scene: Scene
         self.options: Options
-        self.scene, self.options, self._framing = load_look(scene, words, size, options, camera)
+        self.scene, self.options, self._framing, _ = load_look(scene, words, size, options, camera)
         self._prepare()
 
     def _prepare(self, like: PreparedScene | None = None) -> None:
@@ -196,8 +196,8 @@ class Renderer:
         return self._plan
 
     @property
-    def framing(self) -> dict[str, Any] | None:
-        """How a scene file asks for framing: arguments of `Camera.framing`; None where it doesn't."""
+    def framing(self) -> Viewpoint | None:
+        """How a scene file asks for framing; None where it doesn't."""
         return self._framing
 
     @property
@@ -285,7 +285,7 @@ class Renderer:
 
     def _camera_of(self, viewpoint: Viewpoint) -> Camera:
         """Return the camera that a picture is taken with."""
-        return viewpoint.camera_of(self.scene, self.options.size, lambda: self.subject, self._framing)
+        return viewpoint.over(self._framing).camera_of(self.scene, self.options.size, lambda: self.subject)
 
     def _list_kernels(self, camera: Camera | None = None) -> list[Job]:
         """List the kernels of a picture through a camera; None = of the first one, before anything is prepared."""
@@ -377,7 +377,7 @@ def load_look(
 
     Parameters
     ----------
-    source, camera : as `load` takes them
+    source, camera : as `load` takes them, or a SceneFile that has been read
     words : those of Look and of Options
     size, options : as `render` takes them; without `options`, those of a scene file are the ones that words replace
 
@@ -390,7 +390,7 @@ def load_look(
     words, chosen = divided(words, Look)
     chosen |= {} if size is None else {"size": size}
     made, look = replace(options, **chosen) if options else Options(**chosen), Look(**words)
-    scene, own, framing = look.read(source, camera)
+    scene, own, framing, look_of_file = read_source(source, camera=camera, **look.reading)
     if own and options is None:
         try:
             made = Options(**own | chosen)
@@ -398,4 +398,4 @@ def load_look(
             raise SceneError(f"{name_of(source)}: options: {fault}") from fault
     if camera is None and look.up is not None and scene.camera is not None:  # another side is meant
         scene = replace(scene, camera=None)
-    return SceneFile(look.change(scene, made.shading, made.ground), made, framing)
+    return SceneFile(look.over(look_of_file).change(scene, made.shading, made.ground), made, framing)

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
@@ -47,8 +48,8 @@ class ViewWords(SideWords, total=False):
 class Viewpoint:
     """Hold where a picture is taken from; `render` says what each field is.
 
-    A path of a camera is read at once, and replaced by the Camera that it holds, or by the arguments of
-    `Camera.framing`.
+    A path of a camera is read at once, and replaced by the Camera that it holds. Where the file, or a Viewpoint that is
+    given as the camera, has words instead, they become those of this one.
 
     Raises
     ------
@@ -69,20 +70,31 @@ class Viewpoint:
 
     def __post_init__(self) -> None:
         check_words(vars(self))
-        if isinstance(self.camera, (str, os.PathLike)) and self.camera not in ("file", "frame"):
-            from .io.scene_file import read_camera_file
-
-            camera, framing = read_camera_file(self.camera)
-            object.__setattr__(self, "camera", framing if camera is None else camera)
+        camera = self.camera
+        if isinstance(camera, (str, os.PathLike)) and camera not in ("file", "frame"):
+            camera = import_module("rasterizer.io.scene_file").read_camera_file(camera)
+            object.__setattr__(self, "camera", camera)
+        if isinstance(camera, Viewpoint):
+            found = vars(camera) | {"zoom": camera.zoom * self.zoom}
+            for name, value in found.items():
+                object.__setattr__(self, name, value)
 
     @property
     def of_file(self) -> Literal["file"] | None:
         """What `load` takes as its `camera`: "file" where the model's own is asked for."""
         return "file" if isinstance(self.camera, str) and self.camera == "file" else None
 
-    def camera_of(
-        self, scene: Scene, size: tuple[int, int], subject: Callable[[], Any] | None = None, framing: Any = None
-    ) -> Camera:
+    def over(self, other: Viewpoint | None) -> Viewpoint:
+        """Return the viewpoint that a scene file asks for, if it does, changed by what this one says."""
+        if other is None or not (self.camera is None or self.of_file):
+            return self
+        given = {name: getattr(self, name) for name in words_given(vars(self))}
+        dropped = ("view", "azimuth", "elevation") if "eye" in given else ()
+        if not given.keys().isdisjoint(("view", "azimuth", "elevation")):
+            dropped = ("azimuth", "elevation", "eye", "target") if "view" in given else ("eye", "target")
+        return replace(other, **dict.fromkeys(dropped) | given, zoom=other.zoom * self.zoom)
+
+    def camera_of(self, scene: Scene, size: tuple[int, int], subject: Callable[[], Any] | None = None) -> Camera:
         """Make the camera for a picture of a scene: the scene's own where there is one and no word asks for another.
 
         Parameters
@@ -91,8 +103,6 @@ class Viewpoint:
         size : (width, height) of the picture, pixels
         subject : function that returns what is framed, Scene or points (n, 3), called where something is; None = the
             scene
-        framing : dict of the arguments of `Camera.framing` that a scene file gives instead of a camera, or None; words
-            that are given come first
 
         Raises
         ------
@@ -101,37 +111,31 @@ class Viewpoint:
         own, given = scene.camera, words_given(vars(self))
         if isinstance(self.camera, Camera):
             return zoomed(self.camera, self.zoom)
-        if self.camera == "file" and own is None and framing is None:
+        if self.camera == "file" and own is None:
             raise SceneError('camera "file": the model brings no camera; leave it out to fill the picture')
-        if self.camera == "frame":
-            own = framing = None
-        elif isinstance(self.camera, Mapping):
-            own, framing = None, self.camera
-        if own is not None and framing is None and not given:
+        if own is not None and self.camera != "frame" and not given:
             return zoomed(own, self.zoom)
         if self.eye is not None:
-            return zoomed(self._standing(scene, framing or {}), self.zoom)
+            return zoomed(self._standing(scene), self.zoom)
         framed = scene if subject is None else subject()
-        if framing is None and not given and framed is scene:
+        if not given and framed is scene:
             return zoomed(scene.framed(size[0] / size[1]), self.zoom)  # which is kept
-        camera = Camera.framing(framed, **self.framing(scene.up, size, framing))
+        camera = Camera.framing(framed, **self.framing(scene.up, size))
         return zoomed(camera, self.zoom)
 
-    def framing(self, up: str, size: tuple[int, int], framing: Any = None) -> dict[str, Any]:
-        """Return the arguments of `Camera.framing`, but for the subject: of words, else of `framing`, else the
-        defaults."""
-        settings: dict[str, Any] = {"azimuth": AZIMUTH, "elevation": ELEVATION, "fov": FOV, **(framing or {})}
+    def framing(self, up: str, size: tuple[int, int]) -> dict[str, Any]:
+        """Return the arguments of `Camera.framing`, but for the subject: of words, else the defaults."""
+        settings: dict[str, Any] = {"azimuth": AZIMUTH, "elevation": ELEVATION, "fov": FOV}
         if self.view is not None:
             settings["azimuth"], settings["elevation"] = VIEWS[self.view] if isinstance(self.view, str) else self.view
         for name in ("azimuth", "elevation", "fov", "margin"):
             if getattr(self, name) is not None:
                 settings[name] = getattr(self, name)
-        settings["orthographic"] = bool(self.ortho) or settings.get("orthographic", False)
-        return settings | {"up": up, "aspect": size[0] / size[1]}
+        return settings | {"orthographic": bool(self.ortho), "up": up, "aspect": size[0] / size[1]}
 
-    def _standing(self, scene: Scene, framing: Mapping[str, Any]) -> Camera:
+    def _standing(self, scene: Scene) -> Camera:
         """Make the camera at `eye`; an orthographic one shows of the target's plane what it would with perspective."""
-        fov = framing.get("fov", FOV) if self.fov is None else self.fov
+        fov = FOV if self.fov is None else self.fov
         target = scene.bounds.mean(axis=0) if self.target is None else self.target
         camera = Camera.perspective(self.eye, target, scene.up, fov)
         if not self.ortho:
@@ -146,7 +150,6 @@ class Viewpoint:
         scene: Scene,
         size: tuple[int, int],
         subject: Callable[[], Any] | None = None,
-        framing: Any = None,
         *,
         has_target: bool = True,
     ) -> list[Camera]:
@@ -156,16 +159,15 @@ class Viewpoint:
         Parameters
         ----------
         angles : degrees
-        scene, size, subject, framing : as in `camera_of`
+        scene, size, subject : as in `camera_of`
         has_target : whether the scene's own camera looks at its target, or just into its direction
         """
-        is_own = self.camera == "file" and framing is None
+        is_own = self.of_file is not None
         if is_own or self.eye is not None or isinstance(self.camera, Camera):
-            camera = self.camera_of(scene, size, subject, framing)
+            camera = self.camera_of(scene, size, subject)
             pivot = pivot_of if has_target or not is_own else middle_on_axis
             return turned_cameras(camera, angles, AXES[scene.up], pivot(camera, scene.bounds))
-        framing = None if self.camera == "frame" else self.camera if isinstance(self.camera, Mapping) else framing
-        settings = self.framing(scene.up, size, framing)
+        settings = self.framing(scene.up, size)
         start = settings.pop("azimuth")
         cameras = Camera.orbit(scene if subject is None else subject(), [start + angle for angle in angles], **settings)
         return [zoomed(camera, self.zoom) for camera in cameras]
@@ -182,7 +184,8 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
     """Raise SceneError where the fields of `Viewpoint` can't be together, or are no words; `mark` is what stands before
     their names, -- on the command line."""
     camera, view = words["camera"], words["view"]
-    if not (camera is None or isinstance(camera, (Camera, str, os.PathLike, Mapping))):
+    is_empty = isinstance(camera, str) and not camera
+    if is_empty or not (camera is None or isinstance(camera, (Camera, Viewpoint, str, os.PathLike))):
         raise SceneError(f'{mark}camera must be a Camera, "file", "frame", a path or None; given {shown(camera)}')
     if isinstance(camera, str) and camera in VIEWS:
         raise SceneError(f"{camera!r} is a view, no camera: give it as {mark}view")

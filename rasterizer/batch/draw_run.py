@@ -6,13 +6,12 @@ A run is some tasks of one model. Nothing is written here: the bytes of the file
 import os
 import pickle
 import warnings
-from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..errors import RasterizerError, error_of
+from ..errors import RasterizerError, SceneError, error_of
 from ..frame import Frame, Stats
-from ..io.loader import load
+from ..io.loader import SceneFile, read_source
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
@@ -42,6 +41,7 @@ class Drawn(NamedTuple):
     stats: Stats | None
     warnings: tuple[str, ...]
     files_read: tuple[str, ...]  # that the model named
+    options: Options | None = None  # with those of a scene file
     said: dict[str, Any] | None = None  # for the manifest, see annotations.py
 
 
@@ -49,7 +49,7 @@ class Model(NamedTuple):
     """A model that is loaded."""
 
     key: tuple
-    scene: Scene
+    file: SceneFile
     warnings: tuple[str, ...]
     files_read: tuple[str, ...]
 
@@ -83,17 +83,26 @@ def identify(path: str) -> tuple[int, int] | None:
 
 def _draw(run: Run, task: RenderTask, options: Options, shared: Any, kept: dict[str, Any]) -> Drawn:
     """Draw one picture; whatever goes wrong becomes its error."""
-    start, model, said = perf_counter(), None, None
+    start, model, said, complete = perf_counter(), None, None, None
     try:
         model = load_model_of(run, shared, kept)
-        frame = _render(model, task, options, kept)
-        contents = encode(frame, task, options)
-        said = _annotate(model, options, frame, kept) if run.is_annotated else None
+        complete = _options_of(run, task, options, model.file)
+        frame = _render(model, task, complete, kept)
+        contents = encode(frame, task, complete)
+        said = _annotate(model, complete, frame, kept) if run.is_annotated else None
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
         contents, stats, error = {}, None, plain_error(run.name, fault)
     of_model = ((), ()) if model is None else (model.warnings, model.files_read)
-    return Drawn(contents, error, perf_counter() - start, stats, *of_model, said)
+    return Drawn(contents, error, perf_counter() - start, stats, *of_model, complete, said)
+
+
+def _options_of(run: Run, task: RenderTask, options: Options, file: SceneFile) -> Options:
+    """Return the options of a picture, with those of a scene file that the task doesn't give."""
+    try:
+        return task.options_over(file.options) if file.options else options
+    except SceneError as fault:  # of the file: those of the task are legal
+        raise SceneError(f"{run.name}: options: {fault}") from fault
 
 
 def plain_error(name: str, fault: Exception) -> RasterizerError:
@@ -115,12 +124,12 @@ def load_model_of(run: Run, shared: Any, kept: dict[str, Any]) -> Model:
         warnings.simplefilter("always", UserWarning)
         source = shared if run.path is None else run.path
         try:
-            loaded = load(source, **run.load, files_read=files_read)
+            file = read_source(source, **run.load, files_read=files_read)
         except RasterizerError as fault:  # of the model; what else goes wrong may go well the next time
             kept["fault"], kept["source"] = (key, fault.with_traceback(None)), shared
             raise
     texts = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, UserWarning))
-    kept["model"] = Model(key, loaded, tuple(texts), tuple(dict.fromkeys(files_read)))
+    kept["model"] = Model(key, file, tuple(texts), tuple(dict.fromkeys(files_read)))
     kept["source"] = shared  # another one may not get its id
     return kept["model"]
 
@@ -137,18 +146,20 @@ def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, An
     too, the frame is that of the one before."""
     look = options, pickle.dumps(task.look), pickle.dumps(task.lights), task.seed if is_random(task.lights) else None
     if kept.get("look") != look:
-        scene = model.scene if task.lights is None else replace(model.scene, lights=lights_of(model.scene, task))
+        file = model.file
+        lights = {} if task.lights is None else {"lights": lights_of(file.scene, task)}
         before, of_before = kept.pop("renderer", None), kept.pop("look", None)
         if before is not None:
             before.close()
-        if before is not None and of_before[:2] == look[:2] and not task.look:  # which may change lights
-            kept["renderer"] = before.in_lights(scene.lights)
+        is_changed = task.look or file.look is not None  # which may change lights
+        if before is not None and of_before[:2] == look[:2] and not is_changed:
+            kept["renderer"] = before.in_lights(lights.get("lights", file.scene.lights))
         else:
-            kept["renderer"] = Renderer(scene, options=options, **task.look)
+            kept["renderer"] = Renderer(file, options=options, **lights | task.look)
         kept["look"], kept["frame"] = look, (None, None)
     view = view_of(task)
     if kept["frame"][0] != view:
-        kept["frame"] = view, kept["renderer"].render(**side_of(model.scene, task, options.size))
+        kept["frame"] = view, kept["renderer"].render(**side_of(model.file.scene, task, options.size))
     return kept["frame"][1]
 
 
@@ -157,7 +168,7 @@ def _annotate(model: Model, options: Options, frame: Frame, kept: dict[str, Any]
     if kept.get("annotated") != options:
         if "annotator" in kept:
             kept.pop("annotator").close()
-        kept["annotator"], kept["annotated"] = Annotator(model.scene, options), options
+        kept["annotator"], kept["annotated"] = Annotator(model.file.scene, options), options
     if kept.get("said", (None,))[0] is not frame:
         kept["said"] = frame, kept["annotator"].annotate(frame)
     return kept["said"][1]

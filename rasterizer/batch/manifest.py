@@ -52,10 +52,11 @@ class Manifest:
         return {name: as_seen_from(self.path, path) for name, path in files.items()}
 
     def keep(self, index: int, files: dict[str, str]) -> bool:
-        """Take over the line of a picture that is left out; False where there is none of these files."""
-        names = self.relative(files)
-        line = self._known.get(next(iter(names.values())))
-        if line is None or line["files"] != names:
+        """Take over the line of a picture that is left out; False where there is none of these files. Which arrays they
+        hold is known to the line alone where a scene file says it."""
+        paths = list(self.relative(files).values())
+        line = self._known.get(paths[0])
+        if line is None or {*line["files"].values()} != {*paths}:
             return False
         self._add(line | {"index": index})
         return True

@@ -16,12 +16,14 @@ from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io.files import identity_of, make_folder_of, write_all
-from ..io.loader import load
+from ..io.loader import SceneFile, read_source
+from ..keywords import checked_keywords
 from ..options import Options
 from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
+from ..viewpoint import Viewpoint
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
 from .manifest import Manifest, checked_path, depth_scale
 from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
@@ -32,6 +34,7 @@ _NEVER_ASKED = "nothing was drawn: render_many draws while its records are asked
 _MAX_OBJECTS = 8  # models given as objects that are recognised when they come again
 
 
+@checked_keywords
 def render_many(
     tasks: Iterable[RenderTask],
     executor: Any = None,
@@ -110,6 +113,7 @@ class Item(NamedTuple):
     def has_model_of(self, other: "Item") -> bool:
         """Tell whether one run can hold both."""
         is_loaded_alike = self.task.load is other.task.load or not (self.task.load or other.task.load)
+        is_loaded_alike = is_loaded_alike and self.task.is_of_file == other.task.is_of_file
         return is_loaded_alike and self.path == other.path and self.shared is other.shared
 
     def shows_what(self, other: "Item") -> bool:
@@ -239,6 +243,8 @@ class Batch:
     def _check(self, index: int, task: RenderTask) -> Item | RenderRecord:
         """Return a task as an item; its record where its files are there and shall stay."""
         options = task.check()
+        if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
+            task = replace(task, camera=Viewpoint(camera=task.camera))  # type: ignore[arg-type]  # its file is read here
         path, outputs = source_of(task), {name: os.path.abspath(name) for name in task.files(options)}
         for k, (name, output) in enumerate(outputs.items()):
             other = self._outputs.get(output)
@@ -254,21 +260,21 @@ class Batch:
         model = path if self._existing == "skip-newer" else None
         if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
-                return RenderRecord(index, task.path, "skipped", source=path, paths=tuple(outputs))
+                return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs))
         identity = None if path is None else identity_of(path)
         for name, output in outputs.items():
             if identity is not None and identity == identity_of(output):
                 raise OutputError(f"can't write {name}: it is the model, which is read")
         if path is not None and not self._pool.is_here:
             path = os.path.abspath(path)
-        return Item(index, task, options, path, None if path is not None else self._share(task.source, task.load))
+        return Item(index, task, options, path, None if path is not None else self._share(task.source, task.loading))
 
     def _share(self, source: Any, settings: Mapping[str, Any]) -> SharedObject:
         """Return a model that is an object as what is sent once; one that may change is copied, by loading it."""
-        is_frozen = isinstance(source, (Scene, Mesh, bytes))
+        is_frozen = isinstance(source, (Scene, SceneFile, Mesh, bytes))
         shared = self._objects.get(id(source)) if is_frozen else None
         if shared is None:
-            shared = SharedObject(source if is_frozen else load(source, **settings), str(self._n_object))
+            shared = SharedObject(source if is_frozen else read_source(source, **settings), str(self._n_object))
             self._n_object += 1
             if is_frozen:
                 self._objects[id(source)] = shared
@@ -293,7 +299,7 @@ class Batch:
         task, path = items[0].task, items[0].path
         identity = None if path is None or self._pool.is_here else identify(path)
         tasks = tuple((replace(item.task, source=None), item.options) for item in items)
-        run = Run(task.name, path, identity, dict(task.load), tasks, self._manifest is not None)
+        run = Run(task.name, path, identity, task.loading, tasks, self._manifest is not None)
         job = Job(draw_run, run, items[0].shared)
         job.note = Note(items, run)
         return job
@@ -317,7 +323,7 @@ class Batch:
             job.note = note._replace(error=plain_error(note.run.name, fault))
             return []
         run = note.run._replace(path=None, identity=None, load={})
-        again = Job(draw_run, run, self._share(model.scene, {}))
+        again = Job(draw_run, run, self._share(model.file, {}))
         again.note = note._replace(warnings=model.warnings, files_read=model.files_read)
         return [again]
 
@@ -345,13 +351,13 @@ class Batch:
                 make_folder_of(output)
             write_all(drawn.contents)
             if self._manifest is not None:
-                files = item.task.named_files(item.options)
+                files = item.task.named_files(drawn.options or item.options)
                 self._manifest.add(item.number, files, _said_of(item.task, files) | (drawn.said or {}))
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
         warnings = (*note.warnings, *drawn.warnings)
-        source = source_of(item.task)
-        return RenderRecord(item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, source, warnings, paths)
+        model = source_of(item.task)
+        return RenderRecord(item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, model, warnings, paths)
 
 
 def _said_of(task: RenderTask, files: dict[str, str]) -> dict[str, Any]:
@@ -370,7 +376,7 @@ def _failed(index: int, task: RenderTask, error: Exception | None, seconds: floa
     """The record of a task that failed."""
     paths = task.output.values() if isinstance(task.output, Mapping) else [task.output]
     texts = tuple(dict.fromkeys(map(str, paths)))
-    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), paths=texts)
+    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), files=texts)
 
 
 def is_there(output: str, model: str | None) -> bool:

@@ -4,14 +4,16 @@ import os
 import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from typing import Any, Literal, get_args
 
-from ..choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, VIEWS, SavedArray
+from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.formats import picture_format
-from ..keywords import divided
-from ..look import Look
+from ..io.loader import load
+from ..keywords import checked_fields, divided, unknown_keyword
+from ..look import READING, Look
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.validate import whole
@@ -19,10 +21,10 @@ from ..viewpoint import Viewpoint
 
 Existing = Literal["replace", "skip", "skip-newer"]
 EXISTING: tuple[str, ...] = get_args(Existing)
-RANDOM = "random"  # a view, or lights, by the seed of a task
-_OF_LOADING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")  # what `load` takes
+_LOADING = tuple(name for name in signature(load).parameters if name not in ("source", "files_read"))
 
 
+@checked_fields
 @dataclass(frozen=True)
 class RenderTask:
     """Say what one picture of a batch shows, and where it goes.
@@ -37,11 +39,11 @@ class RenderTask:
     view : one of the named views, such as "front"; a pair (azimuth, elevation) in degrees; "random", or a dict of other
         arguments of `Camera.random`, such as {"distance": (1, 2)}, for a view by `seed`; None = the camera below, or
         the scene's own
-    camera : Camera; None = by the view
+    camera : Camera, "file", "frame" or the path of one, as `render` takes it; None = by the view
     options : Options, or a dict of words of `render`, but `view` and `camera`, which stand here, and those that say
-        how a file is read, which stand in `load`. `threads` is 1 unless it is given. With a dict of paths the
-        outputs are what the files hold, whatever is said here; with one path and where a dict doesn't name them, too:
-        of a picture "rgb"
+        how a file is read, which stand in `load`. A dict replaces some of the options that a scene file has, Options
+        all. `threads` is 1 unless it is given. With a dict of paths the outputs are what the files hold, whatever is
+        said here; with one path and where a dict doesn't name them, too: of a picture "rgb"
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
     array : which array a file at one path holds, or which ones, as in `Frame.save`; None = the picture; in a .npy file
         the first of the outputs, in .npz and .exr files all of them
@@ -56,7 +58,7 @@ class RenderTask:
     source: Any
     output: str | os.PathLike[str] | Mapping[str, str | os.PathLike[str]]
     view: str | tuple[float, float] | Mapping[str, Any] | None = None
-    camera: Camera | None = None
+    camera: Camera | str | os.PathLike[str] | None = None
     options: Options | Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
     array: SavedArray | Sequence[SavedArray] | None = None
@@ -100,7 +102,7 @@ class RenderTask:
         return found
 
     def check(self) -> Options:
-        """Return the options of the picture, complete.
+        """Return the options of the picture, complete but for those of a scene file.
 
         Raises
         ------
@@ -110,8 +112,8 @@ class RenderTask:
         self._check_output()
         if not isinstance(self.load, Mapping) or not all(isinstance(name, str) for name in self.load):
             raise SceneError(f"load must be a dict of arguments of rz.load; given {shown(self.load)}")
-        if self.camera is not None and not isinstance(self.camera, Camera):
-            raise SceneError(f"camera must be a Camera or None; given {shown(self.camera)}")
+        if unknown := [name for name in self.load if name not in _LOADING]:
+            raise unknown_keyword("load", unknown[0], _LOADING)
         if self.camera is not None and is_random(self.view):
             raise SceneError("a picture has a camera, or a random view; given both")
         if isinstance(self.view, str) and self.view not in (*VIEWS, RANDOM):
@@ -127,7 +129,7 @@ class RenderTask:
         from ..io.array_files import check_arrays
 
         Viewpoint(**self.side)
-        options = self._options()
+        options = self.options_over({})
         files = self.files(options)
         for path, names in files.items():
             suffix = os.path.splitext(path)[1].lower()
@@ -166,26 +168,41 @@ class RenderTask:
             return ()
         return tuple(self.array) if isinstance(self.array, (list, tuple)) else (self.array,)
 
-    def _options(self) -> Options:
-        """The options, complete."""
+    def options_over(self, own: Mapping[str, Any]) -> Options:
+        """Return the options of the picture, complete; `own` are those of a scene file, of which its words replace
+        some."""
+        return Options(**(dict(own) if isinstance(self.options, Mapping) else {}) | self._option_words())
+
+    def _option_words(self) -> dict[str, Any]:
+        """The options that it gives, by their names."""
         if isinstance(self.options, Options):
             values = dict(vars(self.options))
         elif isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options):
             values = divided(divided(self.options, Viewpoint)[1], Look)[1]
             fields = {"view", "camera"} if self.lights is None else {"view", "camera", "lights"}
-            if elsewhere := sorted((fields | {*_OF_LOADING}) & {*self.options}):
+            if elsewhere := sorted((fields | {*READING}) & {*self.options}):
                 raise SceneError(f"a task has {elsewhere[0]} as a field, or in `load`; given in its options")
         else:
             raise SceneError(f"options must be Options or a dict of some; given {shown(self.options)}")
         if isinstance(self.output, Mapping) or "outputs" not in values:
             names = self.output if isinstance(self.output, Mapping) else self._names
             is_array = os.path.splitext(self.path)[1].lower()[1:] in ARRAY_SUFFIXES
-            names = tuple(names) or (("color",) if is_array else ("rgb",))
-            needed = ({"rgba": "rgb", "alpha": "color"}.get(name, name) for name in names)
-            values["outputs"] = tuple(dict.fromkeys(needed))
+            names = tuple(names) or (() if is_array else ("rgb",))
+            needed = tuple(dict.fromkeys({"rgba": "rgb", "alpha": "color"}.get(name, name) for name in names))
+            values |= {"outputs": needed} if needed else {}
         if values.get("threads") is None:
             values["threads"] = 1
-        return Options(**values)
+        return values
+
+    @property
+    def loading(self) -> dict[str, Any]:
+        """The arguments of `load` that it gives."""
+        return dict(self.load) | ({"camera": "file"} if self.is_of_file else {})
+
+    @property
+    def is_of_file(self) -> bool:
+        """Whether it asks for the camera of its model's file."""
+        return isinstance(self.camera, str) and self.camera == "file"
 
     @property
     def look(self) -> dict[str, Any]:
@@ -211,32 +228,33 @@ class RenderRecord:
     Attributes
     ----------
     index : which one it was, counted from 0
-    path : of its first output, text
+    output : path of its first file, text
     status : "drawn", "skipped" (its files were there) or "failed"
     seconds : that it took where it was drawn, its model's loading included if it was the first of that model
     error : Exception, where it failed; then none of its files was written
     stats : Stats of the picture, where it was drawn
-    source : path of its model, text; None where it was no file
+    model : path, text; None where it was no file
     warnings : what its model was warned of, texts
-    paths : of all its outputs, texts, in the order in which they were given
+    files : paths of all that it writes, texts, in the order in which they were given
     """
 
     index: int
-    path: str
+    output: str
     status: Literal["drawn", "skipped", "failed"]
     seconds: float = 0.0
     error: Exception | None = None
     stats: Stats | None = None
-    source: str | None = None
+    model: str | None = None
     warnings: tuple[str, ...] = ()
-    paths: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as a dict that can be written as JSON."""
-        found = {"index": self.index, "path": self.path, "source": self.source, "status": self.status}
+        """Return it as a dict that can be written as JSON; its names are those of the lines of `--json`."""
+        found: dict[str, Any] = {"index": self.index, "status": self.status, "model": self.model}
+        found |= {"output": self.output, "files": list(self.files)}
         found |= {"seconds": round(self.seconds, 4), "error": None if self.error is None else str(self.error)}
         coverage = None if self.stats is None else self.stats.coverage
-        return found | {"coverage": coverage, "warnings": list(self.warnings), "paths": list(self.paths)}
+        return found | {"coverage": coverage, "warnings": list(self.warnings)}
 
 
 @dataclass
@@ -257,7 +275,11 @@ class RenderSummary:
     first_error: str | None = None
 
     def __str__(self) -> str:
-        parts = [f"{counted(self.drawn, 'picture')} drawn"]
+        return self.describe("picture")
+
+    def describe(self, noun: str) -> str:
+        """Say it in a line; `noun` is what is counted."""
+        parts = [f"{counted(self.drawn, noun)} drawn"]
         parts += [f"{self.skipped} skipped"] if self.skipped else []
         parts += [f"{self.failed} failed"] if self.failed else []
         rate = f" ({self.drawn / self.seconds:.3g} a second)" if self.drawn and self.seconds > 0 else ""

@@ -2,7 +2,7 @@
 
 from time import perf_counter
 
-from ..choices import ARRAY_SUFFIXES
+from ..choices import ARRAY_SUFFIXES, RANDOM
 from ..errors import OutputError, SceneError
 from ..options import Options
 from . import values
@@ -16,6 +16,8 @@ examples:
   raster batch parts/*.stl --array rgb --array depth --array object
       -o 'data/{stem}-{view}.{array}.png' --view iso,top -b white
       --manifest data/manifest.jsonl --coco data/coco.json
+  raster batch parts/*.stl -o 'data/{stem}-{view}.png' --view random:20
+      --light random --seed 0 --manifest data/manifest.jsonl --skip-existing
   raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
 
 One picture that can't be drawn doesn't stop the others, whatever the reason. A file appears whole or not at all, so a
@@ -49,14 +51,14 @@ def add_flags(parser) -> None:
     add("--bop", metavar="FOLDER", help="a scene of a BOP dataset, made of the manifest")
     add("--unit", type=values.number, metavar="MM", default=1000.0,
         help="millimetres of a scene unit, for --bop (default 1000)")  # fmt: skip
-    add_camera(parser)
+    add_camera(parser, has_seed=True)
     add_look(parser)
 
 
 def run(arguments, messages) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..batch.rendering import is_there
-    from .outputs import by_view, plan_targets, without
+    from .outputs import by_view, holds_arrays, plan_targets, without
     from .processes import can_use_processes, draw_in_processes
     from .render import check_options, render_model
 
@@ -88,7 +90,7 @@ def run(arguments, messages) -> tuple[list, int]:
         if manifest is not None:
             manifest.close()
     summary.skipped, summary.seconds = n_left_out, perf_counter() - start
-    messages.notice(str(summary))
+    messages.notice(summary.describe("file" if holds_arrays(arguments) else "picture"))
     if arguments.json:
         messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)})
     return failures, n_model
@@ -120,22 +122,24 @@ class _Manifest:
 
     def left_out(self, is_left_out) -> set:
         """Return the targets that are left out: all of a view, where the manifest has its line, or none."""
-        found = set()
+        from .outputs import needed_outputs
+
+        found, outputs = set(), needed_outputs(self._arguments)
         for number, view in enumerate(self._views):
-            if all(map(is_left_out, view)) and self._file.keep(number, _named_files(view, self._arguments)):
+            if all(map(is_left_out, view)) and self._file.keep(number, _named_files(view, outputs)):
                 found.update(view)
         return found
 
-    def note(self, view, said) -> None:
+    def note(self, view, said, outputs) -> None:
         """Add the line of a picture that was written."""
         from ..batch.manifest import depth_scale
 
         number = self._numbers[view[0].output]
-        view, files = self._views[number], _named_files(view, self._arguments)
+        view, files = self._views[number], _named_files(self._views[number], outputs)
         scale = depth_scale(files, self._arguments.scale)
-        self._file.add(
-            number, files, {"model": view[0].model, "seed": None, "view": view[0].view, "depth_scale": scale} | said
-        )
+        name = view[0].view if values.seed_of(view[0].view) is None else RANDOM
+        of_task = {"model": view[0].model, "seed": view[0].seed, "view": name, "depth_scale": scale}
+        self._file.add(number, files, of_task | said)
 
     def finish(self) -> None:
         """Put the lines in order; make COCO's annotations and BOP's folders."""
@@ -148,10 +152,10 @@ class _Manifest:
             write_bop(self._arguments.manifest, self._arguments.bop, unit=self._arguments.unit)
 
 
-def _named_files(view, arguments) -> dict[str, str]:
-    """Return the path of each array's file of a picture by its name, that of the picture itself as "rgb"."""
-    from .outputs import needed_outputs, suffix_of
+def _named_files(view, outputs) -> dict[str, str]:
+    """Return the path of each array's file of a picture by its name, that of the picture itself as "rgb"; `outputs` are
+    those of the frame."""
+    from .outputs import suffix_of
 
-    is_array = suffix_of(view[0].output) in ARRAY_SUFFIXES
-    plain = needed_outputs(arguments) if is_array else ("rgb",)
+    plain = outputs if suffix_of(view[0].output) in ARRAY_SUFFIXES else ("rgb",)
     return {name: target.output for target in view for name in target.arrays or plain}

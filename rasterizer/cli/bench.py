@@ -217,7 +217,7 @@ def _aligned(lines, n_left) -> list[str]:
 def _record(target, arguments, scene, seconds, machine, warnings, found) -> dict:
     """What --json says of a model."""
     return {
-        "path": target.model,
+        "model": target.model,
         "view": target.view,
         "plot": target.output,
         "size": list(arguments.size),

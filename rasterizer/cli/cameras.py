@@ -6,13 +6,15 @@ import numpy as np
 
 from ..errors import SceneError
 from ..scene.camera import Camera
-from ..viewpoint import Viewpoint, check_words, words_given
+from ..viewpoint import Viewpoint, check_words, words_given, zoomed
+from .values import seed_of
 
 _WORDS = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
 
 
 def _words_of(arguments, view=None) -> dict:
     """The words of `Viewpoint` that the flags are."""
+    view = view if seed_of(view) is None else None
     return {"view": view} | {name: getattr(arguments, name) for name in _WORDS}
 
 
@@ -29,11 +31,16 @@ def check_camera(arguments) -> None:
     for view in arguments.views or [None]:
         words = _words_of(arguments, view)
         check_words(words, "--")
-        if arguments.up is not None and arguments.camera not in (None, "frame"):
-            raise SceneError("a picture has a camera, or a side that it is framed from; given --camera, --up")
+        if seed_of(view) is not None:
+            given = ["camera"] * (arguments.camera not in (None, "frame")) + words_given(words)
+            if given:
+                raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
+            continue
         viewpoint = Viewpoint(**words)
-        if isinstance(arguments.camera, str) and viewpoint.camera != arguments.camera:
-            arguments.camera_file, arguments.camera = arguments.camera, viewpoint.camera
+        if isinstance(arguments.camera, str) and arguments.camera not in ("file", "frame"):
+            held = Viewpoint(camera=arguments.camera)
+            arguments.camera_file = arguments.camera
+            arguments.camera = held.camera if isinstance(held.camera, Camera) else held
         if arguments.camera != "file":
             box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (arguments.eye or (0.0, 0.0, 0.0))
             up = "y" if arguments.up in (None, "auto") else arguments.up
@@ -41,11 +48,14 @@ def check_camera(arguments) -> None:
 
 
 def camera_of(arguments, view, scene, framing=None, subject=None) -> Camera:
-    """Make the camera for a view of a scene, by its name or None; the others are those of `Viewpoint.camera_of`."""
-    return Viewpoint(**_words_of(arguments, view)).camera_of(scene, arguments.size, subject, framing)
+    """Make the camera for a view of a scene, by its name or None; `framing` is a scene file's, the others are those
+    of `Viewpoint.camera_of`."""
+    if (seed := seed_of(view)) is not None:
+        return zoomed(Camera.random(scene, seed, size=arguments.size), arguments.zoom)
+    return Viewpoint(**_words_of(arguments, view)).over(framing).camera_of(scene, arguments.size, subject)
 
 
 def cameras_round(arguments, angles, scene, framing, subject, has_target) -> list[Camera]:
     """Make the cameras of a turntable; the parameters are those of `Viewpoint.cameras_round`."""
-    viewpoint = Viewpoint(**_words_of(arguments))
-    return viewpoint.cameras_round(angles, scene, arguments.size, subject, framing, has_target=has_target)
+    viewpoint = Viewpoint(**_words_of(arguments)).over(framing)
+    return viewpoint.cameras_round(angles, scene, arguments.size, subject, has_target=has_target)

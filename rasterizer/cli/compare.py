@@ -129,7 +129,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         if arguments.json:
             record = {
                 "status": "drawn",
-                "path": model,
+                "model": model,
                 "view": target.view,
                 "output": target.output,
                 "size": list(arguments.size),

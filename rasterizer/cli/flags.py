@@ -137,21 +137,28 @@ def add_processes(group) -> None:
 
 
 def add_camera(parser, views=True, azimuth="about the up axis",
-               frame="frame = fill the picture although the model brings a camera") -> None:
+               frame="frame = fill the picture although the model brings a camera", has_seed=False) -> None:
     """Add where a picture is taken from.
 
     Parameters
     ----------
     views : whether there may be several, by their names
     azimuth, frame : text, what the degrees of --azimuth are, and what --camera frame does
+    has_seed : whether views and lights may be random
     """
     add = parser.add_topic(
         "camera", "Unless --eye is given, the model fills the picture. A camera that a scene file brings along is used "
         "where none of these but --zoom is given; one that a model brings is, with --camera file.").add_argument
     parser.set_defaults(views=[])
     if views:
-        add("--view", dest="views", action="extend", type=values.list_of(str, tuple(choices.VIEWS)), default=[],
-            metavar="LIST", help=f"where from: {', '.join(choices.VIEWS)}; several, with commas, make a picture each")
+        several = "; random:N = N random sides, which need --seed" if has_seed else ""
+        add("--view", dest="views", action="extend", default=[], metavar="LIST",
+            type=values.views if has_seed else values.list_of(str, tuple(choices.VIEWS)),
+            help=f"where from: {', '.join(choices.VIEWS)}; several, with commas, make a picture each{several}")
+    if has_seed:
+        add("--seed", type=values.seed, metavar="N",
+            help="of what is random: the views of each model have the seeds N, N+1, ..., which are in {view}, as in "
+            "random-0007; so have their lights, with --light random")
     add("--azimuth", type=values.number, metavar="A", help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})")
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
     add("--fov", type=values.number, metavar="A", help=f"vertical field of view, degrees (default {FOV:g})")
@@ -202,7 +209,8 @@ def add_look(parser, is_compared=False):
     add = parser.add_topic("light", _LIGHT).add_argument
     add("--preset", choices=choices.PRESETS,
         help="ready-made lights (default: the file's own, else studio, or none beside --light)")
-    add("--light", dest="lights", action="append", default=[], metavar="KIND:...", help="add a light")
+    add("--light", dest="lights", action="append", default=[], metavar="KIND:...",
+        help="add a light; in raster render and batch also random, for lights by --seed in place of the file's")
 
     group = parser.add_topic("shadow")
     add = group.add_argument

@@ -105,7 +105,7 @@ def _describe(model, arguments, messages) -> dict:
     textures = {id(texture): texture for each in materials for texture in each.textures}.values()
     low, high = scene.bounds
     return {
-        "path": model,
+        "model": model,
         "format": entry.name,
         "bytes": len(source) if isinstance(source, bytes) else os.path.getsize(model),
         "faces": scene.n_face,
@@ -221,7 +221,7 @@ def _text(facts) -> str:
     lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
     lines += [("camera", _camera(facts["camera"]))] if facts["camera"] else []
     lines += [("warning", text) for text in facts["warnings"]]
-    name = "stdin" if facts["path"] == STDIO else " ".join(facts["path"].split())
+    name = "stdin" if facts["model"] == STDIO else " ".join(facts["model"].split())
     return "\n".join([name, *(f"  {fact:<{_FIRST}}{' '.join(value.split())}" for fact, value in lines)]) + "\n"
 
 

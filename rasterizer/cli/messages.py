@@ -135,7 +135,7 @@ class Failures(list):
             if getattr(failure, "is_internal", False):
                 self._messages.traceback(error.__cause__ if failure is error and error.__cause__ else error)
             if self._is_json:
-                self._messages.record({"path": model, "error": str(failure)}, is_stdout_taken)
+                self._messages.record({"model": model, "error": str(failure)}, is_stdout_taken)
 
 
 class Results:

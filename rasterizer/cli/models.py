@@ -11,8 +11,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
+from ..choices import RANDOM
 from ..errors import ModelError, SceneError
 from ..io import formats
+from ..io.loader import read_source
 from ..io.model_file import noticing_progress
 from ..look import Look
 from ..options import Options
@@ -20,6 +22,7 @@ from ..scene.color import linear_rgb
 from ..scene.lights import Shadow
 from ..scene.material import REFLECTION_MODELS
 from ..scene.scene import DepthCue, Scene
+from ..viewpoint import Viewpoint
 from .flags import UNSAID
 from .messages import STDIO, Bar
 from .parser import did_you_mean
@@ -85,9 +88,8 @@ class Settings(NamedTuple):
     """What the arguments want of every model."""
 
     look: Look
-    shading: str
-    ground: bool
     shadow_fields: dict  # fields of Shadow to replace, of lights that cast one
+    has_random_lights: bool = False
 
 
 class Loaded(NamedTuple):
@@ -96,7 +98,8 @@ class Loaded(NamedTuple):
     scene: Scene
     warnings: list[str]  # that loading gave, which were said
     options: dict  # a scene file's, by the names of Options
-    framing: dict | None  # a scene file's, as `camera_of` takes it
+    framing: Viewpoint | None  # a scene file's, as `camera_of` takes it
+    look: Look  # the arguments', over a scene file's
 
 
 def make_settings(arguments) -> Settings:
@@ -107,6 +110,7 @@ def make_settings(arguments) -> Settings:
     SceneError : an argument that is wrong for every model
     ModelError : a texture that can't be read
     """
+    has_random = RANDOM in arguments.lights and hasattr(arguments, "seed")
     shadow_fields = _shadow_fields(arguments)
     shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
     cue = None if arguments.depth_cue == UNSAID else "none" if arguments.depth_cue is None else arguments.depth_cue
@@ -116,18 +120,13 @@ def make_settings(arguments) -> Settings:
         linear_rgb(arguments.background, "--background")
     look = _make_look(
         arguments,
-        lights=tuple(make_light(text, shadow) for text in arguments.lights) or None,
+        lights=tuple(make_light(text, shadow) for text in arguments.lights if text != RANDOM or not has_random) or None,
         shadows=shadow if arguments.shadows else False,
         depth_cue=cue,
         up=None if arguments.up == "auto" else arguments.up,
         format=arguments.input_format,
     )
-    return Settings(
-        look=look,
-        shading=getattr(arguments, "shading", None),
-        ground=getattr(arguments, "ground", False),
-        shadow_fields={} if arguments.shadows else shadow_fields,
-    )
+    return Settings(look, {} if arguments.shadows else shadow_fields, has_random)
 
 
 def _make_look(arguments, **words) -> Look:
@@ -174,14 +173,17 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     """
     with noted_warnings() as texts:
         with _reading_shown(messages):
-            scene, options, framing = _read(model, arguments, settings, messages, files_read)
+            scene, options, framing, look = _read(model, arguments, settings, messages, files_read)
+        look = settings.look.over(look)
+        changed = with_options(arguments, options, {"shading", "ground"} & {*vars(arguments)}, model)
+        drawn = getattr(changed, "shading", None), getattr(changed, "ground", False)
         with _told_of(model):
-            scene = settings.look.change(scene, *settings[1:])
+            scene = look.change(scene, *drawn, settings.shadow_fields)
         if settings.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
             name = next(iter(settings.shadow_fields))
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
-    return Loaded(scene, texts, options, framing)
+    return Loaded(scene, texts, options, framing, look)
 
 
 @contextmanager
@@ -208,13 +210,13 @@ def _reading_shown(messages):
 
 
 def _read(model, arguments, settings, messages, files_read) -> tuple:
-    """Read a model: its scene, options and framing."""
+    """Read a model as a SceneFile."""
     look, input_format = settings.look, arguments.input_format
     source = source_of(model, input_format)
-    read = look.read(source, "file", log=messages.detail, files_read=files_read)
+    read = read_source(source, camera="file", **look.reading, log=messages.detail, files_read=files_read)
     entry, scene = formats.find(input_format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
-        is_dropped = arguments.up is not None  # another side is meant
+        is_dropped = arguments.up is not None and arguments.camera != "file"  # another side is meant
     else:
         is_dropped = scene.camera is not None and arguments.camera != "file"
         if is_dropped:

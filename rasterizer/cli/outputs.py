@@ -17,13 +17,14 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from ..choices import ARRAY_SUFFIXES, BUFFERS
-from ..errors import OutputError, SceneError, cut
+from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
+from ..errors import OutputError, SceneError
 from ..io import formats
 from ..io.files import identity_of, write_whole
 from .flags import EVERY
 from .messages import STDIO, write_stdout
 from .models import list_models
+from .values import seed_of
 
 _ENCODING = {"JPEG": {"quality": 92}}
 _MAX_LETTERS = 255  # to which a name is padded: file systems take no longer ones
@@ -42,6 +43,7 @@ class Target(NamedTuple):
     output: str | None  # path, - for stdout, or None where no file is asked for
     frame: int | None = None  # number of a picture among those of a round
     arrays: tuple[str, ...] | None = None  # that are asked for; None = a picture, or what the suffix says
+    seed: int | None = None  # of what is random about the view
 
 
 def plan_targets(arguments, check=None) -> list[list[Target]]:
@@ -75,7 +77,9 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
     frames = range(arguments.frames) if writes_frames(arguments) else [None]
     plan = [
         [
-            Target(model, view, _fill(template, model, view, frame, part, arguments), frame, part)
+            Target(
+                model, view, _fill(template, model, view, frame, part, arguments), frame, part, _seed(view, arguments)
+            )
             for view in views
             for frame in frames
             for template, (_, names) in zip(row, files, strict=True)
@@ -85,6 +89,12 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
     ]
     _check_targets([target for row in plan for target in row], models, arguments, check or check_output)
     return plan
+
+
+def _seed(view, arguments) -> int | None:
+    """Return the seed of a random view, or of the random lights of another one."""
+    seed = seed_of(view)
+    return arguments.seed if seed is None and RANDOM in arguments.lights and hasattr(arguments, "seed") else seed
 
 
 def asked_files(arguments) -> list[tuple[str | None, tuple[str, ...] | None]]:
@@ -342,26 +352,14 @@ def check_output(output, array) -> None:
 
 def _check_arrays(suffix, output, names) -> None:
     """Refuse what a file of arrays can't hold."""
-    from ..io.array_files import IN_PNG, import_exr
+    from ..io.array_files import check_arrays
 
-    names, asked = expand_arrays(names) or ("color",), f"--array {' --array '.join(names or [])}"
-    if suffix not in ("npy", "npz", "exr", "png"):
-        raise SceneError(f"arrays are written as .npy, .npz, .exr or .png; given {output} for {asked}")
-    if suffix in ("npy", "png") and len(names) > 1:
-        hint = "; {array} in its name makes a file of each"
-        raise SceneError(
-            f"a .{suffix} file holds one array, .npz and .exr files several; given {output} for {cut(asked, 90)}{hint}"
-        )
-    if suffix == "png" and names[0] not in IN_PNG:
-        legal = ", ".join(name for name in IN_PNG if name in ("rgb", *BUFFERS))
-        raise SceneError(f"a .png file holds {legal}; given {output} for {asked}: write it as .npy, .npz or .exr")
-    if suffix == "exr":
-        if "rgb" in names:
-            raise SceneError(f"an .exr file holds linear colours: give --array color; given {output} for {asked}")
-        try:
-            import_exr()
-        except OutputError as error:
-            raise SceneError(f"{output}: {error}") from None
+    names = expand_arrays(names) or ("color",)
+    try:
+        check_arrays(names, suffix)
+    except (SceneError, OutputError) as fault:
+        hint = "; {array} in its name makes a file of each" if len(names) > 1 and suffix in ("npy", "png") else ""
+        raise SceneError(f"{output}: {fault}{hint}") from None
 
 
 def is_picture_of(suffix, arrays) -> bool:
@@ -431,6 +429,7 @@ class Outputs:
         models = [targets[0].model for targets in plan]
         self.files_read = {identity_of(model): model for model in models if model != STDIO}
         self._written, self._waiting, self._store = {}, [], None
+        self.unwritten = set()  # names of outputs that wait, or couldn't be written once they had
         self._later = []  # for each model the folders in which later ones may read
         below = []
         for model in reversed(models):
@@ -462,6 +461,7 @@ class Outputs:
                 from tempfile import SpooledTemporaryFile  # most runs have no need of it
 
                 self._store = SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  lives with the run
+            self.unwritten.add(output)
             self._waiting.append((output, self._store.seek(0, os.SEEK_END), len(content)))
             self._store.write(content)
         else:
@@ -501,6 +501,7 @@ class Outputs:
                 self._check(output)
                 self._store.seek(start)
                 self._write(self._store.read(length), output)
+                self.unwritten.discard(output)
             except OutputError as error:
                 failures.append(error)
                 if messages is not None:

@@ -38,7 +38,7 @@ class ModelWork(NamedTuple):
 class ModelDone(NamedTuple):
     """What comes back."""
 
-    notes: dict[str | None, dict]  # what the manifest says of each view
+    notes: dict[str | None, tuple]  # of each view what the manifest says of it, and the outputs of its frame
     contents: list[tuple[bytes, str]]  # of files, and the names of these
     said: list[tuple[str, tuple]]  # methods of Messages, or of Results, and what they are called with
     failures: list[RasterizerError]
@@ -117,7 +117,8 @@ def draw_in_processes(arguments, messages, plan, draw, executor=None, note=None)
     """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
 
     `draw` is `render_model`, or another function of a module that is called as that. `note` is called with the targets
-    of each view that is written, and what the manifest says of it; None = there is no manifest.
+    of each view that is written, what the manifest says of it, and the outputs of its frame; None = there is no
+    manifest.
 
     Returns
     -------
@@ -144,6 +145,7 @@ class _Work:
         self._arguments, self._settings, self._messages = copy(arguments), settings, messages
         self._pool, self._plan, (self._draw, self._note), self._results = pool, plan, draw, results
         self._arguments.threads = arguments.threads or 1
+        self._late = []  # what the manifest says of views that have files that wait
         self._failed = {}  # the first error of each model that failed, by its number
         self._summary = RenderSummary()
 
@@ -153,8 +155,11 @@ class _Work:
         # model than there are, so that all others come after it.
         with Outputs([self._plan[0], *self._plan], self._arguments) as outputs:
             for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
-                self._settle(job, outcome, outputs.of_model(0))
+                self._settle(job, outcome, outputs)
             late = outputs.finish(self._messages)
+            for targets, note in self._late:
+                if all(target.output not in outputs.unwritten for target in targets):
+                    self._note(targets, *note)
         self._summary.drawn -= len(late)
         self._summary.failed += len(late)
         failures = [self._failed[number] for number in sorted(self._failed)] + late
@@ -199,9 +204,9 @@ class _Work:
         self._note_failures(job, failures)
         return []
 
-    def _settle(self, job, outcome, output) -> None:
+    def _settle(self, job, outcome, outputs) -> None:
         """Write what was drawn, and say what there is to say."""
-        model = job.argument.targets[0].model
+        model, output = job.argument.targets[0].model, outputs.of_model(0)
         failures = Failures(self._messages, self._arguments.json)
         written: list[str] = []
         if isinstance(outcome, Done) and outcome.value is not None:
@@ -212,8 +217,11 @@ class _Work:
                     output.write(content, name)
                     written.append(name)
             for targets in by_view(job.argument.targets) if self._note else ():
-                if all(target.output in written for target in targets):
-                    self._note(targets, done.notes[targets[0].view])
+                names, note = {target.output for target in targets}, done.notes.get(targets[0].view)
+                if names.isdisjoint(outputs.unwritten) and names.issubset(written):
+                    self._note(targets, *note)
+                elif names.issubset(written):
+                    self._late.append((targets, note))
             for name, what in done.said:
                 getattr(self._results if name == "tell" else self._messages, name)(*what)
             failures += done.failures

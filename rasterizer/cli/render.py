@@ -5,12 +5,14 @@ argparse    names, checked    one model after the other
 """
 
 import math
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from time import perf_counter
 
+from ..choices import RANDOM
 from ..errors import counted
 from ..options import Options
 from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
+from .values import seed_of
 
 IMPORTS = ("drawing",)
 _EXAMPLES = """\
@@ -36,7 +38,7 @@ def add_flags(parser) -> None:
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
-    add_camera(parser)
+    add_camera(parser, has_seed=True)
     add_processes(add_look(parser))
 
 
@@ -81,12 +83,13 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
     with make_renderer(scene, options) as renderer, _annotating(arguments, scene, options) as annotator:
         for k, target in enumerate(targets):
             if k == 0 or target.view != targets[k - 1].view:
-                camera = camera_of(arguments, target.view, scene, loaded.framing, lambda: renderer.subject)
-                frame = renderer.render(camera)
+                with _in_lights(renderer, target, loaded, settings) as lit:
+                    camera = camera_of(arguments, target.view, scene, loaded.framing, lambda lit=lit: lit.subject)
+                    frame, scene = lit.render(camera), lit.scene
                 warnings = picture_warnings(frame, scene, arguments, camera, model)
                 messages.warn(*warnings)
                 if annotator is not None:
-                    output.notes[target.view] = annotator.annotate(frame)
+                    output.notes[target.view] = annotator.annotate(frame), options.outputs
             content = encode_target(frame, target, options.outputs, arguments.scale)
             output.write(content, target.output)
             seconds, start = perf_counter() - start, perf_counter()
@@ -98,6 +101,23 @@ def render_model(targets, arguments, settings, messages, output, loaded=None) ->
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
                 messages.record(record, target.output == STDIO)
+
+
+@contextmanager
+def _in_lights(renderer, target, loaded, settings):
+    """Yield what draws a view: another Renderer, where each view has random lights."""
+    from ..look import Look
+    from ..scene.lights import random_lights
+
+    if not settings.has_random_lights:
+        yield renderer
+        return
+    lights = random_lights(target.seed, up=loaded.scene.up)
+    look = Look(lights=lights, preset=settings.look.preset, shadows=loaded.look.shadows)
+    options = renderer.options
+    scene = look.change(loaded.scene, options.shading, options.ground, settings.shadow_fields)
+    with renderer.in_lights(scene.lights) as lit:
+        yield lit
 
 
 def _annotating(arguments, scene, options):
@@ -141,8 +161,9 @@ def _record(target, frame, scene, seconds, warnings) -> dict:
     """What --json says of a picture."""
     return {
         "status": "drawn",
-        "path": target.model,
-        "view": target.view,
+        "model": target.model,
+        "view": target.view if seed_of(target.view) is None else RANDOM,
+        "seed": target.seed,
         "output": target.output,
         "arrays": target.arrays,
         "size": list(frame.size),

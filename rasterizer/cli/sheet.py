@@ -125,7 +125,7 @@ def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dic
     warnings = list(dict.fromkeys(warnings))
     messages.warn(*warnings)
     record = {
-        "path": model,
+        "model": model,
         "views": [target.view for target in targets],
         "faces": loaded.scene.n_face,
         "coverage": [frame.stats.coverage for frame in frames],

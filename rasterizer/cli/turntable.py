@@ -197,7 +197,7 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
     if arguments.json:
         record = {
             "status": "drawn",
-            "path": model,
+            "model": model,
             "output": targets[0].output,
             "size": list(options.size),
             "frames": len(cameras),

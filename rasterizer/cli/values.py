@@ -7,7 +7,7 @@ before a light is made.
 import argparse
 import re
 
-from ..choices import DISTRIBUTIONS
+from ..choices import DISTRIBUTIONS, RANDOM, VIEWS
 from ..errors import SceneError
 from .parser import did_you_mean
 
@@ -118,6 +118,36 @@ def list_of(read, legal=()):
     return values
 
 
+_MAX_VIEWS = 1_000_000
+
+
+def views(text) -> tuple[str, ...]:
+    """Names of views between commas, and random:N for N random ones."""
+    named = list_of(str, (*VIEWS, "random:20"))
+    for word in text.split(","):
+        match = re.fullmatch(r"random(?::(\d{1,9}))?", word)
+        if not match:
+            named(word)
+        elif not 1 <= int(match[1] or 1) <= _MAX_VIEWS:
+            raise argparse.ArgumentTypeError(f"random:N makes 1 to {_MAX_VIEWS} views; given {word!r}")
+    return tuple(dict.fromkeys(text.split(",")))
+
+
+views.legal = (*VIEWS, "random:20")  # for the completion of shells
+
+
+def seed_of(view) -> int | None:
+    """Return the seed of a random view by its name; None of others."""
+    return int(view.rpartition("-")[2]) if view and view.startswith(f"{RANDOM}-") else None
+
+
+def seed(text) -> int:
+    """A whole number of at least 0."""
+    if not re.fullmatch(r"\d{1,18}", text):
+        raise argparse.ArgumentTypeError(f"a whole number of at least 0 is needed; given {text!r}")
+    return int(text)
+
+
 def word_of(legal):
     """The type of a word out of `legal`."""
 
@@ -172,13 +202,13 @@ _NEXT = r",(?=\s*\w+=)"  # a comma that no NAME= follows belongs to the value, a
 def material(text) -> dict:
     """KEY=VALUE,..., before it the name of a material of the classic table, or that alone: fields of a Material."""
     settings, parts = {}, re.split(_NEXT, text)
-    if "=" not in parts[0]:
+    if "=" not in parts[0] and parts[0].strip() not in MATERIAL_FIELDS:
         from ..scene.material import named_fields
 
         try:
             settings = named_fields(parts.pop(0).strip())
         except SceneError as fault:
-            raise argparse.ArgumentTypeError(f"a material takes {_list_names(MATERIAL_FIELDS)}; {fault}") from None
+            raise argparse.ArgumentTypeError(f"{fault}; or KEY=VALUE, see --help material") from None
     return settings | _read_settings(parts, MATERIAL_FIELDS, "a material")
 
 

@@ -303,7 +303,7 @@ class ShadowBound(NamedTuple):
 
     Parameters
     ----------
-    light : name of the type; the cells of an area light are point lights
+    light : type, such as "spot"; the cells of an area light are point lights
     texel : the largest side of a texel, scene units, on a surface that faces the light, where the scene is furthest
         from it; on one that is turned away from it, as much longer as it is seen shorter from there
     near : how near to an edge of a shadow the bound of the colours doesn't hold, scene units along each side of a

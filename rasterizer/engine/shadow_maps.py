@@ -28,6 +28,7 @@ from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
+from ..scene.lights import light_type_of
 from .attributes import make_map_coding
 from .bounds import NORMALS, ShadowBound
 from .depth_range import NEAREST, are_seen_from_outside, fit_screen
@@ -100,7 +101,7 @@ class Shadows:
         for light, shadow_map in zip(plan.lights, self._of_lights, strict=True):
             if shadow_map is None or shadow_map.texel == 0.0:
                 continue
-            name, texel = type(light).__name__, shadow_map.texel
+            name, texel = light_type_of(light), shadow_map.texel
             near = (shadow_of(light).filter + 1) / 2 * texel
             last = found.get(name, ShadowBound(name, 0.0, 0.0))
             found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS, install_command
-from ..errors import OutputError, SceneError, shown
+from ..errors import OutputError, SceneError, cut, shown
 from ..scene.validate import number
 from .png import encode_png
 
@@ -93,9 +93,9 @@ def check_arrays(names: Sequence[str], format: str, scale: float | None = None) 
         legal = "arrays are written as .npy, .npz, .exr or .png"
         raise SceneError(f"{legal}; given {'.' + format if format else 'no suffix'} for {given}")
     if format in ("npy", "png") and len(names) > 1:
-        raise SceneError(f"a .{format} file holds one array, .npz and .exr files several; given {given}")
+        raise SceneError(f"a .{format} file holds one array, .npz and .exr files several; given {cut(given, 90)}")
     if format == "png" and names[0] not in IN_PNG:
-        raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {names[0]!r}: write it as .npy, .npz or .exr")
+        raise SceneError(f"a PNG file can't hold {names[0]!r}: write it as .npy, .npz or .exr")
     if format == "png":
         check_scale(scale, names[0])
     elif scale is not None:

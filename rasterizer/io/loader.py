@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple, TypeAlias
+from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -35,6 +35,10 @@ from .files import Folder, name_of, opened_source
 from .limits import name_in
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, bytes_of_copy, materials_of
 
+if TYPE_CHECKING:
+    from ..look import Look
+    from ..viewpoint import Viewpoint
+
 FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
 
 
@@ -45,22 +49,24 @@ class SceneFile(NamedTuple):
     ----------
     scene : Scene; without a camera where the file asks for framing
     options : dict of options of a picture by name, not checked; once they are, Options
-    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
+    framing : Viewpoint, or None where the file has a camera or none at all
+    look : Look, what the file says of how its scene is changed, or None; `scene` isn't changed yet
     """
 
     scene: Scene
     options: Any = {}
-    framing: dict[str, Any] | None = None
+    framing: Viewpoint | None = None
+    look: Look | None = None
 
-    def framed_scene(self) -> Scene:
-        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
-        4:3."""
+    def finished_scene(self) -> Scene:
+        """Return the scene as the file says that it looks, with a camera where it asks for framing: for a picture of
+        the file's size, else of 4:3."""
+        scene = self.scene if self.look is None else self.look.change(self.scene)
         if self.framing is None:
-            return self.scene
+            return scene
         size = self.options.get("size", (4, 3))
-        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
-        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
-        return replace(self.scene, camera=camera)
+        size = picture_size(size if isinstance(size, tuple) else (size, size))
+        return replace(scene, camera=self.framing.camera_of(scene, size))
 
 
 @checked_keywords
@@ -124,41 +130,53 @@ def load(
     """
     return read_source(
         source,
-        MeshSettings(crease_angle, weighting, drop_bad_faces),
-        {"lights": lights, "background": background, "depth_cue": depth_cue, "up": up},
-        camera,
         format=format,
+        crease_angle=crease_angle,
+        up=up,
+        lights=lights,
+        camera=camera,
+        background=background,
+        depth_cue=depth_cue,
+        weighting=weighting,
+        drop_bad_faces=drop_bad_faces,
         log=log,
         allow_outside=allow_outside,
         files_read=files_read,
-    ).framed_scene()
+    ).finished_scene()
 
 
 def read_source(
-    source: SceneLike | FileLike,
-    mesh_settings: MeshSettings,
-    settings: dict[str, Any],
-    camera: Camera | Literal["file"] | None = None,
+    source: SceneLike | FileLike | SceneFile,
     *,
+    crease_angle: float | None = None,
+    weighting: str | None = None,
+    drop_bad_faces: bool = False,
+    camera: Camera | Literal["file"] | None = None,
     format: str | None = None,
     log: Callable[[str], object] | None = None,
     allow_outside: bool = False,
     files_read: list[str] | None = None,
+    **settings: Any,
 ) -> SceneFile:
-    """Read what `load` does, without framing it: that is done when a picture's size is known.
+    """Read what `load` does, without changing and framing it as a scene file says: that is done when all options of a
+    picture are known.
 
     Parameters
     ----------
-    mesh_settings : how meshes are made
-    settings : arguments of Scene, None = as the source says
-    source, camera, format, log, allow_outside, files_read : as `load` takes them
+    source : as `load` takes it; a SceneFile is returned as it is
+    settings : the other arguments of `load`, which are those of Scene
 
     Returns and raises what `load` does, but a SceneFile.
     """
+    if isinstance(source, SceneFile):
+        return source
+    mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)
     if log is not None and not callable(log):
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     if not isinstance(mesh_settings.drop_bad_faces, (bool, np.bool_)):
         raise SceneError(f"drop_bad_faces must be True or False; given {shown(mesh_settings.drop_bad_faces)}")
+    if not isinstance(allow_outside, (bool, np.bool_)):
+        raise SceneError(f"allow_outside must be True or False; given {shown(allow_outside)}")
     is_own_camera = isinstance(camera, str) and camera == "file"
     camera = None if is_own_camera else camera
     settings = {key: value for key, value in (settings | {"camera": camera}).items() if value is not None}
@@ -190,6 +208,8 @@ def read_source(
         )
         if settings:
             read = read._replace(scene=replace(read.scene, **settings))
+        if "lights" in settings and read.look is not None:
+            read = read._replace(look=replace(read.look, lights=None, preset=None))
         return read if camera is None else read._replace(framing=None)
 
 

@@ -7,9 +7,13 @@
                 {arrays = "x.npz", mesh = 0, ...}
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
-    camera      the fields of Camera, or {view, azimuth, elevation, fov, ortho, margin} to have the scene framed
+    camera      the fields of Camera, or the words of `Viewpoint`: {view, azimuth, elevation, fov, ortho, zoom, margin}
+                to have the scene framed, {eye, target, fov, ortho, zoom}
     background  colour      up  axis      options  those of a picture, as `Options` names them
     depth_cue   a number, or {scale, start, color}
+    preset shadows material color reflection crease_angle weighting subdivide drop_bad_faces
+                of all meshes and lights: the words of `Look`, with the meanings that `render` and the command line give
+                them. How a mesh says itself that it is read comes first
 
 Names of files are relative to the folder of the scene file; which are read is said in `files.py`. `scene_file_write`
 writes what is read here. Text may be MAX_JSON or MAX_TOML bytes long: the arrays of large meshes go into .npz files
@@ -25,14 +29,17 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from difflib import get_close_matches
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.lib import format as npy
 
-from ..choices import VIEWS
+from ..choices import WEIGHTINGS
 from ..errors import ModelError, SceneError, cut, one_file, shown
+from ..look import Look
+from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import LIGHT_TYPES, PRESETS, Shadow, describe_fields
@@ -42,6 +49,7 @@ from ..scene.scene import DepthCue, Scene, checked_cue
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import number, picture_size, unit3, vector3
+from ..viewpoint import Viewpoint
 from . import formats
 from .files import Folder, name_of, open_member, read_source
 from .limits import Allowance, most
@@ -53,12 +61,11 @@ MAX_JSON, MAX_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
 MAX_DOTS = (
     100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
 )
-KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
-# The fields of Options, which this side of the package doesn't import; a test holds that.
-OPTIONS = (
-    "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
-    "threads", "edges", "edge_color", "edge_width", "ground",
+# The words of Look that are more than what a Scene has.
+LOOK = (
+    "preset", "shadows", "material", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
 )  # fmt: skip
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options", *LOOK)
 
 
 def read_scene(
@@ -101,7 +108,7 @@ def read_scene(
         return _read_tables(root, context)
 
 
-def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict | None]:
+def read_camera_file(path: str | os.PathLike[str]) -> Camera | Viewpoint:
     """Read the camera of a scene file, or a file that holds a camera alone.
 
     Parameters
@@ -110,7 +117,7 @@ def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict 
 
     Returns
     -------
-    Camera, or None; and a dict of arguments of `Camera.framing`, or None: one of both is there
+    Camera, or Viewpoint where it has the words of one
 
     Raises
     ------
@@ -129,32 +136,57 @@ def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict 
 
 def _read_tables(root, context) -> SceneFile:
     """Read the tables of a scene file."""
-    top = root.table(KEYS, ("meshes",))
+    elsewhere = dict.fromkeys(WORDS, "camera") | {field.name: "options" for field in fields(Options)}
+    top = root.table(KEYS, ("meshes",), elsewhere)
     if "materials" in top:
         for key, entry in top["materials"].names().items():
             context.materials[key] = read_material(entry, context, key)
+    lights = {"lights": read_lights(top["lights"])} if "lights" in top else {}
+    words = {key: _read_word(key, top[key], context) for key in LOOK if key in top and top[key].value is not None}
+    for key, value in words.items():
+        top[key].call(Look, **{key: value})
+    look = Look(**words, **lights if "preset" in words else {}) if words else None
+    context.own_settings = MeshSettings(*(words.get(name) for name in MeshSettings._fields))
     meshes, up = read_meshes(top["meshes"], context)
-    settings = {"up": up}
-    if "lights" in top:
-        settings["lights"] = read_lights(top["lights"])
-    camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
-    if "background" in top and top["background"].value is not None:
+    settings = {"up": up} | ({} if "preset" in words else lights)
+    camera = read_camera(top["camera"]) if "camera" in top else None
+    framing = camera if isinstance(camera, Viewpoint) else None
+    if "background" in top and top["background"].value not in (None, "transparent"):
         settings["background"] = top["background"].call(linear_rgb, color_value(top["background"]), "the color")
-    if "depth_cue" in top and top["depth_cue"].value is not None:
+    if "depth_cue" in top and top["depth_cue"].value not in (None, "none"):
         settings["depth_cue"] = read_depth_cue(top["depth_cue"])
     if "up" in top:
         settings["up"] = top["up"].text()
-    scene = root.call(Scene, meshes, camera=camera, **settings)
+    scene = root.call(Scene, meshes, camera=None if framing else camera, **settings)
     if framing is not None:
-        top["camera"].call(Camera.framing, scene.meshes[0], up=scene.up, **framing)
-    return SceneFile(scene, _options(top.get("options")), framing)
+        top["camera"].call(framing.camera_of, scene, (4, 3), lambda: scene.meshes[0])
+    return SceneFile(scene, _options(top.get("options")), framing, look)
+
+
+def _read_word(key, entry, context):
+    """Return a word of Look as that takes it."""
+    if key == "shadows":
+        return _read_shadow(entry)
+    if key in COLORS:
+        return color_value(entry)
+    if key == "drop_bad_faces":
+        return entry.flag()
+    if key == "weighting":
+        return entry.choice(WEIGHTINGS)
+    if key != "material":
+        return entry.value
+    if isinstance(entry.value, dict):
+        return _material_fields(entry, context)
+    if not isinstance(entry.value, str):
+        raise entry.fault(f"must be a table, or the name of a material; given {shown(entry.value)}")
+    return context.materials.get(entry.value, entry.value)
 
 
 def _options(entry) -> dict:
     """The options of a picture; lists become tuples, the values are looked at where the picture is made."""
     if entry is None:
         return {}
-    items = entry.table(OPTIONS).items()
+    items = entry.table([field.name for field in fields(Options)]).items()
     for size in [item for key, item in items if key == "size" and item.value is not None]:
         size.call(picture_size, size.value if isinstance(size.value, list) else (size.value, size.value))
     values = {key: item.value for key, item in items if item.value is not None}
@@ -287,13 +319,14 @@ class Entry:
         """Return the entries of a table whose keys are up to the writer."""
         return {key: Entry(value, self.file, self._below(key)) for key, value in self._of_type(dict).items()}
 
-    def table(self, legal, needed=()) -> dict[str, "Entry"]:
+    def table(self, legal, needed=(), elsewhere=None) -> dict[str, "Entry"]:
         """Return the entries of a table.
 
         Parameters
         ----------
         legal : sequence of text, the keys that it may have
         needed : sequence of text, those that it must have
+        elsewhere : dict of keys that another table has, and its name
 
         Raises
         ------
@@ -301,8 +334,10 @@ class Entry:
         """
         for key in self._of_type(dict):
             if key not in legal:
-                place = Entry(None, self.file, self._below(key))
-                raise place.fault(f"unknown key; legal are {', '.join(legal)}")
+                place, near = Entry(None, self.file, self._below(key)), get_close_matches(key, legal, n=1)
+                where = (elsewhere or {}).get(key)
+                hint = f", which {where} has" if where else f": did you mean {near[0]}?" if near else ""
+                raise place.fault(f"unknown key{hint}; legal are {', '.join(legal)}")
         for key in needed:
             if key not in self.value:
                 raise self.fault(f"{key} is missing; needed are {', '.join(needed)}")
@@ -332,7 +367,8 @@ class Entry:
 
 COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "metal", "color")  # fields that are colours
 TEXTURES = ("texture", "metallic_roughness")
-FRAMING = ("view", "azimuth", "elevation", "fov", "ortho", "margin", "orthographic")  # the last as ortho
+# The words of Viewpoint but `camera`; the last as ortho.
+WORDS = (*(field.name for field in fields(Viewpoint) if field.name != "camera"), "orthographic")
 
 
 class Context:
@@ -348,6 +384,7 @@ class Context:
 
     def __init__(self, name: str, files: Folder, log, mesh_settings: MeshSettings):
         self.files, self.log, self.mesh_settings = files, log, mesh_settings
+        self.own_settings = _OWN_SETTINGS  # of the file, for meshes that say nothing themselves
         self.materials = {}  # by the name of the file's table
         self.models = {}  # what `load` made of files, by path and settings
         self.allowance = Allowance(0)
@@ -459,13 +496,18 @@ def read_material(entry, context, name="") -> Material:
         classic = cut(", ".join(NAMED_MATERIALS), 80)
         legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({classic})"
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
-    settings = {"name": name}
+    return entry.call(Material, **{"name": name} | _material_fields(entry, context))
+
+
+def _material_fields(entry, context) -> dict:
+    """Read the fields of a material that a table has, with its textures."""
+    settings = {}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
         if key in TEXTURES and field.value is not None:
             settings[key] = _read_texture(field, context, Texture if key == "texture" else Texture.of_numbers)
         else:
             settings[key] = color_value(field) if key in COLORS else field.value
-    return entry.call(Material, **settings)
+    return settings
 
 
 def _read_texture(entry, context, make) -> Texture:
@@ -537,23 +579,24 @@ def _read_shadow(entry):
     return entry.call(Shadow, **{key: field.value for key, field in table.items()})
 
 
-def read_camera(entry) -> tuple[Camera | None, dict | None]:
-    """Read a camera, or how to frame the scene: one of both, the other is None."""
+def read_camera(entry) -> Camera | Viewpoint:
+    """Read a camera, or words that say where the scene is seen from."""
+    if isinstance(entry.value, str):
+        raise entry.fault(f'must be a table, such as {{view = "iso"}}; given {shown(entry.value)}')
     if isinstance(entry.value, dict) and "position" not in entry.value:
         legal = [field.name for field in fields(Camera)]
         for key in entry.value:
-            if key in legal and key not in FRAMING:
+            if key in legal and key not in WORDS:
                 raise entry.fault(
-                    f"position is missing, which goes with {key}; without it, legal are {', '.join(FRAMING)}"
+                    f"position is missing, which goes with {key}; without it, legal are {', '.join(WORDS)}"
                 )
-        table = entry.table(FRAMING)
-        flags = [("orthographic", table.pop(key).flag()) for key in ("orthographic", "ortho") if key in table]
-        view = table.pop("view").choice(VIEWS) if "view" in table else None
-        angles = {} if view is None else dict(zip(("azimuth", "elevation"), VIEWS[view], strict=True))
-        return None, angles | {key: field.value for key, field in table.items()} | dict(flags)
+        table = entry.table(WORDS)
+        if "orthographic" in table:
+            table.setdefault("ortho", table.pop("orthographic"))
+        words = {key: field.flag() if key == "ortho" else field.value for key, field in table.items()}
+        return entry.call(Viewpoint, camera="frame", **words)
     table = entry.table([field.name for field in fields(Camera)])
-    settings = {key: field.value for key, field in table.items()}
-    return entry.call(Camera, **settings), None
+    return entry.call(Camera, **{key: field.value for key, field in table.items()})
 
 
 # ----------------------------------------------------------------
@@ -619,15 +662,15 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
 
 def _mesh_settings(table, context) -> MeshSettings:
     """Return how the meshes of an entry are made: as the caller says, else as its table does."""
+    of_mesh = {}
+    if "crease_angle" in table:
+        of_mesh["crease_angle"] = table["crease_angle"].value
+    if "weighting" in table:
+        of_mesh["weighting"] = table["weighting"].text()
+    if "drop_bad_faces" in table:
+        of_mesh["drop_bad_faces"] = table["drop_bad_faces"].flag()
     asked = context.mesh_settings
-    angle = table["crease_angle"].value if "crease_angle" in table else None
-    weighting = table["weighting"].text() if "weighting" in table else None
-    drops = table["drop_bad_faces"].flag() if "drop_bad_faces" in table else False
-    return MeshSettings(
-        angle if asked.crease_angle is None else asked.crease_angle,
-        weighting if asked.weighting is None else asked.weighting,
-        asked.drop_bad_faces or drops,
-    )
+    return MeshSettings(**context.own_settings.arguments() | of_mesh | asked.arguments())
 
 
 def _load_once(path, entry, settings, context):

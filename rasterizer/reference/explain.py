@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError, counted, shown
 from ..options import Options
+from ..scene.lights import light_type_of
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
@@ -50,7 +51,7 @@ class LightShare:
     Attributes
     ----------
     index : number of the light in the scene
-    kind : its class, as "PointLight"
+    kind : its type, as "point"
     direction : unit vector to the light, world
     n_dot_l : cosine of the angle between normal and direction; up to 0 the light is behind the surface and adds nothing
     attenuation : what distance and cone leave of the light, 1 = all
@@ -459,7 +460,7 @@ def _explain_lights(
         shares.append(
             LightShare(
                 index=index,
-                kind=type(lighting.lights[index]).__name__,
+                kind=light_type_of(lighting.lights[index]),
                 direction=_vector(direction / max(float(np.linalg.norm(direction)), np.finfo(np.float64).tiny)),
                 n_dot_l=float(share @ n_dot_l),
                 attenuation=float(share @ np.concatenate([cell.attenuation for cell in cells])),

@@ -20,12 +20,13 @@ under a light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..choices import DISTRIBUTIONS, Distribution
-from ..errors import SceneError, shown
+from ..errors import SceneError, cut, shown
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
 from .texture import Texture, TextureLike
@@ -349,6 +350,9 @@ NAMED_MATERIALS: dict[str, tuple[Any, Any, Any, float]] = {
 def named_fields(name: str) -> dict[str, Any]:
     """Return the fields of a named material as arguments of `Material`; SceneError for an unknown name."""
     if not isinstance(name, str) or name not in NAMED_MATERIALS:
-        raise SceneError(f"a named material is one of {', '.join(NAMED_MATERIALS)}; given {name!r}")
+        near = get_close_matches(name, NAMED_MATERIALS, n=1) if isinstance(name, str) else ()
+        meant = f"; did you mean {near[0]}?" if near else ""
+        legal = cut(", ".join(NAMED_MATERIALS), 120)
+        raise SceneError(f"a named material is one of {legal}; given {shown(name)}{meant}")
     ambient, diffuse, specular, part = NAMED_MATERIALS[name]
     return {"ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": 128.0 * part}

@@ -16,7 +16,7 @@ from ..keywords import checked_fields, checked_keywords
 from ..locks import cached_property
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
-from .lights import Light, checked_lights, studio
+from .lights import Light, checked_lights, light_type_of, studio
 from .material import Material
 from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh
 from .validate import choice, number, picture_size, store, value_class
@@ -64,7 +64,7 @@ def checked_cue(cue: DepthCue | float | None) -> DepthCue | None:
     """
     if cue is None or isinstance(cue, DepthCue):
         return cue
-    if isinstance(cue, (int, float)) and not isinstance(cue, bool):
+    if isinstance(cue, (int, float, np.integer, np.floating)) and not isinstance(cue, bool):
         return DepthCue(cue)
     raise SceneError(f"the depth cue must be a DepthCue, a number (its scale), or None; given {shown(cue)}")
 
@@ -128,7 +128,7 @@ class Scene:
         choice(self.up, tuple(AXES), "the scene's up")
 
     def __repr__(self) -> str:
-        lights = ", ".join(type(light).__name__ for light in self.lights) or "none"
+        lights = ", ".join(map(light_type_of, self.lights)) or "none"
         camera = "framed" if self.camera is None else "given"
         size = f"{counted(len(self.meshes), 'mesh')}, {counted(self.n_face, 'face')}"
         return f"Scene({size}, lights: {lights}, camera: {camera})"
@@ -153,7 +153,7 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        return import_module("rasterizer.io.scene_file").read_scene(path).framed_scene()
+        return import_module("rasterizer.io.scene_file").read_scene(path).finished_scene()
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth

@@ -102,9 +102,9 @@ def view(
         render(scene, **words)
     side, others = divided(words, Viewpoint)
     viewpoint = Viewpoint(**side)
-    scene, made, framing = load_look(scene, others, size, options, viewpoint.of_file)
+    scene, made, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
-    camera = viewpoint.camera_of(scene, made.size, framing=framing) if side or framing else None
+    camera = viewpoint.over(framing).camera_of(scene, made.size) if side or framing else None
     settings = {name: value for name, value in vars(made).items() if name not in ("size", "outputs")}
     session = Session(scene, camera=camera, title=title[:80], **settings)
     widget = Widget(size=made.size)

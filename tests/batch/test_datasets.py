@@ -57,8 +57,8 @@ def test_one_task_writes_all_arrays_of_a_frame_into_one_file():
 def test_one_frame_makes_all_files_of_a_task_and_the_record_lists_them():
     output = {"rgb": "a.png", "depth": Path("deep/a.depth.png"), "object": "a.mask.png", "normal": "a.normal.exr"}
     (record,) = draw([rz.RenderTask(CUBE, output, "iso", options=SMALL, scale=0.0005)])
-    assert record.status == "drawn" and record.path == "a.png"
-    assert record.paths == tuple(map(str, output.values())) == tuple(record.as_dict()["paths"])
+    assert record.status == "drawn" and record.output == "a.png"
+    assert record.files == tuple(map(str, output.values())) == tuple(record.as_dict()["files"])
     outputs = ("rgb", "depth", "object", "normal")
     frame = rz.render(CUBE, SIZE, azimuth=45, elevation=35.264389682754654, outputs=outputs)
     for name, path in output.items():
@@ -123,7 +123,7 @@ def test_random_tasks_write_what_one_frame_writes(seed, folder):
     for record, task in zip(records, tasks, strict=True):
         paths = list(dict.fromkeys(task.output.values()))
         is_left_out = existing != "replace" and seed % 3 and all(path in there for path in paths)
-        assert record.status == ("skipped" if is_left_out else "drawn") and list(record.paths) == paths
+        assert record.status == ("skipped" if is_left_out else "drawn") and list(record.files) == paths
         for path in paths:
             assert Path(path).read_bytes() == (b"there" if is_left_out else expected[path]), path
 
@@ -153,7 +153,7 @@ def test_all_files_of_a_task_appear_or_none(folder):
     for record, words in zip(records, said, strict=True):
         assert words in str(record.error or ""), record.error
     assert sorted(files_below()) == ["4.npy", "4.png", "kept.npy"] and (folder / "kept.npy").read_bytes() == b"kept"
-    assert records[1].paths == ("1.png", "taken.npy", "1.npy")
+    assert records[1].files == ("1.png", "taken.npy", "1.npy")
 
 
 def test_a_task_is_left_out_where_all_its_files_are_there(folder):

@@ -9,10 +9,12 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from contextlib import suppress
 from glob import glob
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.deadly import Deadly
+from helpers.model_bytes import rich_gltf
 from helpers.odd_format import odd_format
 from helpers.raster import ROOT
 from PIL import Image
@@ -62,8 +64,8 @@ def test_each_file_holds_what_one_render_writes():
         camera = rz.Camera.framing(scene, *angles, up=scene.up, aspect=24 / 16)
         with rz.Renderer(scene, (24, 16), outputs="rgb", samples=4, threads=1) as renderer:
             renderer.render(camera).save("one.png")
-        assert record.path == task.output and record.source == task.source
-        assert open(record.path, "rb").read() == open("one.png", "rb").read()
+        assert record.output == task.output and record.model == task.source
+        assert open(record.output, "rb").read() == open("one.png", "rb").read()
         assert record.stats.coverage > 0 and record.seconds > 0 and record.error is None
 
 
@@ -122,7 +124,7 @@ def test_one_that_fails_does_not_stop_the_others():
         (rz.RenderTask(CUBE, "h.png", load={"log": lambda text: None}), "can't be drawn by another"),
         (rz.RenderTask(object(), "i.png"), "a mesh must be"),
         (rz.RenderTask(CUBE, "j.png", (1, 2, 3)), "azimuth"),
-        (rz.RenderTask(CUBE, "k.png", array="uv"), "a PNG file holds"),
+        (rz.RenderTask(CUBE, "k.png", array="uv"), "a PNG file can't hold 'uv'"),
         (rz.RenderTask(CUBE, "k.jpg", array="depth"), "written as .npy"),
         (rz.RenderTask(CUBE, "k.npz", array=("depth", "z")), "array must be one of"),
         (rz.RenderTask(CUBE, {}), "output must be the path of a file, or a dict"),
@@ -360,3 +362,24 @@ def test_a_batch_may_be_drawn_beside_another_one_by_any_executor():
     assert [record.status for record in found] == ["drawn"] * 8
     for name in os.listdir("processes"):
         assert open(f"processes/{name}", "rb").read() == open(f"threads/{name}", "rb").read(), name
+
+
+def test_a_task_takes_the_cameras_that_render_takes(folder):
+    (folder / "a.gltf").write_bytes(rich_gltf())
+    (folder / "eye.json").write_text('{"position": [3, 2, 4], "fov": 50}')
+    (folder / "side.json").write_text('{"view": "left", "zoom": 2}')
+    cameras = ("file", None, "frame", "eye.json", Path("side.json"), "file", "nope.json", "", 3)
+    options = {"size": (24, 16), "samples": 1}
+    tasks = [rz.RenderTask("a.gltf", f"{k}.png", camera=each, options=options) for k, each in enumerate(cameras)]
+    with ThreadPoolExecutor(1) as executor:
+        records = sorted(rz.render_many(tasks, executor), key=lambda record: record.index)
+    errors = [None] * 6 + [rz.ModelError, rz.SceneError, rz.SceneError]
+    assert [record.error and type(record.error) for record in records] == errors
+    for record, camera in zip(records[:6], cameras, strict=False):
+        expected = rz.render("a.gltf", **options, camera=camera, outputs="rgb").save("x.png")
+        assert Path(record.output).read_bytes() == expected.read_bytes(), camera
+    assert Path("0.png").read_bytes() == Path("5.png").read_bytes() != Path("1.png").read_bytes()
+    with pytest.raises(rz.OptionError, match="RenderTask has no option 'size'"):
+        rz.RenderTask("a.gltf", "x.png", size=3)
+    with pytest.raises(rz.OptionError, match=r'render_many\(tasks, existing="skip"\)'):
+        rz.render_many(tasks, skip_existing=True)

@@ -3,12 +3,14 @@
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from helpers.arrays import differences
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
 from helpers.processes import is_running, workers_of
 from helpers.raster import ROOT
@@ -61,7 +63,7 @@ def test_one_bad_model_does_not_stop_the_rest(folder, capsys):
     *lines, last = map(json.loads, out.splitlines())
     assert "bad.obj:1" in last.pop("first_error")
     assert last | {"seconds": 0} == {"status": "done", "drawn": 2, "skipped": 0, "failed": 2, "seconds": 0}
-    assert sorted(line["path"] for line in lines) == sorted([CUBE, "bad.obj", "nope.stl", GEAR])
+    assert sorted(line["model"] for line in lines) == sorted([CUBE, "bad.obj", "nope.stl", GEAR])
 
 
 def test_where_nothing_is_drawn_the_exit_code_says_why(folder, capsys):
@@ -182,7 +184,7 @@ def test_outputs_that_several_arrays_can_not_have(capsys):
                 ("--array rgb -o a.png --array uv -o b.npy --array face", "given one after -o b.npy"),
                 ("--array rgb -o a.png --array depth -o a.png", "template such as '{stem}-{array}.png'"),
                 ("--array rgb -o a.png --array depth -o b.npy --scale 1", "--scale is that of depth"),
-                ("--array uv --array depth -o {array}.png", "a .png file holds"),
+                ("--array uv --array depth -o {array}.png", "uv.png: a PNG file can't hold 'uv'"),
                 ("-o {array}.png", "-o may hold"),
             )
         ], command)  # fmt: skip
@@ -220,5 +222,83 @@ def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
         before[folder / "set" / "m.jsonl"][:-9]
     )  # as if it were interrupted
     assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made, "--resume") == 1
-    assert "6 pictures drawn, 6 skipped, 6 failed" in errors(capsys)
+    assert "6 files drawn, 6 skipped, 6 failed" in errors(capsys)
     assert {path: path.read_bytes() for path in folder.glob("set/**/*.*")} == before
+
+
+def test_the_manifest_has_no_line_of_a_file_that_is_not_written(folder, capsys):
+    """One that is there already waits until all models are read; a later one reads it, so it stays."""
+    for name in ("globe.obj", "globe.mtl", "globe.png"):
+        shutil.copy(ROOT / "models" / name, folder / name.replace(".obj", "-of-earth.obj"))
+    (folder / "models").mkdir()
+    shutil.copy(CUBE, folder / "models" / "globe.obj")
+    shutil.copy(CUBE, folder / "models" / "late.obj")
+    shutil.copy(CUBE, folder / "late.png")
+    texture = (folder / "globe.png").read_bytes()
+    models = ["models/globe.obj", "models/late.obj", "globe-of-earth.obj"]
+    assert batch(*models, "-o", "{stem}.png", "--allow-outside", "--manifest", "m.jsonl") == 1
+    assert "can't write globe.png: it is globe.png, which is read" in errors(capsys)
+    lines = [json.loads(line) for line in (folder / "m.jsonl").read_text().splitlines()]
+    assert [line["files"]["rgb"] for line in lines] == ["late.png", "globe-of-earth.png"]
+    assert (folder / "globe.png").read_bytes() == texture
+    assert (folder / "late.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
+    """The same bytes for any number of processes, and one view alone; an interrupted set goes on."""
+    arrays = ["--array", "rgb", "--array", "depth", "-o", "{stem}-{view}.{array}.png"]
+    words = ["--view", "iso,random:3", "--seed", "9998", "--light", "random", *arrays]
+    names = ("iso", "random-9998", "random-9999", "random-10000")
+    tasks = [
+        rz.RenderTask(
+            model, {name: f"lib/{stem}-{view}.{name}.png" for name in ("rgb", "depth")},
+            "random" if seed else "iso", options={"size": (24, 16)}, lights="random", seed=seed or 9998,
+        )
+        for model, stem in ((CUBE, "cube"), (GEAR, "gear"))
+        for view, seed in zip(names, (None, 9998, 9999, 10000), strict=True)
+    ]  # fmt: skip
+    list(rz.render_many(tasks, n_process=1, manifest="lib/m.jsonl"))
+    expected = {path.name: path.read_bytes() for path in (folder / "lib").iterdir()}
+    assert len(expected) == 17 and len({*expected.values()}) == 17
+
+    def draw(*argv):
+        assert raster(*argv, *SIZE, CUBE, GEAR, *words) == 0
+        return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+    pictures = {name: content for name, content in expected.items() if name != "m.jsonl"}
+    assert draw("render") == pictures
+    os.unlink("gear-iso.depth.png")
+    assert draw("batch", "-j", "1", "--skip-existing", "--manifest", "m.jsonl") == expected
+    os.unlink("cube-random-9999.rgb.png")
+    assert draw("batch", "-j", "2", "--skip-existing", "--manifest", "m.jsonl") == expected
+    capsys.readouterr()
+    assert (
+        raster("render", *SIZE, CUBE, "--view", "random", "--seed", "9999", "--zoom", "2", "-o", "x.png", "--json") == 0
+    )
+    line = json.loads(capsys.readouterr().out)
+    assert (line["view"], line["seed"]) == ("random", 9999)
+    scene = rz.load(CUBE)
+    camera = rz.Camera.random(scene, 9999, size=(24, 16))
+    assert not differences(picture("x.png"), rz.render(scene, (24, 16), camera=camera, zoom=2).rgba)
+    for flags, said in (
+        ("--view random:2", "what is random needs --seed N"), ("--light random", "what is random needs --seed N"),
+        ("--seed 3", "--seed is that of random views and lights"),
+        ("--view random:0 --seed 3", "random:N makes 1 to"), ("--view random:x --seed 3", "random:20"),
+        ("--view random:2 --seed -3", "a whole number of at least 0"),
+        ("--view random --seed 1 --azimuth 3", "given --view random, --azimuth"),
+        ("--view random --seed 1 --light random --light ambient:1", "takes the place of all lights"),
+        ("--view random:2 --seed 1 -o a.png", "-{view}.png'"),
+    ):  # fmt: skip
+        assert_refused(capsys, [([CUBE, *flags.split()], said)], "render")
+    for flags, words in (
+        ("--shadows --ground", {"shadows": True, "ground": True}),
+        ("--preset headlight --color teal", {"preset": "headlight", "color": "teal"}),
+    ):
+        options = {"size": (24, 16)} | words
+        task = rz.RenderTask(CONE, "lib.png", "random", options=options, lights="random", seed=4)
+        assert [record.error for record in rz.render_many([task], n_process=1)] == [None]
+        random = ["--view", "random", "--light", "random", "--seed", "4"]
+        assert raster("render", "-s", "24x16", CONE, *flags.split(), *random, "-o", "cli.png") == 0
+        assert (folder / "cli.png").read_bytes() == (folder / "lib.png").read_bytes(), flags
+    assert_refused(capsys, [([CUBE, "--view", "random"], "one or several of iso")], "sheet")
+    assert_refused(capsys, [([CUBE, "--light", "random"], "a light is one of")], "turntable")

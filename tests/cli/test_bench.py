@@ -46,8 +46,8 @@ def test_the_record_holds_all_rows_also_where_another_model_fails(capsys):
     assert run("nope.obj", CUBE, "--json", "--shadings", "gouraud,phong", "--subdivisions", "0") == 1
     out, err = capsys.readouterr()
     failed, record = map(json.loads, out.splitlines())
-    assert "nope.obj: no such file" in err and failed["path"] == "nope.obj"
-    assert (record["path"], record["size"], record["faces"]) == (CUBE, [32, 24], 12)
+    assert "nope.obj: no such file" in err and failed["model"] == "nope.obj"
+    assert (record["model"], record["size"], record["faces"]) == (CUBE, [32, 24], 12)
     rows = record["rows"]
     assert len(rows) == 2 * 2 * 2 and record["left_out"] == []
     for row in rows:

@@ -83,7 +83,7 @@ def test_methods_of_the_command_line(capsys):
     errors = [methods[name]["rms"] for name in names[1:]]
     assert errors[0] > 2 * errors[1] > 4 * errors[2], errors
     assert min(of["ms"] for of in methods.values()) > 0 and methods["phong"]["max"] is None
-    assert (record["path"], record["output"], record["size"], record["faces"]) == (BALL, "x.jpg", [48, 36], 5120)
+    assert (record["model"], record["output"], record["size"], record["faces"]) == (BALL, "x.jpg", [48, 36], 5120)
     assert set(methods["phong"]) == {"ms", "max", "rms", "over_one", "value_jump", "slope_jump", "slope_rms"}
     assert record["scale"] > 0 and record["warnings"] == []
     record = record_of(capsys, CUBE, "--no-reference", "--methods", "flat,gouraud", "--subdivide", "1")

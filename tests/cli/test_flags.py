@@ -195,7 +195,7 @@ def test_edges_are_drawn_in_their_colour_and_width(capsys):
 
 # --- what `raster render` has, other commands that draw have, too ------------------------------------------------
 
-NO_ARRAYS = {"--array": "it writes pictures", "--scale": "of arrays"}
+NO_ARRAYS = {"--array": "it writes pictures", "--scale": "of arrays", "--seed": "datasets are made by render and batch"}
 ONE_PROCESS = {"--processes": "one model follows the other: `raster batch` draws in several"}
 LACKING = {
     "batch": {},

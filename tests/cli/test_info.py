@@ -69,7 +69,7 @@ def test_what_is_not_drawn_and_what_is_missing_is_told(folder, capsys):
     assert "1 point, 2 lines" in out and "no definition of material 'none'" in out
     assert "no: 3 of 3 are open edges" in out
     (odd,) = records(capsys, "odd ü.obj")
-    assert odd["path"] == "odd ü.obj" and len(odd["not_drawn"]) == 2 and odd["warnings"]
+    assert odd["model"] == "odd ü.obj" and len(odd["not_drawn"]) == 2 and odd["warnings"]
 
 
 def test_what_a_reader_leaves_out_is_told(folder, capsys):
@@ -94,7 +94,7 @@ def test_what_a_reader_leaves_out_is_told(folder, capsys):
 def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
     (folder / "empty.obj").write_bytes(b"")
     found = records(capsys, "nope.stl", CUBE, "empty.obj", code=1)
-    assert found[0] == {"status": "failed", "path": "nope.stl", "error": "nope.stl: no such file"}
+    assert found[0] == {"status": "failed", "model": "nope.stl", "error": "nope.stl: no such file"}
     assert (
         found[1]["faces"] == 12 and found[1]["status"] == "done" and found[2]["error"] == "empty.obj: the file is empty"
     )

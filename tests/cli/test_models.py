@@ -124,8 +124,8 @@ def test_materials_that_are_not_legal(capsys):
 
 
 def lights_of(*argv):
-    look, *picture = make_settings(parse(["render", CUBE, *argv]))
-    return look.change(rz.load(CUBE), *picture).lights
+    look, fields, _ = make_settings(parse(["render", CUBE, *argv]))
+    return look.change(rz.load(CUBE), shadow_fields=fields).lights
 
 
 def shadows_of(*argv) -> list:

@@ -280,10 +280,10 @@ def test_stdout_takes_one_array_or_several(capfdbinary):
 def test_what_can_not_be_written_is_told_before_anything_is_drawn(capsys):
     cases = {
         "--array depth --array mask -o a.npy": "a .npy file holds one array",
-        "--array depth -o a.jpg": ".npy, .npz, .exr or .png; given a.jpg for --array depth",
-        "--array uv -o a.png": "a .png file holds rgb, depth, mask",
+        "--array depth -o a.jpg": "a.jpg: arrays are written as .npy, .npz, .exr or .png; given .jpg for depth",
+        "--array uv -o a.png": "a.png: a PNG file can't hold 'uv': write it as .npy",
         "--array all -o a.png": "a .png file holds one array",
-        "--array rgb -o a.exr": "give --array color",
+        "--array rgb -o a.exr": "give 'color', not 'rgb'",
         "--scale 1": "--scale is that of depth in a PNG file",
         "--array depth --scale 1 -o a.npy": "--scale is that of depth in a PNG file",
         "--array depth --scale 0 -o a.png": "--scale must be a number above 0; given 0",

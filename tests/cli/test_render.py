@@ -92,13 +92,13 @@ def test_json_has_a_line_for_each_picture_and_each_failure(capsys):
     assert run(CUBE, "nope.obj", "--json") == 1
     out, err = capsys.readouterr()
     first, second = map(json.loads, out.splitlines())
-    assert second == {"status": "failed", "path": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
+    assert second == {"status": "failed", "model": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
     assert first.pop("seconds") > 0 and 0 < first.pop("coverage") < 1 and 0 <= first.pop("error_bound") < 0.01
     bounds = first.pop("error_bounds")
     assert bounds["rgb"] == 1 and "shadows" not in bounds
     assert first == {
-        "status": "drawn", "path": CUBE, "view": None, "output": "cube.png", "arrays": None, "size": [24, 16],
-        "faces": 12, "warnings": [],
+        "status": "drawn", "model": CUBE, "view": None, "seed": None, "output": "cube.png", "arrays": None,
+        "size": [24, 16], "faces": 12, "warnings": [],
     }  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def test_the_bound_of_each_output_is_told(capsys):
     assert run("lit.json", "-o", "a.png", "--json", "-v") == 0
     out, err = capsys.readouterr()
     (shadow,) = json.loads(out)["error_bounds"]["shadows"]
-    assert shadow["light"] == "PointLight" and 0 < shadow["texel"] <= shadow["near"] < 1
+    assert shadow["light"] == "point" and 0 < shadow["texel"] <= shadow["near"] < 1
     assert "1 level of 8 bits; not counted: a highlight ends" in err and err.count("errors are at most") == 1
 
 

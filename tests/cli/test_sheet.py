@@ -80,7 +80,7 @@ def test_a_model_that_fails_leaves_its_cell_empty(capsys):
     assert run("nope.obj", CUBE, "--columns", "2", "--no-labels", "--json") == 1
     out, err = capsys.readouterr()
     error, record = map(json.loads, out.splitlines())
-    assert error["path"] == "nope.obj" and record["models"][0]["path"] == CUBE and err.count("\n") == 1
+    assert error["model"] == "nope.obj" and record["models"][0]["model"] == CUBE and err.count("\n") == 1
     whole = picture("sheet.png")
     assert not differences(whole[:, : GAP + 40], 0) and whole[:, GAP + 40 :].any()
     assert run("nope.obj", CUBE, "-s", "90x30", "--columns", "2", "-o", "x.png") == 1

@@ -3,6 +3,8 @@ with the reason why it is none."""
 
 import json
 import pickle
+import shutil
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -13,6 +15,9 @@ from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.cli.parser import make_command_parser
+from rasterizer.look import Look
+from rasterizer.options import Options
+from rasterizer.viewpoint import Viewpoint
 
 pytestmark = pytest.mark.usefixtures("folder")
 SIZE, TORUS = (36, 27), str(ROOT / "models" / "torus.obj")
@@ -87,6 +92,7 @@ REFUSED = {
     "quiet": ("quiet", "warnings"),
     "array": ("array", "did you mean outputs?"),
     "scale": ("scale", "save"),
+    "seed": ("seed", "RenderTask"),
     "processes": ("processes", "n_process"),
 }
 
@@ -128,6 +134,8 @@ def test_words_of_what_a_file_brings(folder, capsys):
     lights = (SUN[0], rz.DirectionalLight((1, -0.5, 0), 0.5, shadow=False))
     camera = rz.Camera.perspective((3, 3, 3))
     rz.Scene(rz.load(TORUS).meshes, lights, camera, background="navy", depth_cue=2).save("a.json")
+    (folder / "eye.json").write_text('{"position": [3, 2, 4], "fov": 50}')
+    assert draw("--up z --camera file", {"up": "z", "camera": "file"}, "a.json") == draw("", {}, "a.json")
     assert rz.load("a.json").lights == lights
     pictures = [
         draw(flags, words, "a.json")
@@ -137,6 +145,7 @@ def test_words_of_what_a_file_brings(folder, capsys):
             ("--camera frame", {"camera": "frame"}),
             ("--zoom 2", {"zoom": 2}),
             ("--up z", {"up": "z"}),
+            ("--up z --camera eye.json --ground", {"up": "z", "camera": "eye.json", "ground": True}),
             ("--background transparent", {"background": "transparent"}),
             ("--depth-cue none", {"depth_cue": "none"}),
         )
@@ -173,6 +182,107 @@ def test_a_scene_file_asks_for_framing_and_options(folder, capsys):
         assert again.render(zoom=2).tobytes() == renderer.render(zoom=2).tobytes() and again.options == renderer.options
         again.close()
     assert rz.render("b.json", options=rz.Options(size=20)).stats.samples == 4 * 20 * 20, "all of them are given"
+    capsys.readouterr()
+
+
+# Words that a scene file doesn't have, and why.
+NO_KEYS = {
+    "camera": "it is the table of the camera, or of the other words of Viewpoint",
+    "format": "the suffix of each file that it names tells it",
+    "allow_outside": "a file can't let itself read what lies outside of its folder",
+}
+WRITTEN = {"depth_cue": {"scale": 2, "color": "red"}, "shadows": {"size": 16}}
+
+
+def scene_file(words, name="words.json") -> str:
+    """Write a scene file of the torus that says what words say; return its name."""
+    shutil.copy(TORUS, "torus.obj")
+    table = {"meshes": [{"file": "torus.obj"}], "camera": {}, "options": {}}
+    groups = {each.name: where for cls, where in ((Viewpoint, "camera"), (Options, "options")) for each in fields(cls)}
+    for word, value in words.items():
+        if word == "lights":
+            lights = value if isinstance(value, tuple) else (value,)
+            value = [{"kind": "directional", "direction": each.direction, "color": each.color} for each in lights]
+        is_plain = isinstance(value, (bool, int, float, str, list, tuple, dict))
+        (table[groups[word]] if word in groups else table)[word] = value if is_plain else WRITTEN[word]
+    with open(name, "w") as stream:
+        json.dump({key: value for key, value in table.items() if value != {}}, stream)
+    return name
+
+
+def test_a_word_is_a_key_of_a_scene_file_or_on_the_list():
+    more = [{"weighting": "area"}, {"view": (20, 70)}, {"outputs": "rgb"}, {"preset": "headlight", "lights": SUN}]
+    more += [{"background": "transparent", "depth_cue": "none"}, {"preset": "tabletop", "shading": "gouraud"}]
+    tried = [words for _, words, *_ in (*SAME.values(), *UNSEEN.values(), *OTHER.values())] + more
+    tried = [words for words in tried if not NO_KEYS.keys() & words and words.get("shadows") != rz.Shadow(filter=9)]
+    for words in tried:
+        expected = rz.render(TORUS, **{"size": SIZE} | words)
+        assert not differences(rz.render(scene_file({"size": SIZE} | words)).rgba, expected.rgba), words
+    every = {each.name for cls in (Look, Viewpoint, Options) for each in fields(cls)}
+    assert every == NO_KEYS.keys() | {word for words in tried for word in words}
+    for word in ("format", "allow_outside"):
+        with pytest.raises(rz.SceneError, match=f"words.json: {word}: unknown key"):
+            rz.load(scene_file({word: "obj"}))
+
+
+def test_a_scene_file_draws_one_picture_from_every_entry(capsys):
+    """What is given comes first: lights in place of all, of a material the same fields, and where it is seen from."""
+    file = {"size": SIZE, "samples": 1, "shading": "gouraud", "ground": True, "edges": ["wire"], "exposure": 1}
+    file |= {"material": "gold", "color": "teal", "shadows": True, "preset": "headlight", "crease_angle": 10}
+    file |= {"view": "left", "fov": 40, "zoom": 1.5, "margin": 0.1, "subdivide": 1}
+    scene_file(file, "a.json")
+    eye = {"size": SIZE, "target": (0, 0.3, 0), "eye": (3, 2, 4), "ortho": True}
+    scene_file(eye | {"zoom": 0.5}, "b.json")
+    scene_file({"size": SIZE, "azimuth": 10, "preset": "tabletop"}, "c.json")
+    for name, given, meant in (
+        ("a.json", {}, file),
+        ("a.json", {"view": "front"}, file | {"view": "front"}),
+        ("a.json", {"color": "red", "reflection": "toon"}, file | {"color": "red", "reflection": "toon"}),
+        ("a.json", {"preset": "studio", "samples": 4}, file | {"preset": "studio", "samples": 4}),
+        ("b.json", {"azimuth": 5}, {"size": SIZE, "azimuth": 5, "ortho": True, "zoom": 0.5}),
+        ("b.json", {"fov": 50, "zoom": 2}, eye | {"fov": 50}),
+        ("b.json", {"eye": (1, 1, 5), "material": "jade"}, eye | {"eye": (1, 1, 5), "zoom": 0.5, "material": "jade"}),
+        ("c.json", {"shading": "gouraud"}, {"size": SIZE, "azimuth": 10, "preset": "tabletop", "shading": "gouraud"}),
+        ("c.json", {"eye": (1, 1, 5)}, {"size": SIZE, "eye": (1, 1, 5), "preset": "tabletop"}),
+    ):
+        expected = rz.render(TORUS, **meant).rgba
+        assert not differences(rz.render(name, **given).rgba, expected), (name, given)
+        listed = {word: ",".join(map(str, value)) for word, value in given.items() if isinstance(value, tuple)}
+        flags = [f"--{word}={value}" for word, value in (given | listed).items()]
+        task = rz.RenderTask(name, "task.png", given.pop("view", None), options=given)
+        assert [record.error for record in rz.render_many([task], n_process=1)] == [None]
+        assert raster("render", name, "-o", "one.png", *flags) == 0
+        assert raster("batch", name, "-o", "many.png", "-j", "1", *flags) == 0
+        for written in map(picture, ("task.png", "one.png", "many.png")):
+            assert not differences(written, expected[..., : written.shape[2]]), (name, given)
+    capsys.readouterr()
+
+
+def test_a_turntable_has_the_size_of_a_scene_file_or_of_options(capsys):
+    scene_file({"size": SIZE, "material": "gold", "samples": 1}, "a.json")
+    assert rz.turntable("a.json", n_frame=2).frames[0].shape == (*SIZE[::-1], 4)
+    assert rz.turntable(TORUS, n_frame=1, options=rz.Options(size=20)).frames[0].shape == (20, 20, 4)
+    assert rz.turntable(TORUS, n_frame=1, samples=1).frames[0].shape == (240, 320, 4)
+    assert raster("turntable", "a.json", "--frames", "2", "-o", "x-{frame}.png") == 0
+    for number, frame in enumerate(rz.turntable("a.json", n_frame=2).frames):
+        assert not differences(picture(f"x-{number}.png"), frame)
+    capsys.readouterr()
+
+
+def test_the_outputs_of_a_scene_file_are_what_a_file_of_arrays_holds(folder, capsys):
+    scene_file({"size": SIZE, "outputs": ["depth", "face"]}, "d.json")
+    task = rz.RenderTask("d.json", "task.npz")
+    expected = rz.render("d.json").save("one.npz", array=("depth", "face")).read_bytes()
+    for status in ("drawn", "skipped"):
+        (record,) = rz.render_many([task], n_process=1, manifest="m.jsonl", existing="skip")
+        assert record.status == status
+        assert raster("batch", "d.json", "-o", "many.npz", "--skip-existing", "--manifest", "n.jsonl") == 0
+        for written, manifest in (("task.npz", "m.jsonl"), ("many.npz", "n.jsonl")):
+            assert (folder / written).read_bytes() == expected
+            assert json.loads((folder / manifest).read_text())["files"] == {"depth": written, "face": written}
+    scene_file({"samples": 3}, "e.json")
+    with pytest.raises(rz.RasterizerError, match="e.json: options: samples must be one of 1, 4, 9, 16; given 3"):
+        list(rz.render_many([rz.RenderTask("e.json", "e.png")], n_process=1))
     capsys.readouterr()
 
 
@@ -231,6 +341,9 @@ def test_words_that_contradict_each_other_or_are_not_legal():
         ({"camera": rz.Camera.perspective((1, 2, 3)), "fov": 3}, "given camera, fov"),
         ({"camera": 3}, 'camera must be a Camera, "file", "frame", a path or None; given 3'),
         ({"camera": "none.json"}, "none.json: no such file"),
+        ({"camera": ""}, "a path or None; given ''"),
+        ({"allow_outside": "yes"}, "allow_outside must be True or False; given 'yes'"),
+        ({"depth_cue": np.float32(-2)}, "the depth cue's scale must be above 0; given"),
         ({"view": "up"}, r"view must be one of iso, front, .*, or \(azimuth, elevation\); given 'up'"),
         ({"view": (1, 2, 3)}, "view must be one of"),
         ({"zoom": 0}, "zoom must be above 0; given 0"),

@@ -1079,8 +1079,8 @@ HELD_OUT = (
     Fault(
         "words: a scene's own camera is taken although another side is asked for",
         "viewpoint.py",
-        "if own is not None and framing is None and not given:",
-        "if own is not None and framing is None:",
+        'if own is not None and self.camera != "frame" and not given:',
+        'if own is not None and self.camera != "frame":',
         "cli",
     ),
     Fault(

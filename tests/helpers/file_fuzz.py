@@ -115,7 +115,7 @@ def _load_and_draw(path) -> str:
     try:
         if path.endswith((".json", ".toml")):
             read = read_scene(path)
-            scene, options = read.framed_scene(), dict(read.options)
+            scene, options = read.finished_scene(), dict(read.options)
             rz.Options(**options)
             options |= {"size": SIZE, "samples": 1, "threads": 1}
         else:

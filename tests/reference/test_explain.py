@@ -117,7 +117,7 @@ def test_layers_lights_and_samples_are_explained(shading, options):
         assert len(found.samples) == options.get("samples", 1)
     layers = rz.explain(scene, 12, 9, size, shading=shading, **{"samples": 1} | options).layers
     assert [layer.mesh_name for layer in layers] == ["quad 0", "quad 1", "quad 2"]
-    assert [light.kind for light in layers[0].lights] == ["DirectionalLight", "PointLight", "SpotLight", "AreaLight"]
+    assert [light.kind for light in layers[0].lights] == ["directional", "point", "spot", "area"]
     assert [light.index for light in layers[0].lights] == [1, 2, 3, 4]
 
 
@@ -169,7 +169,7 @@ def test_the_text_says_what_is_seen():
     for words in (
         "pixel (12, 9) of 24 x 18, phong shading, 1 sample",
         "1. face 0: face 0 of mesh 0 'quad 0', material 0 'glass'",
-        "1 DirectionalLight",
+        "1 directional",
         "N.L",
         "attenuation",
         "unshadowed",

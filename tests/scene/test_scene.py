@@ -23,7 +23,7 @@ def test_defaults():
     scene = Scene(MESH)
     assert scene.meshes == (MESH,) and scene.lights == studio()
     assert scene.camera is None and scene.background is None and scene.up == "y"
-    assert repr(scene).startswith("Scene(1 mesh, 2 faces, lights: AmbientLight, ")
+    assert repr(scene).startswith("Scene(1 mesh, 2 faces, lights: ambient, ")
     assert Scene(MESH, background="white").background == (1.0, 1.0, 1.0)
     assert Scene(MESH, background=0.5).background == (0.5, 0.5, 0.5)
 
