@@ -34,7 +34,7 @@ CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
 
 STRIP_SHIFT = 3  # log2 of the rows of a strip
 NO_START, NO_END = np.int64(1 << 30), np.int64(-1)  # the extent of a strip in which nothing was written
-LANES = 8  # samples of a small box that are merged side by side
+LANES = 8  # samples that are merged side by side, of a small box, and whose planes are evaluated so
 PADDING = 2 * LANES  # entries behind each row that lanes may read and write back
 
 
