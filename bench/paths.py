@@ -64,7 +64,13 @@ PATHS = (
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
     Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_row")', "@helper"),)),
-    Variant("slopes: by hand", (("pipeline/samples.py", '@spelled_out("build_slopes_of_row")', "@helper"),)),
+    Variant(
+        "slopes: by hand",
+        (
+            ("pipeline/samples.py", '@spelled_out("build_slopes_of_row")', "@helper"),
+            ("pipeline/samples.py", '@spelled_out("build_both_of_row")', "@helper"),
+        ),
+    ),
     Variant(
         "shadow filter: by hand", (("pipeline/shadow_lookup.py", '@spelled_out("build_count_before")', "@helper"),)
     ),

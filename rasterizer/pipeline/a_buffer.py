@@ -51,10 +51,10 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
 from .records import material_of
-from .samples import PLANE_GROUP
 from .scan import Deferred, Payload, box_of, fill_spans, surface_of
 from .visibility import (
     CLEAR,
+    LANES,
     MAX_RECORDS,
     NO_END,
     NO_START,
@@ -378,7 +378,7 @@ def show_layer(number, layer, lists, transmittance, min_transmittance):
             start = index((row - layer.first_row) * visibility.pitch + left)
             entries = visibility.entries[start : start + index(max(right - left, 0))]
             if left < right:
-                for k in range(start + index(right - left), start + index(right - left + PLANE_GROUP)):
+                for k in range(start + index(right - left), start + index(right - left + LANES)):
                     visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
             show_row(entries, lists.columns[index(row)] + left, number, lists, transmittance, min_transmittance)
             first, end = shown_extent(entries)

@@ -9,6 +9,8 @@ Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `
 """
 
 from contextlib import contextmanager
+from itertools import tee
+from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -23,6 +25,7 @@ TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
 FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
 _ENTRIES = ir.VectorType(ir.IntType(64), LANES)
+_REALS = ir.VectorType(ir.FloatType(), LANES)
 _WHOLES = ir.VectorType(ir.IntType(32), PLANE_GROUP)
 _ANCHOR = 1, 2  # where the first four numbers of a record have its anchor, x and y
 
@@ -86,38 +89,56 @@ class _Ramp:
 # ---------------------------------------------------------------- planes
 
 
-def build_planes_of_row(typing_context, entries, group, x, y, out, start, stride):
+def build_planes_of_row(typing_context, entries, group, first, out, start, stride):
     """Build `samples.planes_of_row`."""
-    return _build_evaluation(entries, group, out, has_slopes=False)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False),), entries, group, stride)
 
 
-def build_slopes_of_row(typing_context, entries, group, x, y, out, start, stride):
+def build_slopes_of_row(typing_context, entries, group, first, out, start, stride):
     """Build `samples.slopes_of_row`."""
-    return _build_evaluation(entries, group, out, has_slopes=True)
+    return _build_evaluation((_Rows(out, 0, has_slopes=True),), entries, group, stride)
 
 
-def _build_evaluation(entries, group, out, has_slopes):
-    """Build a loop that evaluates planes: four samples at a time, each with its four planes, which are then transposed.
+def build_both_of_row(typing_context, entries, group, first, out, start, stride, behind, behind_start):  # noqa: PLR0917 - numba's context comes first
+    """Build `samples.both_of_row`."""
+    slopes = _Rows(behind, 3 * PLANE_GROUP, has_slopes=True)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), entries, group, stride)
 
-    `has_slopes` says whether the slopes of the first three planes are written, too: d/dx of each, then d/dy.
-    """
+
+class _Rows(NamedTuple):
+    """What is written of a group of planes: their values, or these, d/dx of the first three, and d/dy of these."""
+
+    out: object  # the type of the array
+    column: int  # of the group, behind the first one of the record
+    has_slopes: bool
+
+
+def _build_evaluation(groups, entries, group, stride):
+    """Build a loop that evaluates planes: LANES samples at a time, each with its four planes, which are then
+    transposed."""
     numbers, *layout = group
-    is_single = all(array.dtype == types.float32 for array in (numbers, out)) and out.layout == "C"
-    if not is_single or layout != [types.int64, types.uint64, types.uint64]:
+    is_single = all(array.dtype == types.float32 for array in (numbers, *(rows.out for rows in groups)))
+    is_flat = all(rows.out.layout == "C" for rows in groups)
+    if not is_single or not is_flat or layout != [types.int64, types.uint64, types.uint64]:
         return None
-    signature = types.void(entries, group, types.int64, types.int64, out, types.uint64, types.uint64)
+    rows, *behind = groups
+    places = [each for rows in behind for each in (rows.out, types.uint64)]
+    first = types.UniTuple(types.int64, 2)
+    signature = types.void(entries, group, first, rows.out, types.uint64, types.uint64, *places)
 
     def generate(context, builder, signature, arguments):
-        out = data_of(context, builder, signature.args[4], arguments[4])
+        stride, places = arguments[5], [3, *range(6, len(arguments), 2)]
+        outs = [(data_of(context, builder, signature.args[k], arguments[k]), arguments[k + 1]) for k in places]
         reader = _PlaneReader(context, builder, signature, arguments)
-        with in_fours(builder, reader.n_entry) as (first, four):
-            position = reader.begin_four()
-            samples = [reader.read(position, j, k, has_slopes) for j, k in enumerate(four)]
-            target = builder.add(arguments[5], first)
-            for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
-                for values in transpose(builder, vectors)[:n_row]:
-                    builder.store(values, builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer()), align=4)
-                    target = builder.add(target, arguments[6])
+        with side_by_side(builder, reader.n_entry, LANES) as (first, samples):
+            located = tee(reader.locate(samples), len(groups))
+            for rows, pairs, (out, start) in zip(groups, located, outs, strict=True):
+                parts = zip(*(reader.read(pair, rows) for pair in pairs), strict=True)
+                target = builder.add(start, first)
+                for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), parts, strict=False):
+                    for values in transpose(builder, vectors)[:n_row]:
+                        builder.store(values, builder.bitcast(builder.gep(out, [target]), _REALS.as_pointer()), align=4)
+                        target = builder.add(target, stride)
         return context.get_dummy_value()
 
     return signature, generate
@@ -131,33 +152,53 @@ class _PlaneReader:
         numbers, self._mask, self._shift, self._column = cgutils.unpack_tuple(builder, arguments[1])
         self._numbers = data_of(context, builder, signature.args[1][0], numbers)
         self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
-        first = ir.Constant(_WHOLES, [0] * PLANE_GROUP)
-        for lane, coordinate in zip(_ANCHOR, arguments[2:4], strict=True):
-            first = builder.insert_element(first, builder.trunc(coordinate, ir.IntType(32)), ir.IntType(32)(lane))
-        self._position = cgutils.alloca_once_value(builder, first)
+        first = ir.Constant(_EDGES, [0] * LANES)
+        for lane, coordinate in zip(_ANCHOR, cgutils.unpack_tuple(builder, arguments[2]), strict=True):
+            for place in (lane, lane + PLANE_GROUP):
+                whole = builder.trunc(coordinate, ir.IntType(32))
+                first = builder.insert_element(first, whole, ir.IntType(32)(place))
+        self._position = cgutils.alloca_once_value(builder, builder.add(first, _right(0, PLANE_GROUP)))
 
-    def begin_four(self):
-        """The position of the first of four samples, where a record has its anchor; moves on by four."""
-        position = self._builder.load(self._position)
-        self._builder.store(self._moved(position, PLANE_GROUP), self._position)
-        return position
-
-    def _moved(self, position, n):
-        return self._builder.add(position, ir.Constant(_WHOLES, [n if lane == _ANCHOR[0] else 0 for lane in range(4)]))
-
-    def read(self, position, j, k, has_slopes):
-        """The values of four planes at sample number k, the j-th of four; and their slopes, where these are asked
-        for."""
+    def locate(self, samples):
+        """The records of LANES samples, and how far these lie across and down in them: of each of the first four and of
+        the fourth after it, side by side. Moves on by as many; a pair is looked for when it is asked for."""
         builder = self._builder
-        number = _record_number(builder, builder.load(builder.gep(self._entries, [k])), self._mask)
-        record = builder.gep(self._numbers, [builder.shl(number, self._shift)])
-        anchor = load(builder, record, 0, _WHOLES)
-        offset = builder.sitofp(builder.sub(self._moved(position, j), anchor), FLOATS)
-        across, down = (shuffle(builder, offset, offset, [lane] * PLANE_GROUP) for lane in _ANCHOR)
-        planes = builder.gep(record, [self._column])
-        value, dx, dy = (load(builder, planes, part * PLANE_GROUP, FLOATS) for part in range(3))
+        position = builder.load(self._position)
+        builder.store(builder.add(position, _right(LANES, LANES)), self._position)
+        for j in range(PLANE_GROUP):
+            records = [self._record(samples[k]) for k in (j, j + PLANE_GROUP)]
+            here = builder.add(position, _right(j, j))
+            offset = builder.sitofp(builder.sub(here, self._load(records, 0, _WHOLES)), _REALS)
+            across, down = (
+                shuffle(builder, offset, offset, [lane] * PLANE_GROUP + [lane + PLANE_GROUP] * PLANE_GROUP)
+                for lane in _ANCHOR
+            )
+            yield records, across, down
+
+    def _record(self, k):
+        """The address of the record that sample k shows."""
+        number = _record_number(self._builder, self._builder.load(self._builder.gep(self._entries, [k])), self._mask)
+        return self._builder.gep(self._numbers, [self._builder.shl(number, self._shift)])
+
+    def read(self, located, rows):
+        """The values of four planes at two samples; and their slopes, where these are asked for."""
+        builder, (records, across, down) = self._builder, located
+        column = builder.add(self._column, ir.Constant(ir.IntType(64), rows.column))
+        planes = [builder.gep(record, [column]) for record in records]
+        value, dx, dy = (self._load(planes, part * PLANE_GROUP, FLOATS) for part in range(3))
         value = builder.fadd(builder.fadd(value, builder.fmul(across, dx)), builder.fmul(down, dy))
-        return (value, dx, dy) if has_slopes else (value,)
+        return (value, dx, dy) if rows.has_slopes else (value,)
+
+    def _load(self, addresses, offset, llvm_type):
+        """Four numbers each from two addresses, side by side."""
+        both = (load(self._builder, address, offset, llvm_type) for address in addresses)
+        return shuffle(self._builder, *both, list(range(LANES)))
+
+
+def _right(first, second):
+    """What moves two positions side by side to the right."""
+    x = _ANCHOR[0]
+    return ir.Constant(_EDGES, [step if lane == x else 0 for step in (first, second) for lane in range(PLANE_GROUP)])
 
 
 def _record_number(builder, entry, mask):
@@ -253,7 +294,7 @@ def _build_texels(sample, positions, factor, texels, batch, rows, out):
         n_ahead = builder.select(builder.icmp_unsigned("<", n, ahead), n, ahead)
         with cgutils.for_range(builder, n_ahead) as loop:
             reader.prefetch(positions, loop.index)
-        with in_fours(builder, n) as (first, four):
+        with side_by_side(builder, n, PLANE_GROUP) as (first, four):
             for k in four:
                 reader.prefetch(positions, builder.add(k, ahead))
             samples = sample(reader, four)
@@ -384,14 +425,14 @@ def load(builder, address, offset, llvm_type):
 
 
 @contextmanager
-def in_fours(builder, n):
-    """Loop over n samples, PLANE_GROUP at a time; yield the number of the first one, and of each."""
+def side_by_side(builder, n, size):
+    """Loop over n samples, `size` at a time; yield the number of the first one, and of each."""
     long = ir.IntType(64)
-    step = ir.Constant(long, PLANE_GROUP)
-    count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
+    step = ir.Constant(long, size)
+    count = builder.udiv(builder.add(n, ir.Constant(long, size - 1)), step)
     with cgutils.for_range(builder, count) as loop:
         first = builder.mul(loop.index, step)
-        yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
+        yield first, [builder.add(first, ir.Constant(long, k)) for k in range(size)]
 
 
 def freeze(builder, value):

@@ -42,7 +42,7 @@ from .shade import fill_weights
 from .texture_lookup import S_PLANE
 from .texturing import fill_texels, has_texcoord_planes, put_in_metals
 from .transform import SUBPIXEL
-from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
+from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, stretch_of_blocks, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
@@ -83,8 +83,11 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
         while first < right:
             start = index(j * visibility.pitch + first)
             end, material = stretch_of(visibility, strip_of(j), first, right, shown.material)
-            n = min(end - first, BATCH_SIZE)
-            if material < 0:
+            n = index(min(end - first, BATCH_SIZE))
+            n, is_blank = stretch_of_blocks(visibility.entries[start : start + n])
+            if is_blank:
+                material = np.int64(-1)
+            elif material < 0:
                 n, material = run_of_material(visibility.entries[start : start + index(n)], band, shown)
             elif not is_lit_here(material, band, shown):
                 n, material = end - first, np.int64(-1)

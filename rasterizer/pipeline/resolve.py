@@ -18,7 +18,7 @@ import numpy as np
 from ..compiler.kernels import choice, helper, index, kernel
 from .fragments import BATCH_SIZE, NEXT
 from .shade_once import MAX_FACTOR, NO_POINT, SEVERAL, factor_of
-from .visibility import CLEAR, clear, extent_of_pixels, strip_of
+from .visibility import CLEAR, clear, extent_of_pixels, stretch_of_blocks, strip_of
 
 
 class Picture(NamedTuple):
@@ -102,13 +102,22 @@ def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, 
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = begin_row(visibility, row, factor, j, encoding, out)
-        for left in range(first, end, BATCH_SIZE):
-            n = index(min(end - left, BATCH_SIZE))
-            if points is not None:
-                n_covered += average_points(visibility.pitch, points, radiance, (row, left), grid, n, batch.values)
+        left = first
+        while left < end:
+            width, is_blank, here = np.int64(min(end - left, BATCH_SIZE)), False, (row, left)
+            if factor == 1:
+                start = index(row * visibility.pitch + left)
+                width, is_blank = stretch_of_blocks(visibility.entries[start : start + index(width)])
+            n = index(width)
+            if is_blank:
+                fill_blank(out, j, left, left + width, encoding)
+            elif points is not None:
+                n_covered += average_points(visibility.pitch, points, radiance, here, grid, n, batch.values)
             else:
-                n_covered += average_samples(visibility, radiance, None, (row, left), grid, n, batch)
-            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
+                n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
+            if not is_blank:
+                write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
+            left += width
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
 
@@ -146,25 +155,24 @@ def begin_row(visibility, row, factor, j, encoding, out):
     """Fill what is blank in row j of the picture; return the columns of pixels that any sample of `factor` rows of the
     band, from `row` on, may cover, half-open."""
     first, end = extent_of_pixels(visibility, row, factor, visibility.width)
-    fill_blank(out, j, first, end, encoding)
+    fill_blank(out, j, 0, first, encoding)
+    fill_blank(out, j, end, out.rgba.shape[1], encoding)
     return first, end
 
 
 @helper
 def fill_blank(out, j, first, end, encoding):
-    """Fill a row's pixels on both sides of first..end, where nothing is drawn, with the background, or with
-    transparent black."""
+    """Fill a row's pixels first..end, where nothing is drawn, with the background, or with transparent black."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
     alpha, blank = np.float32(1) if encoding.has_background else np.float32(0), np.uint32(encoding.blank)
-    for left, right in ((0, first), (end, out.rgba.shape[1])):
-        for i in range(index(left), index(right)):
-            out.rgba[index(j), i] = blank
-        if out.color.shape[0] > 0:
-            for i in range(index(left), index(right)):
-                out.color[index(j), i, 0] = red
-                out.color[index(j), i, 1] = green
-                out.color[index(j), i, 2] = blue
-                out.alpha[index(j), i] = alpha
+    for i in range(index(first), index(end)):
+        out.rgba[index(j), i] = blank
+    if out.color.shape[0] > 0:
+        for i in range(index(first), index(end)):
+            out.color[index(j), i, 0] = red
+            out.color[index(j), i, 1] = green
+            out.color[index(j), i, 2] = blue
+            out.alpha[index(j), i] = alpha
 
 
 @helper
@@ -287,12 +295,23 @@ def average_several(visibility, radiance, translucent, first, grid, n, batch):
         n_opaque = count_opaque(visibility.entries, pitch, (row, column), factor, n_here)
         if n_opaque == np.int64(n_here * factor * factor):
             average_opaque(radiance, pitch, (row, column), factor, skipped, n_here, batch.values)
+        elif n_opaque == 0 and translucent is None:
+            clear_pixels(batch.values, skipped, n_here)
         else:
             n_opaque = average_weighted(
                 visibility, radiance, translucent, (row, column), factor, skipped, n_here, batch
             )
         n_seen += n_opaque
     return n_seen
+
+
+@helper
+def clear_pixels(pixels, skipped, n):
+    """Let n pixels after `skipped` ones show nothing."""
+    for channel in range(index(4)):
+        first = channel * NEXT + skipped
+        for i in range(n):
+            pixels[first + i] = np.float32(0)
 
 
 @helper

@@ -5,7 +5,7 @@ all of them lie. In a list of points, one for each polygon in a pixel (shade_onc
 one or the other; its type decides what is compiled.
 
 Planes stand in records (records.py), four side by side. Of samples in a row they are evaluated by vector instructions,
-which intrinsics.py spells out for the compiler: it wouldn't find them for loops of four by itself.
+which intrinsics.py spells out for the compiler: it wouldn't find them for loops of four planes by itself.
 """
 
 from typing import NamedTuple
@@ -111,7 +111,7 @@ def step_of_samples(first):
 
 # ---------------------------------------------------------------- planes
 
-PLANE_GROUP = 4  # planes that stand side by side in a record, and samples that are evaluated side by side
+PLANE_GROUP = 4  # planes that stand side by side in a record, and samples whose texels are read so
 
 
 class PlaneGroup(NamedTuple):
@@ -129,8 +129,7 @@ def evaluate_planes(entries, group, first, out, start, stride):
     """Evaluate a group of four planes at the samples of a batch: the inner loop of the shade stage.
 
     The second and third number of a record are whole ones: the sample at which its planes have their values. Float32 is
-    rounded after each operation, in this order. Samples up to the next multiple of PLANE_GROUP may be read and written,
-    too.
+    rounded after each operation, in this order. Samples up to the next multiple of LANES may be read and written, too.
 
     Parameters
     ----------
@@ -161,15 +160,15 @@ def write_row(rows, place, stride, values):
 @helper
 def planes_of_samples(entries, group, first, out, start, stride):
     """See `evaluate_planes`."""
-    planes_of_row(entries, group, first[0], first[1], out, start, stride)
+    planes_of_row(entries, group, first, out, start, stride)
 
 
 @spelled_out("build_planes_of_row")
-def planes_of_row(entries, group, x, y, out, start, stride):
-    """See `evaluate_planes`; x and y are the first sample, int64."""
+def planes_of_row(entries, group, first, out, start, stride):
+    """See `evaluate_planes`."""
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
-        across, down = offset_of_sample((x, y), k, group, record)
+        across, down = offset_of_sample(first, k, group, record)
         write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
 
 
@@ -268,17 +267,40 @@ def within(value, numbers, min_at):
 # ---------------------------------------------------------------- planes with their slopes
 
 
-@helper
+@choice
 def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start):
     """Evaluate a group of four planes into four rows of `out`, and the group that stands right behind it, with slopes,
     into ten rows of `behind`, which begin at `behind_start`.
 
     See `evaluate_planes` and `evaluate_slopes`.
     """
-    evaluate_planes(entries, group, first, out, start, stride)
-    next_column = group.column + index(3 * PLANE_GROUP)
-    group_behind = PlaneGroup(group.numbers, group.record_mask, group.shift, next_column)
-    evaluate_slopes(entries, group_behind, first, behind, behind_start, stride)
+    return both_of_points if is_list(first) else both_of_samples
+
+
+@helper
+def both_of_points(entries, group, first, out, start, stride, behind, behind_start):
+    """See `evaluate_with_slopes`."""
+    planes_of_points(entries, group, first, out, start, stride)
+    slopes_of_points(entries, group_behind(group), first, behind, behind_start, stride)
+
+
+@helper
+def both_of_samples(entries, group, first, out, start, stride, behind, behind_start):
+    """See `evaluate_with_slopes`."""
+    both_of_row(entries, group, first, out, start, stride, behind, behind_start)
+
+
+@spelled_out("build_both_of_row")
+def both_of_row(entries, group, first, out, start, stride, behind, behind_start):
+    """See `evaluate_with_slopes`."""
+    planes_of_row(entries, group, first, out, start, stride)
+    slopes_of_row(entries, group_behind(group), first, behind, behind_start, stride)
+
+
+@helper
+def group_behind(group):
+    """Return the group of planes that stands right behind another one."""
+    return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + index(3 * PLANE_GROUP))
 
 
 @choice
@@ -300,13 +322,13 @@ def slopes_of_points(entries, group, first, out, start, stride):
 @helper
 def slopes_of_samples(entries, group, first, out, start, stride):
     """See `evaluate_slopes`."""
-    slopes_of_row(entries, group, first[0], first[1], out, start, stride)
+    slopes_of_row(entries, group, first, out, start, stride)
 
 
 @spelled_out("build_slopes_of_row")
-def slopes_of_row(entries, group, x, y, out, start, stride):
-    """See `evaluate_slopes`; x and y are the first sample, int64."""
-    planes_of_row(entries, group, x, y, out, start, stride)
+def slopes_of_row(entries, group, first, out, start, stride):
+    """See `evaluate_slopes`."""
+    planes_of_row(entries, group, first, out, start, stride)
     copy_slopes(entries, group, out, start, stride)
 
 

@@ -28,9 +28,19 @@ from .fragments import BATCH_SIZE
 from .gradients import HAS_TEXTURE
 from .interpolate import ScannedBand
 from .records import material_of
-from .samples import PLANE_GROUP, ScreenPoints
+from .samples import ScreenPoints
 from .transform import SUBPIXEL
-from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
+from .visibility import (
+    CLEAR,
+    IS_ID,
+    LANES,
+    LEVEL_MASK,
+    NO_END,
+    NO_START,
+    PAYLOAD_BITS,
+    VisibilityBuffer,
+    extent_of_pixels,
+)
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
 NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)
@@ -93,7 +103,7 @@ def list_points(band, grid, order, is_textured, out):
         for left in range(first, end, PIECE):
             n_pixel = index(min(end - left, PIECE))
             n = list_batch(band, (row, left), index(factor), n_pixel, order, is_textured, n, out)
-    for k in range(n, n + index(PLANE_GROUP)):  # which may be read, too
+    for k in range(n, n + index(LANES)):  # which may be read, too
         points.entries[k] = CLEAR
     points.left[0], points.right[0] = 0, np.int64(n)
     points.other_left[0], points.other_right[0] = 0, np.int64(n)

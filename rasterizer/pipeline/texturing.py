@@ -60,7 +60,7 @@ from .texture_sampling import (
 )
 from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
 from .textures import FILTER_TRILINEAR, FIRST_TEXCOORD, Textures, packed_texture
-from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
+from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, stretch_of_blocks, strip_of
 
 
 class Texturing(NamedTuple):
@@ -94,8 +94,11 @@ def shade_textured(band, texturing, batch, out_radiance):
         while first < right:
             start = index(j * visibility.pitch + first)
             end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
-            n = min(end - first, BATCH_SIZE)
-            if material < 0:
+            n = index(min(end - first, BATCH_SIZE))
+            n, is_blank = stretch_of_blocks(visibility.entries[start : start + n])
+            if is_blank:
+                material = np.int64(-1)
+            elif material < 0:
                 n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
             elif not band.coding.features[material] & HAS_TEXTURE:
                 n, material = end - first, np.int64(-1)

@@ -32,9 +32,11 @@ MAX_RECORDS = 1 << (LEVEL_BITS - RECORD_SHIFT)
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
 
+GAP = index(32)  # entries in a row that are left out where none shows anything: extents have gaps between things
+
 STRIP_SHIFT = 3  # log2 of the rows of a strip
 NO_START, NO_END = np.int64(1 << 30), np.int64(-1)  # the extent of a strip in which nothing was written
-LANES = 8  # samples of a small box that are merged side by side
+LANES = 8  # samples that are merged side by side, of a small box, and whose planes are evaluated so
 PADDING = 2 * LANES  # entries behind each row that lanes may read and write back
 
 
@@ -163,6 +165,28 @@ def stretch_of(visibility, strip, first, end, material):
     if left <= first < right:
         return min(end, right), np.int64(-1)
     return min(end, left) if first < left else end, visibility.materials[strip]
+
+
+@helper
+def stretch_of_blocks(entries):
+    """Return how many of the first entries are in blocks of GAP that are like the first one, and whether these show
+    nothing."""
+    n, end = index(len(entries)), index(0)
+    is_blank = shows_nothing(entries[:GAP])
+    while end < n and shows_nothing(entries[end : end + GAP]) == is_blank:
+        end = min(end + GAP, n)
+    return np.int64(end), is_blank
+
+
+@helper
+def shows_nothing(entries):
+    """Tell whether none of some entries shows anything; most blocks that do show something at one of their ends."""
+    if entries[index(0)] < CLEAR or entries[index(len(entries)) - index(1)] < CLEAR:
+        return False
+    nearest = CLEAR
+    for k in range(index(len(entries))):
+        nearest = min(nearest, entries[k])
+    return nearest >= CLEAR
 
 
 @helper

@@ -15,7 +15,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
@@ -398,9 +398,10 @@ _DECODED_AHEAD = ("PNG", "JPEG")  # what most pictures are; while a TIFF is deco
 
 
 def _pixels_or_none(picture: "Image.Image") -> NDArray[np.uint8] | None:
-    """The pixels of a picture whose mode is kept; None where it can't be decoded."""
+    """The pixels of a picture whose mode is kept; None where it can't be decoded. Pillow's own are given back."""
     try:
-        return np.asarray(picture)
+        with closing(picture):
+            return _copied(picture)
     except _PICTURE_FAULTS:
         return None
 
@@ -481,7 +482,16 @@ def _pixels_of(picture: "Image.Image", name: str) -> NDArray[np.uint8]:
         raise ModelError(
             f"{name}: can't be read as a picture: its texels are numbers of 32 bits; 8 and 16 bits are read"
         )
-    return np.asarray(picture if _is_plain(picture) else picture.convert("RGBA"))
+    return _copied(picture if _is_plain(picture) else picture.convert("RGBA"))
+
+
+def _copied(picture: "Image.Image") -> NDArray[np.uint8]:
+    """The pixels of a PIL image of 8 bits, copied strip by strip: Pillow makes two copies of what it hands out."""
+    (width, height), n_channel = picture.size, len(picture.getbands())
+    out = np.empty((height, width, n_channel) if n_channel > 1 else (height, width), np.uint8)
+    for rows in _strips(height, width):
+        out[rows] = np.asarray(picture.crop((0, rows.start, width, min(rows.stop, height))))
+    return fixed(out)
 
 
 def _is_plain(picture: "Image.Image") -> bool:

@@ -257,6 +257,27 @@ def test_textures_alone_are_drawn_as_beside_others(shading, samples):
     assert not deviations(alone.color[is_full], beside.color[is_full], atol=budget)
 
 
+@pytest.mark.parametrize("look", ["plain", "textured", "textured toon"])
+@pytest.mark.parametrize("shading, samples", [("gouraud", 1), ("gouraud", 4), ("phong", 1), ("phong", 4)])
+def test_gaps_in_a_row_change_no_bit_beside_them(shading, samples, look):
+    """Bars with gaps of 1 to 90 pixels between them, and the same with a wall behind that fills the gaps."""
+    rights = np.cumsum(np.arange(1, 91, 4) + 3.0) + 10
+    corners = np.array([(-3.0, 0, 0), (0, 0, 0), (0, 12, 0), (-3, 12, 0)])
+    two = np.array([(0, 1, 2), (0, 2, 3)])
+    bars = [rz.Mesh(corners + (x, 0, 0), two, uv=corners[:, :2] / 5, material=LOOKS[look]) for x in rights]
+    width = int(rights[-1]) + 60
+    wall = rz.Mesh(corners * (width / 3, 1, 0) + (width, 0, -5), two, uv=corners[:, :2], material=LOOKS[look])
+    eye = (width / 2, 6.0, 50.0)
+    camera = rz.Camera.orthographic(eye, (width / 2, 6, 0), height=12, near=1, far=100)
+    options = {"size": (width, 12), "shading": shading, "samples": samples, "threads": 1}
+    alone = rz.render(rz.Scene(bars, GREY, camera), **options)
+    walled = rz.render(rz.Scene([*bars, wall], GREY, camera), **options)
+    is_bar = alone.alpha > 0.0
+    assert is_bar.sum() == 12 * 3 * len(rights)
+    assert (alone.color[is_bar] == walled.color[is_bar]).all()
+    assert not alone.rgba[~is_bar].any() and not alone.color[~is_bar].any()
+
+
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
 def test_stats_count_the_ways_of_every_material(shading):
     """Those of a fine plain ball beside a toon and a coloured one."""

@@ -174,7 +174,7 @@ def evaluate_plainly(entries, group, column, first, n_row, weights=None):
 @pytest.mark.parametrize("form", [PLANES, VALUES, SLOPES, BOTH], ids=["planes", "values", "slopes", "both"])
 def test_planes_are_those_of_plain_python(form, way):
     """In a row and of lists of points, which may lie half-way between samples; also of entries that hold intensities,
-    or nothing. Nothing is written beyond the next multiple of four."""
+    or nothing. Nothing is written beyond the next multiple of LANES."""
     for case, n in enumerate((0, 1, 3, 4, 5, 64, 127)):
         rng = np.random.default_rng(n)
         points = ScreenPoints(*(128 * rng.integers(0, 2**19, (2, 128))).astype(np.int32), 2.0)
@@ -195,7 +195,7 @@ def test_planes_are_those_of_plain_python(form, way):
                     found = array[left : left + n]
                     same = found.view(np.int32) == np.ascontiguousarray(expected[row]).view(np.int32)
                     assert same.all(), f"{n} samples, row {row}: {found[~same][:4]} != {expected[row][~same][:4]}"
-                    array[left : left + -(-n // 4) * 4] = 7
+                    array[left : left + -(-n // LANES) * LANES] = 7
             assert (out == before[0]).all() and (behind == before[1]).all(), f"{n} samples: wrote beyond them"
 
 
