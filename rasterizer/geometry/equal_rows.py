@@ -15,20 +15,23 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
 
-PART = 1 << 15  # rows, whose table of twice as many slots of 8 bytes is as large as the cache of a core
+PART = 1 << 16  # rows, whose table of twice as many slots of 8 bytes stays in the caches of a core
 MAX_PARTS = 1 << 10  # for more of them, places to write to would leave the cache themselves
 
 _LOW = np.uint64(0xFFFFFFFF)
 _HIGH, _SHIFT = np.uint64(32), np.uint64(29)
 
 
-def find_equal_rows(rows: NDArray, workers: Any) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
+def find_equal_rows(
+    rows: NDArray, workers: Any, out: NDArray[np.uint32] | None = None
+) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
     """Find equal rows, bit by bit; but -0 is 0.
 
     Parameters
     ----------
     rows : (n, k) float32 or float64, contiguous or not, fewer than 2^32 - 1
     workers : Workers, threads to find them on
+    out : (n,), which becomes `inverse`; None = a new array
 
     Returns
     -------
@@ -41,7 +44,7 @@ def find_equal_rows(rows: NDArray, workers: Any) -> tuple[NDArray, NDArray[np.in
     n_part = min(MAX_PARTS, 1 << (n_row // PART).bit_length())
     # A seed that no file's maker knows: rows that share a hash would take the square of their number.
     seed = np.frombuffer(os.urandom(8), np.uint64)[0]
-    keys, inverse = np.empty(n_row, np.uint64), np.empty(n_row, np.uint32)
+    keys, inverse = np.empty(n_row, np.uint64), np.empty(n_row, np.uint32) if out is None else out
 
     def deal(part: tuple[int, int]) -> list[NDArray[np.uint64]]:
         here, ends = slice(*part), np.zeros(n_part + 1, np.uint32)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..cores import Workers, n_core
 
 FEW = 1 << 14  # rows that are sorted
-BLOCK = 1 << 15  # rows, what is known of which stays in the cache of a core
+BLOCK = 1 << 16  # rows
 
 
 def weld(part: dict) -> dict:
@@ -57,12 +57,19 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
     vertices : (n_vertex, 3), in the order of their first use; -0 is 0
     faces : (n_face, 3)
     """
+    if 3 * n_face < FEW:
+        corners = read(0, n_face).reshape(-1, 3)
+        first, numbers = unique_rows(corners)
+        return corners[first].astype(np.float64) + 0.0, numbers.reshape(-1, 3)
+    from .equal_rows import find_equal_rows
+
     size = BLOCK // 3
     blocks = [(begin, min(begin + size, n_face)) for begin in range(0, n_face, size)]
     faces, alone = np.empty((n_face, 3), np.uint32), Workers(1)
 
     def join_near(block: tuple[int, int]) -> NDArray:
-        rows, first, faces[slice(*block)].reshape(-1)[:] = _equal_rows(read(*block).reshape(-1, 3), alone)
+        of_block = faces[slice(*block)].reshape(-1)
+        rows, first, _ = find_equal_rows(read(*block).reshape(-1, 3), alone, of_block)
         return rows[first]
 
     with Workers(n_core()) as workers:
@@ -70,7 +77,7 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
         offsets = np.cumsum([0, *map(len, distinct)])
         joined = np.concatenate(distinct)
         del distinct
-        rows, first, numbers = _equal_rows(joined, workers)
+        rows, first, numbers = find_equal_rows(joined, workers)
 
         def renumber(k: int) -> None:
             of_block = faces[slice(*blocks[k])]
@@ -98,19 +105,13 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    with Workers(n_core()) as workers:
-        return _equal_rows(rows, workers)[1:]
-
-
-def _equal_rows(rows: NDArray, workers: Workers) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
-    """Return what `find_equal_rows` does."""
     if len(rows) < FEW:
         with np.errstate(invalid="ignore"):  # of signalling NaNs
-            values = np.ascontiguousarray(rows) + 0.0  # the sum turns -0 into 0
-        return values, *_sort_rows(values.view(np.uint32))
+            return _sort_rows((np.ascontiguousarray(rows) + 0.0).view(np.uint32))  # the sum turns -0 into 0
     from .equal_rows import find_equal_rows
 
-    return find_equal_rows(rows, workers)
+    with Workers(n_core()) as workers:
+        return find_equal_rows(rows, workers)[1:]
 
 
 def _sort_rows(bits: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:

@@ -1028,7 +1028,7 @@ HELD_OUT = (
     Fault(
         "welding: vertices at 0 and -0 aren't joined",
         "geometry/weld.py",
-        "np.ascontiguousarray(rows) + 0.0",
+        "(np.ascontiguousarray(rows) + 0.0)",
         "np.ascontiguousarray(rows)",
         "geometry",
     ),

@@ -48,7 +48,7 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
 
 @pytest.mark.parametrize("n_thread", [1, 2, 3])
 def test_equal_rows_are_found_alike_on_any_number_of_threads(n_thread):
-    """Parts of 2^15 rows, dealt from several ranges; all rows equal, none, and a few numbers over and over."""
+    """Parts of 2^16 rows, dealt from several ranges; all rows equal, none, and a few numbers over and over."""
     generator = np.random.default_rng(n_thread)
     with Workers(n_thread) as workers:
         for n_row, n_value in ((1, 1), (70_001, 1), (300_000, 40), (300_000, 2**31)):
