@@ -280,14 +280,15 @@ def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) ->
     def number(part: tuple[int, int]) -> None:
         corners[slice(*part)] += n_before[corner_vertices[slice(*part)]]
 
-    for begin in range(0, n_corner, _ROUND):
-        n_here = min(_ROUND, n_corner - begin)
-        splits = map_parts(lambda part, begin=begin: split_part((begin + part[0], begin + part[1])), n_here, workers)
+    rounds = [(begin, min(begin + _ROUND, n_corner)) for begin in range(0, n_corner, _ROUND)]
+    for begin, end in rounds:
+        splits = map_parts(
+            lambda part, begin=begin: split_part((begin + part[0], begin + part[1])), end - begin, workers
+        )
         ends = np.cumsum([n_split, *(len(split.source) for split in splits)]).tolist()
         n_split = ends[-1]
         map_all(place, list(zip(splits, ends, strict=False)), workers)
-    if n_corner > 0:
-        map_parts(number, n_corner, workers)
+    map_all(number, rounds, workers)
     return Split(corners.reshape(-1, 3), whole.source[:n_split], whole.normals[:n_split])
 
 
