@@ -16,8 +16,7 @@ examples:
   raster batch parts/*.stl --array rgb --array depth --array object
       -o 'data/{stem}-{view}.{array}.png' --view iso,top -b white
       --manifest data/manifest.jsonl --coco data/coco.json
-  raster batch parts/*.stl -o 'data/{stem}-{view}.png' --view random:20
-      --light random --seed 0 --manifest data/manifest.jsonl --skip-existing
+  raster batch parts/*.stl -o '{stem}-{view}.png' --view random:20 --seed 0
   raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
 
 One picture that can't be drawn doesn't stop the others, whatever the reason. A file appears whole or not at all, so a

@@ -147,28 +147,26 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     has_seed : whether views and lights may be random
     """
     add = parser.add_topic(
-        "camera", "Unless --eye is given, the model fills the picture. A camera that a scene file brings along is used "
-        "where none of these but --zoom is given; one that a model brings is, with --camera file.").add_argument
+        "camera", "The model fills the picture, unless --eye is given. A scene file's camera is used where none of "
+        "these but --zoom is given; a model's is, with --camera file.").add_argument
     parser.set_defaults(views=[])
     if views:
-        several = "; random:N = N random sides, which need --seed" if has_seed else ""
+        legal = (*choices.VIEWS, "random:N") if has_seed else tuple(choices.VIEWS)
         add("--view", dest="views", action="extend", default=[], metavar="LIST",
-            type=values.views if has_seed else values.list_of(str, tuple(choices.VIEWS)),
-            help=f"where from: {', '.join(choices.VIEWS)}; several, with commas, make a picture each{several}")
+            type=values.views if has_seed else values.list_of(str, legal),
+            help=f"from {', '.join(legal)}; several, with commas, make a picture each")
     if has_seed:
         add("--seed", type=values.seed, metavar="N",
-            help="of what is random: the views of each model have the seeds N, N+1, ..., which are in {view}, as in "
-            "random-0007; so have their lights, with --light random")
+            help="of random:N and --light random: N, N+1, ... for each model's views")
     add("--azimuth", type=values.number, metavar="A", help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})")
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
     add("--fov", type=values.number, metavar="A", help=f"vertical field of view, degrees (default {FOV:g})")
-    add("--ortho", action="store_true", help="without perspective; with --eye, the target keeps its size")
+    add("--ortho", action="store_true", help="no perspective; with --eye, the target keeps its size")
     add("--zoom", type=values.number, default=1.0, metavar="F",
         help="enlarge the middle of the picture F times (default 1)")
     add("--margin", type=values.percentage, metavar="M",
-        help="share of the picture that stays empty on each side, 0.1 or 10%% (default 5%%)")
-    add("--camera", metavar="FILE", help="a camera out of a scene file, or one by itself in JSON; file = the model's "
-        f"own, which must have one; {frame}")
+        help="share that stays empty on each side (default 5%%)")
+    add("--camera", metavar="FILE", help=f"a camera out of a scene file, or one in JSON; file = the model's own; {frame}")
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     upright = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")

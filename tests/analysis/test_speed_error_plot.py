@@ -17,7 +17,7 @@ def random_rows(seed) -> list[Row]:
     rms = 0.02 * np.exp(-rng.uniform(0.0, rng.choice([0.1, 1.0, 6.0]), len(methods)))
     rms[rng.random(len(methods)) < 0.1] = 0.0
     is_beaten = [bool(((ms < a) & (rms < b)).any()) for a, b in zip(ms, rms, strict=True)]
-    return [Row(method, a, 1.0, 1.0, Errors(b, b, 0, 0.0, 0.0, 0.0, 0.0, 1), b, b, 0.0, 0.0, beaten)
+    return [Row(method, a, Errors(b, b, 0, 0.0, 0.0), b, b, beaten)
             for method, a, b, beaten in zip(methods, ms.tolist(), rms.tolist(), is_beaten, strict=True)]  # fmt: skip
 
 

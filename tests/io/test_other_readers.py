@@ -110,6 +110,6 @@ def test_of_an_exr_file_with_several_arrays_others_read_the_picture(frame, tmp_p
 
 def test_what_a_png_file_does_not_hold_is_refused_with_the_suffix_that_does(frame, tmp_path):
     for name in FLOATS:
-        with pytest.raises(rz.SceneError, match=f"given '{name}': write it as .npy, .npz or .exr"):
+        with pytest.raises(rz.SceneError, match=f"can't hold '{name}': write it as .npy, .npz or .exr"):
             frame.save(tmp_path / "a.png", array=name)
     assert not list(tmp_path.iterdir())
