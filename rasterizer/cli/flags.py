@@ -166,7 +166,8 @@ def add_camera(parser, views=True, azimuth="about the up axis",
         help="enlarge the middle of the picture F times (default 1)")
     add("--margin", type=values.percentage, metavar="M",
         help="share that stays empty on each side (default 5%%)")
-    add("--camera", metavar="FILE", help=f"a camera out of a scene file, or one in JSON; file = the model's own; {frame}")
+    add("--camera", metavar="FILE",
+        help=f"a camera out of a scene file, or one in JSON; file = the model's own; {frame}")
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     upright = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")
