@@ -14,8 +14,6 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from .locks import renew_in_child
-
 _T = TypeVar("_T")
 
 # A part of a stage is worth a thread of its own from here on. To wake a thread, and to be woken when it is done, takes
@@ -37,6 +35,8 @@ class Workers:
     """
 
     def __init__(self, n_thread: int) -> None:
+        from .locks import renew_in_child  # a command line's help has no need of it
+
         self.n_thread = n_thread
         self._start()
         renew_in_child(self)

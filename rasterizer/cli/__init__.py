@@ -148,16 +148,40 @@ def exit_code(error) -> int:
 
 
 def _run(arguments, messages, is_imported) -> int:
-    """Run the command; each one imports what it uses, what it draws with before it is run."""
+    """Run the command; each one imports what it uses, what it draws with before it is run. Before a long file that is
+    done while the file is read: most of which is done without the GIL."""
     from importlib import import_module
+    from threading import Thread
 
     from .parser import command_module
 
     command = command_module(arguments.command)
-    for name in getattr(command, "IMPORTS", ()):
+    names = getattr(command, "IMPORTS", ())
+    for name in names:
         import_module(f"{__package__}.{name}")
+    if "drawing" in names:
+        if _is_long(arguments):
+            Thread(target=_import_renderer).start()
+        else:
+            _import_renderer()
     is_imported()
     failures, n_model = command.run(arguments, messages)
     if failures and len(failures) < n_model:
         return SOME_FAILED
     return exit_code(failures[0]) if failures else DONE
+
+
+def _is_long(arguments) -> bool:
+    """Tell whether the first model is a long file."""
+    from ..io.files import LONG
+
+    model = next(iter(getattr(arguments, "models", ())), "")
+    return os.path.isfile(model) and os.path.getsize(model) >= LONG
+
+
+def _import_renderer() -> None:
+    from contextlib import suppress
+    from importlib import import_module
+
+    with suppress(Exception):  # it is raised where a Renderer is made
+        import_module("..renderer", __package__)

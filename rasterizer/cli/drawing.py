@@ -3,10 +3,7 @@ rest. And what looks like a mistake in a picture.
 """
 
 import os
-import threading
-from contextlib import suppress
 from dataclasses import fields
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,7 +42,6 @@ def draw_models(arguments, messages, draw, check=None) -> tuple[list, int]:
     settings = make_settings(arguments)
     check_camera(arguments)
     plan, n_model = plan_missing(arguments, messages, check)
-    threading.Thread(target=_import_renderer).start()
     failures = Failures(messages, arguments.json)
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages), results, Outputs(plan, arguments) as outputs:
@@ -54,12 +50,6 @@ def draw_models(arguments, messages, draw, check=None) -> tuple[list, int]:
                 draw(targets, arguments, settings, messages, outputs.of_model(number, results))
         failures += outputs.finish(messages)
     return failures, n_model
-
-
-def _import_renderer() -> None:
-    """Import what draws, while the first model is read: most of that is done without the GIL."""
-    with suppress(Exception):  # it is raised where a Renderer is made
-        import_module("..renderer", __package__)
 
 
 def plan_missing(arguments, messages, check=None) -> tuple[list, int]:

@@ -20,7 +20,6 @@ under a light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -350,6 +349,8 @@ NAMED_MATERIALS: dict[str, tuple[Any, Any, Any, float]] = {
 def named_fields(name: str) -> dict[str, Any]:
     """Return the fields of a named material as arguments of `Material`; SceneError for an unknown name."""
     if not isinstance(name, str) or name not in NAMED_MATERIALS:
+        from difflib import get_close_matches
+
         near = get_close_matches(name, NAMED_MATERIALS, n=1) if isinstance(name, str) else ()
         meant = f"; did you mean {near[0]}?" if near else ""
         legal = cut(", ".join(NAMED_MATERIALS), 120)
