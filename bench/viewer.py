@@ -9,11 +9,9 @@ At rest the picture must have its full size. The last line is JSON.
 """
 
 import argparse
-import math
 import sys
 import tempfile
 import threading
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,6 +31,26 @@ CanvasRenderingContext2D.prototype.drawImage = function (...given) {
   window.drawn.push([performance.now(), this.canvas.width, this.canvas.height]);
   return draw.apply(this, given);
 };
+"""
+
+# A move for each picture of the screen, as a hand makes them; sent from outside there are fewer.
+TURNING = """
+([x, y, seconds]) => new Promise((resolve) => {
+  const canvas = document.querySelector("canvas");
+  const start = performance.now();
+  window.drawn = [];
+  function move() {
+    const angle = (performance.now() - start) / 500;
+    if (angle > 2 * seconds) {
+      resolve(window.drawn);
+      return;
+    }
+    const at = { clientX: x + 90 * Math.sin(angle), clientY: y + 40 * Math.sin(2 * angle) };
+    canvas.dispatchEvent(new PointerEvent("pointermove", { pointerId: 1, buttons: 1, bubbles: true, ...at }));
+    requestAnimationFrame(move);
+  }
+  move();
+})
 """
 
 COLUMNS = [
@@ -118,13 +136,7 @@ def turn(page, seconds: float) -> dict:
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
-    page.evaluate("window.drawn = []")
-    start = time.perf_counter()
-    while (now := time.perf_counter() - start) < seconds:
-        angle = 2.0 * now
-        page.mouse.move(x + 90 * math.sin(angle), y + 40 * math.sin(2 * angle))
-        page.wait_for_timeout(5)
-    drawn = page.evaluate("window.drawn")
+    drawn = page.evaluate(TURNING, [x, y, seconds])
     page.mouse.up()
     wait_for_rest(page)
     canvas = "canvas => `${canvas.width}x${canvas.height}`"

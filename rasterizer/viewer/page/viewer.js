@@ -3,7 +3,8 @@
 //
 //   pointer, wheel, keys, switches ── events ──> message ── send() ──> { status, picture } ──> canvas, text
 //
-// One message is on its way at a time. Moves that come meanwhile are added up, so that nothing piles up.
+// One message is on its way at a time, and while its picture is decoded the next one. Where the way takes longer than the
+// drawing, as in a notebook, there are some more. Moves that come meanwhile are added up, so that nothing piles up.
 // The same file serves a page of its own (page.js) and a notebook (`export default`, as anywidget wants it).
 
 const REST = 120; // milliseconds without an event, after which the picture is drawn as good as it gets
@@ -16,6 +17,8 @@ const ZOOM = 1.0015; // enlargement for a CSS pixel of the wheel
 const MOST_ZOOM = 50; // in one event
 const MOST_SIDE = 8192; // pixels of a picture
 const MOST_EVENTS = 200; // in one message
+const QUICK = 30; // milliseconds of a picture, up to which more messages than one are on their way
+const MOST_SHOWING = 2; // pictures that are decoded
 const KEYS = new Set([
   "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "Escape", "Enter", " ",
   "+", "=", "-", "_", "0", "1", "2", "3", "4", "5", "6", "7", "s", "l", "o",
@@ -37,12 +40,16 @@ const HELP = [
   ["Esc", "forget the point"],
 ];
 
-export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
+export function mount(root, send, { onStatus = () => {}, size = null, ahead = 1 } = {}) {
   const parts = build(root, size);
   const { canvas } = parts;
   const context = canvas.getContext("2d", { alpha: false });
   let events = [];
-  let isWaiting = false;
+  let nWaiting = 0; // messages without an answer
+  let nShowing = 0; // pictures that are not shown yet
+  let showing = Promise.resolve(); // one after the other
+  let isPaced = false; // until the screen shows the next picture
+  let isQuick = false; // whether the last picture was
   let isFull = false; // whether the picture that is shown is as good as it gets
   let isEnded = false;
   let restTimer = 0;
@@ -65,32 +72,48 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
 
   function ask(isRest) {
     clearTimeout(restTimer);
-    if (isWaiting || isEnded || !canvas.clientWidth) {
+    const isBusy = nWaiting >= (isQuick && !isRest ? ahead : 1) || nShowing >= MOST_SHOWING || isPaced;
+    if (isBusy || isEnded || !canvas.clientWidth) {
       return; // where there is nothing to be seen yet, the observer of sizes asks again
     }
-    isWaiting = true;
     exchange(isRest);
   }
 
   async function exchange(isRest) {
-    const refreshed = new Promise(requestAnimationFrame); // at most one picture for each that the screen shows
     const message = { size: sizeNow(), background: backgroundNow(), is_rest: isRest, events };
     events = [];
+    nWaiting += 1;
+    isPaced = true; // at most one picture for each that the screen shows
+    requestAnimationFrame(() => {
+      isPaced = false;
+      goOn();
+    });
     const slow = setTimeout(() => parts.numbers.textContent = "drawing …", SLOW);
     try {
       const { status, picture } = await send(message);
-      await show(message, status, picture);
-      faults = 0;
+      nShowing += 1;
+      showing = showing.then(() => show(message, status, picture)).then(() => { faults = 0; }, failed).then(() => {
+        nShowing -= 1;
+        goOn();
+      });
     } catch (fault) {
-      faults += 1;
-      say(`${fault.message || fault}`);
+      failed(fault);
     }
     clearTimeout(slow);
-    await refreshed;
-    isWaiting = false;
+    nWaiting -= 1;
+    goOn();
+  }
+
+  function failed(fault) {
+    faults += 1;
+    say(`${fault.message || fault}`);
+  }
+
+  function goOn() {
     if (events.length) {
       ask(false);
-    } else if (!isFull && faults < 3) {
+    } else if (!nWaiting && !nShowing && !isPaced && !isFull && faults < 3) {
+      clearTimeout(restTimer);
       restTimer = setTimeout(() => ask(true), REST);
     }
   }
@@ -106,7 +129,8 @@ export function mount(root, send, { onStatus = () => {}, size = null } = {}) {
     bitmap.close();
     background = message.background;
     const isOutdated = String(sizeNow()) !== String(message.size) || backgroundNow() !== background;
-    isFull = status.is_full && !events.length && !isOutdated;
+    isFull = status.is_full && !events.length && !nWaiting && !isOutdated;
+    isQuick = status.milliseconds <= QUICK;
     canvas.dataset.state = isFull ? "rest" : "moving";
     tell(status);
   }
@@ -347,21 +371,20 @@ let widgetCount = 0;
 function render({ model, el }) {
   widgetCount += 1;
   const view = `${Date.now()}-${widgetCount}`; // several cells may show one widget: each takes its own answers
-  let waiting = null;
+  const waiting = []; // for answers, which come in the order of the messages
 
   function send(message) {
     return new Promise((resolve, reject) => {
-      waiting = { resolve, reject };
+      waiting.push({ resolve, reject });
       model.send({ view, message });
     });
   }
 
   function take(content, buffers) {
-    if (content.view !== view || !waiting) {
+    if (content.view !== view || !waiting.length) {
       return;
     }
-    const { resolve, reject } = waiting;
-    waiting = null;
+    const { resolve, reject } = waiting.shift();
     if (content.error) {
       reject(new Error(content.error));
     } else {
@@ -370,7 +393,7 @@ function render({ model, el }) {
   }
 
   model.on("msg:custom", take);
-  const viewer = mount(el, send, { size: model.get("size") });
+  const viewer = mount(el, send, { size: model.get("size"), ahead: 4 });
   return () => {
     model.off("msg:custom", take);
     viewer.close();
