@@ -39,6 +39,7 @@ def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
         "features": ["features.py", "--model", scan, "--seconds", "15"],
         "startup": ["startup.py", scan, "--runs", "11", "--cold", "2"],
         "whole": ["whole.py", "--models", "teapot", scan, *whole.USUAL],
+        "viewer": ["viewer.py", scan],
         "encode": ["encode.py", "--seconds", "1"],
         "scale": ["scale.py", "--seconds", "1"],
         "scale_many": ["scale.py", "--many", "5000"],

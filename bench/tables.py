@@ -374,12 +374,20 @@ def whole(rows) -> list[str]:
     return lines_of(head, found)
 
 
+def viewer(rows) -> list[str]:
+    """Pictures a second in a browser."""
+    head = ["where", "look", "size while it moves", "pictures a second"]
+    return lines_of(
+        head, [[*(row[key] for key in ("where", "look", "moving")), figure(row["per_second"], 2)] for row in rows]
+    )
+
+
 TABLES = {
     "frames in short": frames_in_short, "frames": frames, "memory": memory, "exactness": exactness,
     "tolerances": tolerances, "methods": methods, "samples": samples, "one thing at a time": axes,
     "finer meshes": finer, "hard cases": hard_cases, "features": features, "buffers": buffers, "peers": peers,
     "specks": specks, "programs": programs, "writers": writers, "growth": growth, "held memory": held,
-    "throughput": throughput, "paths": paths, "whole": whole,
+    "throughput": throughput, "paths": paths, "whole": whole, "viewer": viewer,
 }  # fmt: skip
 
 
