@@ -15,7 +15,6 @@ import sys
 from importlib import import_module
 
 from .. import __version__
-from ..choices import RANDOM
 from ..errors import SceneError
 
 # Each command is the module of this folder that has its name, imported when it is called: `add_flags(parser)` adds its
@@ -95,6 +94,8 @@ def _fill_in_defaults(arguments) -> None:
 
 def _take_seed(arguments) -> None:
     """Give random views their names; SceneError for a seed that is missing, or in vain."""
+    from ..choices import RANDOM
+
     is_random = RANDOM in arguments.lights or any(view.startswith(RANDOM) for view in arguments.views)
     if is_random and arguments.seed is None:
         raise SceneError("what is random needs --seed N, a whole number of at least 0")
@@ -102,20 +103,15 @@ def _take_seed(arguments) -> None:
         raise SceneError("--seed is that of random views and lights: --view random:N, --light random")
     if RANDOM in arguments.lights and len(arguments.lights) > 1:
         raise SceneError("--light random takes the place of all lights; given another --light beside it")
-    arguments.views = _numbered_views(arguments.views, arguments.seed)
-
-
-def _numbered_views(words, seed) -> list[str]:
-    """Return the names of views, those of random ones with their seeds, from `seed` on."""
-    found: list[str] = []
-    for word in words:
+    names, seed = [], arguments.seed
+    for word in arguments.views:
         first, _, count = word.partition(":")
         if first != RANDOM:
-            found.append(word)
+            names.append(word)
             continue
-        found += [f"{RANDOM}-{seed + k:04}" for k in range(int(count or 1))]
+        names += [f"{RANDOM}-{seed + k:04}" for k in range(int(count or 1))]
         seed += int(count or 1)
-    return found
+    arguments.views = names
 
 
 def _with_command(argv) -> list[str]:
