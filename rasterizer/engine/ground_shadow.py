@@ -255,13 +255,11 @@ def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> 
         bits.count_hidden(layers, triangles, lights, n_light, bits.make_scratch(layers), counts)
         return counts
 
-    try:
+    with workers:
         for mesh in scene.meshes:
             draw(mesh)
         layers, triangles = bits.join(parts), np.concatenate(near)
         counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
-    finally:
-        workers.close()
     return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
 
 
@@ -303,11 +301,9 @@ def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDA
     def draw_batch(k: int) -> NDArray[np.uint32]:
         covered = np.zeros(ground.shape, np.uint32)  # whole numbers: their sum is the same in any order
         prepared = PreparedScene(casters, options)
-        try:
+        with prepared.threads:
             for x, y in points[k::n_batch]:
                 covered += draw_mask(prepared, x, y)
-        finally:
-            prepared.threads.close()
         return covered
 
     with Workers(n_batch) as workers:

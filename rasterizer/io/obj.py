@@ -332,7 +332,7 @@ class ObjLines:
         ------
         LineError : a line with too few numbers, or with something else
         """
-        tables = self._map_lines(keyword, lambda lines: self._rows_in(keyword, lines))
+        tables = self._map_lines(keyword, self.lines_of(keyword), lambda lines: self._rows_in(keyword, lines))
         width = min(table.shape[1] for table in tables)
         return np.concatenate([table[:, :width] for table in tables])
 
@@ -344,12 +344,13 @@ class ObjLines:
         LineError : a word that is no corner, or refers to a vertex that there is not
         """
         given = {attribute: self.lines_of(attribute) for attribute in _ATTRIBUTES}
-        blocks = self._map_lines("f", lambda lines: self._corners_in(given, lines))
+        face_lines = self.lines_of("f")
+        blocks = self._map_lines("f", face_lines, lambda lines: self._corners_in(given, lines))
         *columns, missing = zip(*blocks, strict=True)
         self.missing = dict(zip(("texture coordinates", "normals"), map(sum, zip(*missing, strict=True)), strict=True))
         self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[0])
         joined = (None if column[0] is None else np.concatenate(column) for column in columns)
-        return Corners(self.lines_of("f"), *joined)
+        return Corners(face_lines, *joined)
 
     def first_fault(self) -> tuple[int, str] | None:
         """Return the first line that can't be read, from 0, and why; None where all can be."""
@@ -361,9 +362,8 @@ class ObjLines:
                 faults.append(fault.args)
         return min(faults, default=None)
 
-    def _map_lines(self, keyword, read: Callable[[NDArray[np.int64]], Any]) -> list:
+    def _map_lines(self, keyword, lines, read: Callable[[NDArray[np.int64]], Any]) -> list:
         """Call a function with the lines of v, vt, vn or f, some at a time; with none where there are none."""
-        lines = self.lines_of(keyword)
 
         def read_from(begin: int) -> Any:
             report_progress(begin, len(lines), f"reading lines '{keyword}'")
