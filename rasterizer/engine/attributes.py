@@ -34,18 +34,10 @@ from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 
-
-class Attributes(NamedTuple):
-    """What is interpolated over the triangles; rows of points that belong to the other type hold anything."""
-
-    single: np.ndarray  # (n_side, n_point, n_attribute) float32
-    double: np.ndarray  # the same in float64
+NONE = np.empty((1, 0, 0))  # no attributes
 
 
-NONE = Attributes(np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)))
-
-
-def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> Attributes:
+def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> NDArray[np.float64]:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
@@ -56,56 +48,46 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
 
     Returns
     -------
-    Attributes: n_channel intensities, linear; of materials with one channel the first is written alone. With textures 8
-    in float64: of textured surfaces what a black one gives off, what the whole one gives off, texture coordinates
+    (n_side, n_point, n_attribute): n_channel intensities, linear, computed in the type of their material; of one with
+    one channel the first is written alone. With textures 2 n_channel + 2: of textured surfaces what a black one gives
+    off, what the whole one gives off, texture coordinates
     """
     groups = list_groups(geometry)
-    is_double, reads_double = plan.of_materials.is_double.tolist(), plan.of_materials.reads_double.tolist()
-    lit = {dtype: [g for g in groups if is_double[g.material] == (dtype == np.float64)] for dtype in lightings}
+    textured = [group for group in groups if plan.materials[group.material].texture is not None]
 
-    def light_here(geometry, chosen):
-        return {
-            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype])
-            for dtype in lit
-        }
+    def light_here(geometry, groups):
+        return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups)
 
-    whole, found = light_here(geometry, lit), list(NONE)
-    single = [group for group in groups if not reads_double[group.material]]
-    double = [group for group in groups if reads_double[group.material]]
-    if single:
-        found[0] = fill_centers(whole[np.dtype(np.float32)], geometry, single, threads)
-    if double:
-        textured = {dtype: [g for g in lit[dtype] if plan.materials[g.material].texture is not None] for dtype in lit}
+    found = light_here(geometry, groups)
+    if textured:
         # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-        black = blank(geometry.albedo.shape, np.dtype(np.float64), [g for some in textured.values() for g in some])
-        rest = light_here(geometry._replace(albedo=black), textured) if any(textured.values()) else {}
-        found[1] = fill_centers(join(geometry, plan, double, whole, rest), geometry, double, threads)
-    return Attributes(*found)
+        rest = light_here(geometry._replace(albedo=blank(geometry.albedo.shape, textured)), textured)
+        found = join(geometry.uv, groups, textured, found, rest)
+    return fill_centers(found, geometry, threads)
 
 
-def join(geometry, plan, groups, whole, rest) -> np.ndarray:
-    """Put what groups of points have in float64 side by side: see `light_all`.
+def join(uv, groups, textured, whole, rest) -> NDArray[np.float64]:
+    """Put what groups of points have side by side where some are textured: see `light_all`.
 
-    `whole` and `rest` are the intensities in each of the plan's types; `rest` is empty where there are no textures.
+    `whole` are the intensities of all groups, `rest` those of black surfaces, of the textured groups.
     """
-    n_side, n_point = next(iter(whole.values())).shape[:2]
-    n_channel = max(values.shape[2] for values in whole.values())
-    out = blank((n_side, n_point, 2 * n_channel + 2 if rest else n_channel), np.dtype(np.float64), groups)
+    n_side, n_point, n_channel = whole.shape
+    out = blank((n_side, n_point, 2 * n_channel + 2), groups)
     for group in groups:
-        here, dtype = slice(group.start, group.end), plan.of_materials.dtype_of(group.material)
-        is_textured = plan.materials[group.material].texture is not None
-        of_first = (rest if is_textured else whole)[dtype][:, here]
-        out[:, here, : of_first.shape[2]] = of_first
-        if is_textured:
-            out[:, here, n_channel : 2 * n_channel] = whole[dtype][:, here]
-            out[:, here, 2 * n_channel :] = geometry.uv[here, :2]
+        here = slice(group.start, group.end)
+        out[:, here, :n_channel] = whole[:, here]
+    for group in textured:
+        here = slice(group.start, group.end)
+        out[:, here, : rest.shape[2]] = rest[:, here]
+        out[:, here, n_channel : 2 * n_channel] = whole[:, here]
+        out[:, here, 2 * n_channel :] = uv[here, :2]
     return out
 
 
-def blank(shape, dtype, groups) -> np.ndarray:
+def blank(shape, groups) -> NDArray[np.float64]:
     """Return an array (..., n_point, n_value) that holds zeros for the points of some groups, and anything for others:
     a few points in a large scene are cheap."""
-    out = np.empty(shape, dtype)
+    out = np.empty(shape)
     for group in groups:
         out[..., group.start : group.end, :] = 0
     return out
@@ -125,11 +107,11 @@ def list_groups(geometry) -> list[Group]:
     return [Group(*group) for group in zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True)]
 
 
-def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
-    """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
-    dtype, features = lighting.materials.dtype, plan.of_materials.features
-    n_channel = 3 if any(features[group.material] & HAS_COLORS for group in groups) else 1
-    intensities = blank((n_side, len(geometry.normals), n_channel), dtype, groups)
+def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups) -> NDArray[np.float64]:
+    """Light the points of some groups: (n_side, n_point, n_channel); see `light_all`."""
+    of_materials = plan.of_materials
+    n_channel = 3 if any(of_materials.features[group.material] & HAS_COLORS for group in groups) else 1
+    intensities = blank((n_side, len(geometry.normals), n_channel), groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     least = MIN_PART // max(1, len(plan.lights))  # points that are worth a thread of its own
@@ -140,11 +122,12 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
     ]
 
     def light_bundle(bundle):
-        batch = make_batch(dtype)
+        batches = {dtype: make_batch(dtype) for dtype in lightings}
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
             for material, start, end in bundle:
-                light_points(points, (start, end), screen, sign, lighting, material, batch, out)
+                dtype = of_materials.dtype_of(material)
+                light_points(points, (start, end), screen, sign, lightings[dtype], material, batches[dtype], out)
 
     threads.map(light_bundle, bundles_of(pieces, least))
     return intensities
@@ -163,22 +146,16 @@ def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:
     return bundles
 
 
-def fill_centers(values, geometry, groups, threads) -> np.ndarray:
-    """Give the points that are means of those of some groups their values (n_side, n_point, n_value); nothing is lit
-    there."""
+def fill_centers(values, geometry, threads) -> NDArray[np.float64]:
+    """Give the points that are means of others their values (n_side, n_point, n_value); nothing is lit there."""
     centers = geometry.centers
-    if centers is not None and groups:
-        first_points = centers.points[centers.offsets[:-1]]
-        starts, ends = np.array([(group.start, group.end) for group in groups]).T
-        group = np.searchsorted(starts, first_points, side="right") - 1
-        here = np.flatnonzero((group >= 0) & (first_points < ends[group]))
-        first, end = (int(here[0]), int(here[-1]) + 1) if len(here) else (0, 0)
+    if centers is not None:
         for side in values:
 
             def fill_part(part, side=side):
-                fill_means(side, centers.first, centers.offsets, centers.points, first + part[0], first + part[1])
+                fill_means(side, centers.first, centers.offsets, centers.points, *part)
 
-            threads.map(fill_part, threads.ranges(end - first))
+            threads.map(fill_part, threads.ranges(len(centers.offsets) - 1))
     return values
 
 
@@ -187,39 +164,32 @@ class NormalAttributes:
 
     def __init__(self, geometry):
         self._geometry = geometry
-        self._kept: dict[tuple, np.ndarray] = {}
+        self._kept: dict[int, NDArray[np.float64]] = {}
 
-    def of(self, plan) -> Attributes:
+    def of(self, plan) -> NDArray[np.float64]:
         """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 13 attributes."""
-        reads_double, n_attributes = plan.of_materials.reads_double, plan.of_materials.n_attributes
-        found = list(NONE)
-        for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64))):
-            here = n_attributes[reads_double == bool(k)]
-            if len(here):
-                found[k] = self._of(dtype, int(here.max()))
-        return Attributes(*found)
+        return self._first(int(plan.of_materials.n_attributes.max()))
 
-    def normals(self) -> Attributes:
-        """The normals alone, in float64."""
-        return NONE._replace(double=self._of(np.dtype(np.float64), 3))
+    def normals(self) -> NDArray[np.float64]:
+        """The normals alone."""
+        return self._first(3)
 
-    def _of(self, dtype, n_attribute) -> np.ndarray:
+    def _first(self, n_attribute) -> NDArray[np.float64]:
         """So many attributes, of all points."""
-        key = dtype, n_attribute
-        if key not in self._kept:
+        if n_attribute not in self._kept:
             geometry, n_point = self._geometry, len(self._geometry.normals)
             given = geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
             columns = [column for column in given if len(column) == n_point]
-            joined = np.concatenate(columns, axis=1) if len(columns) > 1 else columns[0]
-            self._kept[key] = np.ascontiguousarray(joined[None, :, :n_attribute], dtype)
-        return self._kept[key]
+            joined = np.concatenate(columns, axis=1) if n_attribute > 3 else geometry.normals
+            self._kept[n_attribute] = np.ascontiguousarray(joined[None, :, :n_attribute])
+        return self._kept[n_attribute]
 
-    def of_faces(self, view, screen) -> Attributes:
+    def of_faces(self, view, screen) -> NDArray[np.float64]:
         """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
         normals = self._geometry.normals
         away = (self._geometry.points - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
-        return NONE._replace(double=np.stack([toward, -toward]))
+        return np.stack([toward, -toward])
 
 
 # ---------------------------------------------------------------- how entries, records and bytes hold them

@@ -127,7 +127,7 @@ class Drawn(NamedTuple):
     def whole(cls, geometry, vertices, render_pass) -> "Drawn":
         """All triangles of the scene as they are."""
         triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
-        drawables = Drawables(triangles, vertices, *render_pass.attributes)
+        drawables = Drawables(triangles, vertices, render_pass.attributes)
         return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
 
 

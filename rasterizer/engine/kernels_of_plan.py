@@ -58,7 +58,7 @@ NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
 NO_TRIANGLES = Drawables(
     Triangles(CORNERS, CORNERS, FLAGS),
     Vertices(np.empty(0, np.int32), np.empty(0, np.int32), LENGTHS, LENGTHS, LENGTHS, PixelWidth(0.0, 0.0, 0.0)),
-    np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)),
+    np.empty((1, 0, 0)),
 )  # fmt: skip
 
 
@@ -180,7 +180,7 @@ class PictureKernels(KernelList):
                 rule = normals.CreaseRule(np.empty(0, np.int32), 0.0, 0)
                 split, scratch = normals.SplitVertices(FACES, ROWS), normals.make_fan_scratch(0)
                 self.add(normals.list_corners, FACES, FACES, FACES)
-                self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, (0, 0), 0, FACES, split)
+                self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, (0, 0), 0, CORNERS, split)
         if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
             self.add_equal_rows()
         if self.options.cull == "auto" and any(map(closed.is_opaque, self.tables.meshes)):
@@ -308,11 +308,10 @@ class PictureKernels(KernelList):
         plan, workspace = self.plan, parts.workspace
         points = SurfacePoints(ROWS, ROWS, ROWS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
         for dtype in plan.dtypes:
-            batch, out = workspace.batch if dtype == SINGLE else workspace.double_batch, np.empty((0, 1), dtype)
-            self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, out)
+            batch = workspace.batch if dtype == SINGLE else workspace.double_batch
+            self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, np.empty((0, 1)))
         if any(mesh.polygons is not None for mesh in self.tables.meshes) and not plan.is_flat:
-            for is_double in set(plan.of_materials.reads_double.tolist()):
-                self.add(fill_means, np.empty((0, 1), DOUBLE if is_double else SINGLE), 0, NUMBERS, NUMBERS, 0, 0)
+            self.add(fill_means, np.empty((0, 1)), 0, NUMBERS, NUMBERS, 0, 0)
         if not ((parts.coding.features & HAS_TEXTURE) != 0).all():
             self.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
         if plan.textures is not None:

@@ -35,7 +35,7 @@ from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen
 from ..pipeline.visibility import CLEAR, IS_EXACT, IS_ID
 from ..pipeline.workspace import Workspace, WorkspaceShape
-from .attributes import NONE, Attributes
+from .attributes import NONE
 from .buffers import BUFFER_TABLE
 from .plan import Plan
 
@@ -54,7 +54,7 @@ AS_PASS = {"kw_only": True, "repr": False, "eq": False}
 class Pass:
     """What is drawn by the stages, and what becomes of it."""
 
-    attributes: Attributes  # interpolated over the triangles
+    attributes: np.ndarray  # (n_side, n_point, n_attribute) float64: interpolated over the triangles
     coding: Coding
     size: tuple[int, int]  # (width, height) in pixels
     face_table: FaceTable = NO_TABLE
@@ -84,7 +84,7 @@ class Pass:
     @property
     def n_attribute(self) -> int:
         """The largest number that a triangle has."""
-        return max(array.shape[2] for array in self.attributes)
+        return self.attributes.shape[2]
 
     def workspace_shape(self, n_row) -> WorkspaceShape:
         """The memory that a band of `n_row` rows is drawn in."""
@@ -337,7 +337,7 @@ class BufferPass(Pass):
     def drawables_of(self, drawn: "Drawn") -> Drawables:
         """The triangles of any pass with the attributes of this one; all have one material."""
         triangles = drawn.drawables.triangles._replace(material=NO_MATERIALS)
-        return Drawables(triangles, drawn.drawables.vertices, *self.attributes)
+        return Drawables(triangles, drawn.drawables.vertices, self.attributes)
 
     def _write(self, workspace, band, drawn, is_own) -> None:
         """Write what the band's entries show, this pass' own or those of a picture; the rest of its rows is empty."""

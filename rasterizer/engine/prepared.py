@@ -24,7 +24,6 @@ from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View
 from .attributes import (
     NONE,
-    Attributes,
     NormalAttributes,
     light_all,
     lookup_step,
@@ -63,7 +62,7 @@ class PlanParts(NamedTuple):
 
     plan: Plan
     dtypes: tuple[np.dtype, ...]  # its own
-    normals: Attributes  # that Phong's method interpolates; NONE for other methods
+    normals: NDArray[np.float64]  # that Phong's method interpolates; NONE for other methods
     coding: Coding  # without depths
     textures: Textures | None  # see ColorPass
     encoding: Encoding
@@ -247,7 +246,7 @@ class PreparedScene:
             keep(self._plan_parts, id(plan), parts)
         return self._plan_parts[id(plan)]
 
-    def _light_points(self, plan: Plan, lightings, screen, hidden_sides) -> Attributes:
+    def _light_points(self, plan: Plan, lightings, screen, hidden_sides) -> NDArray[np.float64]:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1 and not self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or is_never_flipped else 2
@@ -300,7 +299,7 @@ class PreparedScene:
             normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.normals()
         return BufferPass(
             attributes=normals,
-            coding=make_buffer_coding(screen, normals.double.shape[2]),
+            coding=make_buffer_coding(screen, normals.shape[2]),
             size=size,
             hidden_sides=self._hidden_sides(view, screen, factor),
             screen=screen,

@@ -9,9 +9,10 @@ unit normals; from `split_creases` new triangles over vertices that carry one no
  before - here         The *fan* is the corners at one vertex.
 
 Each fan is taken apart by itself, with the list of corners at each vertex and nothing else: no table of edges and no
-stored face normals. To compute a normal again at each corner costs less than to store and fetch it. Nearly all fans are
-rings: from each corner a walk across the edge that it leaves along comes to the next one, and at last back to the
-first. The edges of others are sorted. Parts of the corners are split side by side, on threads.
+stored face normals. To compute a normal again at each corner costs less than to store and fetch it: the corners of some
+fans are measured together, by the compiler's vector instructions. Nearly all fans are rings: from each corner a walk
+across the edge that it leaves along comes to the next one, and at last back to the first. The edges of others are
+sorted. Parts of the corners are split side by side, on threads.
 
 Rounding: only differences of coordinates are used, so a common offset loses no more than the coordinates already have.
 Lengths may lie anywhere between 1e-60 and 1e60.
@@ -36,6 +37,13 @@ _ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 _ROUND = 1 << 18  # corners that are split before the split vertices of others are: these go where all are, then
 
 _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
+
+# Corners that are measured together. What is noted of them are rows of numbers, one quantity a row; all stand one
+# behind the other in one flat array, `block[HERE + k]`, so that the compiler sees that they don't overlap.
+_BLOCK = 128
+_HERE, _AFTER, _BEFORE, _CROSS = (index(3 * _BLOCK * k) for k in range(4))  # positions, and twice the area vectors
+_SCALE, _SIZE, _COSINE, _WEIGHT = (index((12 + k) * _BLOCK) for k in range(4))  # see _area_vector
+_NEXT = index(_BLOCK)  # from x to y to z
 
 # All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
 # nothing, so that the time stays below this many comparisons a corner.
@@ -66,7 +74,7 @@ class Split(NamedTuple):
 
     Attributes
     ----------
-    faces : (n_face, 3) uint32, the faces as given, as indices of split vertices
+    faces : (n_face, 3) uint32, the faces as given, as indices of split vertices; one column behind the other
     source : (n_split,) uint32, index of the vertex that each was split from
     normals : (n_split, 3) float64, unit length; zero where only faces without area meet
     """
@@ -86,8 +94,12 @@ class Fans(NamedTuple):
 
 
 class FanScratch(NamedTuple):
-    """What is known of one fan while it is worked on; a row or an entry for each corner with an area."""
+    """What is known of some fans that are measured together, and of one while it is worked on: a row or an entry for
+    each corner, of the one those with an area."""
 
+    block: NDArray[np.float64]  # see _BLOCK
+    listed: NDArray[np.uint32]  # (_BLOCK + valence,) the corners of the fans, one fan's behind the other's
+    measured: NDArray[np.float64]  # (_BLOCK + valence, 4) the face's unit normal there, and the weight; 0 without area
     corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
     members: NDArray[np.uint32]  # (valence,) the corner
     after: NDArray[np.uint32]  # (valence,) the vertices at the far ends of its edges
@@ -257,7 +269,7 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
 def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) -> Split:
     """Split the fans of a mesh: parts of the corners side by side, whose split vertices are numbered one after the
     other then."""
-    corner_vertices, n_corner, corners = faces.reshape(-1), faces.size, np.empty(faces.size, np.uint32)
+    corner_vertices, n_corner, columns = faces.reshape(-1), faces.size, np.empty((3, len(faces)), np.uint32)
     fans, n_split = _list_fans(vertices, corner_vertices), 0
     n_before = np.zeros(len(vertices), np.uint32)  # split vertices of the parts before that of a vertex
     # No corner has more than one split vertex. What isn't written of these takes no memory.
@@ -268,8 +280,8 @@ def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) ->
         scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
         split = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3)))
         while corner < end:
-            split = _grow(split, n_split, max(end - part[0], n_split + n_split // 2) + fans.valence)
-            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, corners, split)
+            split = _grow(split, n_split, max(end - part[0], n_split + n_split // 2) + len(scratch.listed))
+            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, columns, split)
         return SplitVertices(split.source[:n_split], split.normals[:n_split])
 
     def place(placed: tuple[SplitVertices, int]) -> None:
@@ -278,7 +290,8 @@ def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) ->
         whole.source[here], whole.normals[here], n_before[split.source] = split.source, split.normals, first
 
     def number(part: tuple[int, int]) -> None:
-        corners[slice(*part)] += n_before[corner_vertices[slice(*part)]]
+        for column, vertex in zip(columns, faces.T, strict=True):
+            column[slice(*part)] += n_before[vertex[slice(*part)]]
 
     rounds = [(begin, min(begin + _ROUND, n_corner)) for begin in range(0, n_corner, _ROUND)]
     for begin, end in rounds:
@@ -288,8 +301,8 @@ def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) ->
         ends = np.cumsum([n_split, *(len(split.source) for split in splits)]).tolist()
         n_split = ends[-1]
         map_all(place, list(zip(splits, ends, strict=False)), workers)
-    map_all(number, rounds, workers)
-    return Split(corners.reshape(-1, 3), whole.source[:n_split], whole.normals[:n_split])
+    map_parts(number, len(faces), workers)
+    return Split(columns.T, whole.source[:n_split], whole.normals[:n_split])
 
 
 def map_parts(function: Callable[[tuple[int, int]], _T], n: int, workers: Any) -> list[_T]:
@@ -331,8 +344,10 @@ def _list_fans(vertices: NDArray, corner_vertices: NDArray) -> Fans:
 
 def make_fan_scratch(valence: int) -> FanScratch:
     """Return room for the fans of a mesh in which no vertex has more corners than `valence`."""
+    n = _BLOCK + valence
     return FanScratch(
-        np.empty((valence, 4)), *(np.empty(valence, np.uint32) for _ in range(4)), np.empty(2 * valence, np.int64),
+        np.empty(16 * _BLOCK), np.empty(n, np.uint32), np.empty((n, 4)), np.empty((valence, 4)),
+        *(np.empty(valence, np.uint32) for _ in range(4)), np.empty(2 * valence, np.int64),
         np.empty(valence, np.uint32), np.empty(valence, np.int64), np.empty((valence, 4)),
         np.empty((valence, 2), np.int64),
     )  # fmt: skip
@@ -385,71 +400,130 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def split_fans(vertices, fans, rule, scratch, part, n_split, out_faces, out):
+def split_fans(vertices, fans, rule, scratch, part, n_split, out_columns, out):
     """Join the corners of each fan into groups, and write split vertices for each, as long as there is room.
 
     The fans are those whose first corner is in a part of the corners, (start, end). Return the corner to go on with,
     for whose fan there is no room, or the end; and how many split vertices there are. To go on, call again with both,
-    and with more room in `out`: for `valence` more there is always room for one more fan.
+    and with more room in `out`: for `listed` more there is always room for some more fans.
 
-    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; n_split: 0 at first; out_faces
-    (n_corner,) u32; out: SplitVertices, with what was written before.
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; n_split: 0 at first; out_columns
+    (3, n_face) u32, the split vertex of each corner; out: SplitVertices, with what was written before.
     """
-    corner_vertices = fans.corner_vertices
-    first, corners = fans.first, fans.corners
+    corner_vertices, listed = fans.corner_vertices, scratch.listed
     source, normals = out.source, out.normals
-    for corner in range(index(part[0]), index(part[1])):
-        vertex = corner_vertices[corner]
-        around = corners[first[vertex] : first[vertex + 1]]
-        if around[0] != corner:
-            continue
-        # No corner has more than one split vertex.
-        if n_split + len(around) > len(source):
-            return np.int64(corner), n_split
-        n_fan, n_before = _gather_fan(vertices, corner_vertices, around, rule.weighting, scratch), n_split
-        is_ring, n_joined = _walk_ring(n_fan, rule, scratch)
-        total, size = _sum_fan(n_fan, scratch)
-        if is_ring and n_joined == n_fan and size > 0.0:
-            normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = divide(total, size)
-            for i in range(n_fan):
-                out_faces[scratch.members[i]] = n_split
-            n_split += 1
-        else:
-            _link_fan(n_fan, is_ring, rule, scratch)
-            _sum_groups(n_fan, scratch)
-            n_split = _write_groups(n_fan, n_split, scratch, normals, out_faces)
-        # The corners without area take the first of these, or a zero normal where there is none.
-        if n_fan == 0:
-            normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = 0.0, 0.0, 0.0
-            n_split += 1
-        i = index(0)
-        for slot in range(len(around) if n_fan < len(around) else 0):
-            if i < n_fan and scratch.members[i] == around[slot]:
-                i += index(1)
+    corner, end = index(part[0]), index(part[1])
+    # No corner has more than one split vertex.
+    while corner < end and n_split + len(listed) <= len(source):
+        corner, n_listed = _list_fans_from(corner, end, fans, listed)
+        _measure_corners(vertices, corner_vertices, n_listed, rule.weighting, scratch)
+        start = index(0)
+        while start < n_listed:
+            vertex = corner_vertices[listed[start]]
+            around = listed[start : start + index(fans.first[vertex + 1] - fans.first[vertex])]
+            n_fan, n_before = _gather_fan(corner_vertices, around, start, scratch), n_split
+            start += index(len(around))
+            is_ring, n_joined = _walk_ring(n_fan, rule, scratch)
+            total, size = _sum_fan(n_fan, scratch)
+            if is_ring and n_joined == n_fan and size > 0.0:
+                normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = divide(total, size)
+                for i in range(n_fan):
+                    _set_corner(out_columns, scratch.members[i], n_split)
+                n_split += 1
             else:
-                out_faces[around[slot]] = n_before
-        for k in range(n_before, n_split):
-            source[k] = vertex
-    return part[1], n_split
+                _link_fan(n_fan, is_ring, rule, scratch)
+                _sum_groups(n_fan, scratch)
+                n_split = _write_groups(n_fan, n_split, scratch, normals, out_columns)
+            # The corners without area take the first of these, or a zero normal where there is none.
+            if n_fan == 0:
+                normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = 0.0, 0.0, 0.0
+                n_split += 1
+            i = index(0)
+            for slot in range(len(around) if n_fan < len(around) else 0):
+                if i < n_fan and scratch.members[i] == around[slot]:
+                    i += index(1)
+                else:
+                    _set_corner(out_columns, around[slot], n_before)
+            for k in range(n_before, n_split):
+                source[k] = vertex
+    return np.int64(corner), n_split
 
 
 @helper
-def _gather_fan(vertices, corner_vertices, around, weighting, out):
-    """Measure the corners with an area; return how many there are; out: FanScratch."""
+def _list_fans_from(corner, end, fans, out_listed):
+    """List the corners of the fans whose first corner is in corner..end, until there are _BLOCK; return where to go on,
+    and how many are listed."""
+    n_listed = index(0)
+    while corner < end and n_listed < _BLOCK:
+        vertex = fans.corner_vertices[corner]
+        first, after = index(fans.first[vertex]), index(fans.first[vertex + 1])
+        if fans.corners[first] == corner:
+            for slot in range(first, after):
+                out_listed[n_listed] = fans.corners[slot]
+                n_listed += index(1)
+        corner += index(1)
+    return corner, n_listed
+
+
+@helper
+def _neighbors(corner, corner_vertices):
+    """Return the vertices that a corner's face has after and before it."""
+    k = corner % index(3)
+    after = corner_vertices[corner - index(2) if k == 2 else corner + index(1)]
+    return after, corner_vertices[corner + index(2) if k == 0 else corner - index(1)]
+
+
+@helper
+def _measure_corners(vertices, corner_vertices, n_listed, weighting, scratch):
+    """Measure the first corners that are listed in a FanScratch."""
+    block, measured = scratch.block, scratch.measured
+    for first in range(index(0), n_listed, index(_BLOCK)):
+        n = min(index(_BLOCK), n_listed - first)
+        for k in range(n):
+            corner = index(scratch.listed[first + k])
+            after, before = _neighbors(corner, corner_vertices)
+            _set_vector(block, _HERE + k, vector_of_row(vertices, corner_vertices[corner]))
+            _set_vector(block, _AFTER + k, vector_of_row(vertices, after))
+            _set_vector(block, _BEFORE + k, vector_of_row(vertices, before))
+        for k in range(n):
+            here, after = _get_vector(block, _HERE + k), _get_vector(block, _AFTER + k)
+            area, block[_SCALE + k], block[_COSINE + k] = _area_vector(here, after, _get_vector(block, _BEFORE + k))
+            _set_vector(block, _CROSS + k, area)
+            block[_SIZE + k] = length(area)
+        for k in range(n):
+            size = block[_SIZE + k]
+            weight = _angle(size, block[_COSINE + k]) if weighting == _ANGLE else (size if weighting == _AREA else 1.0)
+            block[_WEIGHT + k] = weight if size > _FLAT * block[_SCALE + k] else 0.0
+        for k in range(n):
+            normal = divide(_get_vector(block, _CROSS + k), block[_SIZE + k])
+            measured[first + k, 0], measured[first + k, 1], measured[first + k, 2] = normal
+            measured[first + k, 3] = block[_WEIGHT + k]
+
+
+@helper
+def _get_vector(block, k):
+    """Return the vector whose x is entry k of a block."""
+    return block[k], block[k + _NEXT], block[k + _NEXT + _NEXT]
+
+
+@helper
+def _set_vector(block, k, vector):
+    """Write it."""
+    block[k], block[k + _NEXT], block[k + _NEXT + _NEXT] = vector
+
+
+@helper
+def _gather_fan(corner_vertices, around, first, out):
+    """Fetch the corners with an area of the fan that is listed from `first` on; return how many there are; out:
+    FanScratch."""
     n_fan = index(0)
-    for slot in range(len(around)):
-        corner = index(around[slot])
-        k = corner % index(3)
-        after = corner_vertices[corner - index(2) if k == 2 else corner + index(1)]
-        before = corner_vertices[corner + index(2) if k == 0 else corner - index(1)]
-        here = vector_of_row(vertices, corner_vertices[corner])
-        normal, weight = _measure_corner(
-            here, vector_of_row(vertices, after), vector_of_row(vertices, before), weighting
-        )
-        if weight > 0.0:
-            out.corners[n_fan, 0], out.corners[n_fan, 1], out.corners[n_fan, 2] = normal
-            out.corners[n_fan, 3] = weight
-            out.members[n_fan], out.after[n_fan], out.before[n_fan] = corner, after, before
+    for slot in range(index(len(around))):
+        row = first + slot
+        if out.measured[row, 3] > 0.0:
+            for column in range(4):
+                out.corners[n_fan, column] = out.measured[row, column]
+            out.members[n_fan] = around[slot]
+            out.after[n_fan], out.before[n_fan] = _neighbors(index(around[slot]), corner_vertices)
             n_fan += index(1)
     return n_fan
 
@@ -598,7 +672,7 @@ def _sum_groups(n_fan, fan):
 
 
 @helper
-def _write_groups(n_fan, n_split, fan, out_normals, out_faces):
+def _write_groups(n_fan, n_split, fan, out_normals, out_columns):
     """Write a split vertex for each side of a group, or for each corner where the group's normals cancel; return how
     many there are then; fan: FanScratch."""
     sums, split_of = fan.sums, fan.split_of
@@ -612,24 +686,39 @@ def _write_groups(n_fan, n_split, fan, out_normals, out_faces):
             for axis in range(3):
                 out_normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan.corners[i, axis]
             n_split += 1
-        out_faces[fan.members[i]] = split_of[root, side]
+        _set_corner(out_columns, fan.members[i], split_of[root, side])
     return n_split
 
 
 @helper
-def _measure_corner(here, after, before, weighting):
-    """Return the face's unit normal and the weight of its corner at `here`: 0 for a face without area."""
-    area, scale, cosine = _area_vector(here, after, before)
-    size = length(area)
-    if not size > _FLAT * scale:
-        return (0.0, 0.0, 0.0), 0.0
-    weight = 1.0
-    if weighting == _AREA:
-        weight = size
-    elif weighting == _ANGLE:
-        # From sine and cosine, both times the edges' lengths: exact to rounding for needles and caps.
-        weight = math.atan2(size, cosine)
-    return divide(area, size), weight
+def _set_corner(columns, corner, value):
+    """Write what a corner has in (3, n_face) columns."""
+    columns[index(corner) % index(3), index(corner) // index(3)] = value
+
+
+@helper
+def _angle(sine, cosine):
+    """Return the angle, 0 to π, that has this sine and cosine, both times the same number: to 2^-51 of itself, for
+    needles and caps, too; as vector instructions. The sine is no less than 0.
+
+    Of the smaller of both over the larger, t <= 1, it is the arc tangent, or what that leaves of a right angle. Beyond
+    t = tan π/8 it is π/4 + atan((t - 1)/(t + 1)). Within, atan t = t + t³ P(t²) with the polynomial that is right at
+    the 11 Chebyshev points of 0..tan² π/8, and wrong by less than 2^-57 of the angle between.
+    """
+    width = abs(cosine)
+    low, high = min(sine, width), max(sine, width)
+    is_wide = low > 0.41421356237309503 * high
+    t = (low - high if is_wide else low) / (low + high if is_wide else high)
+    z = t * t
+    z2 = z * z
+    z4 = z2 * z2
+    p0 = (-0.3333333333333333 + 0.1999999999999552 * z) + (-0.14285714284666542 + 0.11111111015256361 * z) * z2
+    p4 = (-0.09090904578123903 + 0.07692183190826087 * z) + (-0.06664511447381948 + 0.0585814891280221 * z) * z2
+    p8 = (-0.0508544973794026 + 0.03923165829558719 * z) + -0.01917688711906226 * z2
+    arc = t + t * z * (p0 + (p4 + p8 * z4) * z4)
+    arc = arc + 0.25 * math.pi if is_wide else arc
+    arc = 0.5 * math.pi - arc if sine > width else arc
+    return math.pi - arc if cosine < 0.0 else arc
 
 
 @helper

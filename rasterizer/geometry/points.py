@@ -185,7 +185,10 @@ def _rows(arrays: Sequence[NDArray]) -> NDArray:
 
 
 def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArray[np.uint32]:
-    """Stack (n, 3) indices as (3, n), one contiguous column a corner; they move behind the parts before them."""
+    """Stack (n, 3) indices as (3, n), one contiguous column a corner; they move behind the parts before them. A single
+    array that is stored so is left as it is."""
+    if len(arrays) == 1 and arrays[0].T.flags.c_contiguous:
+        return arrays[0].T
     out = np.empty((3, sum(len(array) for array in arrays)), np.uint32)
     start = 0
     for k, array in enumerate(arrays):

@@ -203,7 +203,7 @@ def fill_means(values, first, offsets, points, start, end):
 
     Parameters
     ----------
-    values : (n_point, n_value) float32 or float64, changed
+    values : (n_point, n_value) float64, changed
     first : the point that centre 0 is
     offsets : (n_center + 1,) int64 into `points`
     points : (n_corner,) int64, the points of each centre, one centre's behind the other's

@@ -53,7 +53,7 @@ class VisibleSurfaces(NamedTuple):
 
     visibility: VisibilityBuffer
     records: Records
-    drawables: Drawables  # attributes 0-2 in float64 are the normals, where a buffer needs them
+    drawables: Drawables  # attributes 0-2 are the normals, where a buffer needs them
     loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
     depths: DepthScale
     is_own: bool  # the pass that drew them is a buffer's: triangles without an exact record are small
@@ -503,9 +503,9 @@ def fetch_triangle(face, drawables, depths):
 def fetch_normals(face, drawables):
     """Return the normals of a triangle, an axis a row and a corner a column, and the side that is seen: 1 or -1.
 
-    Normals are the first three attributes in float64.
+    Normals are the first three attributes.
     """
-    triangles, attributes = drawables.triangles, drawables.double_attributes
+    triangles, attributes = drawables.triangles, drawables.attributes
     xs, ys = fetch_positions(face, drawables)
     order = order_of(xs, ys)
     is_flipped = order.is_front == (triangles.is_inverted[face] != 0)

@@ -53,7 +53,7 @@ class Coding(NamedTuple):
 
     paths: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
     features: np.ndarray  # (n_material,) uint8: the bits above
-    reads_double: np.ndarray  # (n_material,) bool: attributes are those in float64
+    reads_double: np.ndarray  # (n_material,) bool: attributes are not rounded to float32
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
     level_scale: float | None  # levels a unit of intensity; None where attributes are no intensities

@@ -203,7 +203,7 @@ def light_points(points, part, screen, side, lighting, material, batch, out_inte
     side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
     material : row of lighting.materials
     batch : see fragments.py, of the lighting's dtype
-    out_intensities : (n, n_channel) float32 or float64, linear; the first channel where the material has one
+    out_intensities : (n, n_channel) float64, linear; the first channel where the material has one
     """
     start, end = part
     for batch_start in range(start, end, BATCH_SIZE):

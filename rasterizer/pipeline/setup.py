@@ -226,35 +226,26 @@ def gather_attributes(n, n_attribute, drawables, reads_double, block):
 
     Parameters
     ----------
-    reads_double : (n_material,) bool, whose attributes are those of float64
+    reads_double : (n_material,) bool, whose attributes are not rounded to float32
     """
     if n_attribute == 0:
         return
-    n_double = np.int64(0)
-    for k in range(index(n if len(reads_double) > 1 else 1)):
-        n_double += reads_double[block.ints[MATERIAL + k] if len(reads_double) > 1 else np.int32(0)]
-    if n_double == 0:  # without asking each
-        for k in range(index(n)):
-            gather_corners(k, n_attribute, drawables.attributes, block)
-        return
     for k in range(index(n)):
-        if reads_double[block.ints[MATERIAL + k]]:
-            gather_corners(k, n_attribute, drawables.double_attributes, block)
-        else:
-            gather_corners(k, n_attribute, drawables.attributes, block)
+        gather_corners(k, n_attribute, drawables.attributes, reads_double[block.ints[MATERIAL + k]], block)
 
 
 @helper
-def gather_corners(k, n_attribute, attributes, block):
-    """Fetch the first attributes, as many as there are, of the vertices of triangle k."""
+def gather_corners(k, n_attribute, attributes, is_double, block):
+    """Fetch the first attributes, as many as there are, of the vertices of triangle k, in float32 or float64."""
     ints, reals = block.ints, block.reals
     side = index(attributes.shape[0] - 1) if ints[IS_FLIPPED + k] else index(0)
     c0, c1, c2 = np.uint32(ints[CORNER0 + k]), np.uint32(ints[CORNER1 + k]), np.uint32(ints[CORNER2 + k])
     row = ATTRIBUTE + k
     for column in range(index(min(n_attribute, attributes.shape[2]))):
-        reals[row] = attributes[side, c0, column]
-        reals[row + NEXT] = attributes[side, c1, column]
-        reals[row + NEXT + NEXT] = attributes[side, c2, column]
+        a, b, c = attributes[side, c0, column], attributes[side, c1, column], attributes[side, c2, column]
+        reals[row] = a if is_double else np.float32(a)
+        reals[row + NEXT] = b if is_double else np.float32(b)
+        reals[row + NEXT + NEXT] = c if is_double else np.float32(c)
         row += NEXT_PLANE
 
 

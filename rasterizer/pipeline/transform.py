@@ -103,8 +103,7 @@ class Drawables(NamedTuple):
 
     triangles: Triangles
     vertices: Vertices
-    attributes: np.ndarray  # (side, n, n_attribute) float32
-    double_attributes: np.ndarray  # the same in float64, of the corners that need it: see Coding.reads_double
+    attributes: np.ndarray  # (side, n, n_attribute) float64
 
 
 def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:

@@ -206,8 +206,8 @@ FAULTS = (
     Fault(
         "vertex normals: weights by area are roots of it",
         "geometry/normals.py",
-        "weight = size",
-        "weight = math.sqrt(size)",
+        "(size if weighting == _AREA else 1.0)",
+        "(math.sqrt(size) if weighting == _AREA else 1.0)",
         "geometry reference pictures",
     ),
     Fault(
@@ -822,8 +822,8 @@ HELD_OUT = (
     Fault(
         "vertex normals: weights by angle are sines of it",
         "geometry/normals.py",
-        "weight = math.atan2(size, cosine)",
-        "weight = math.sin(math.atan2(size, cosine))",
+        "_angle(size, block[_COSINE + k]) if",
+        "math.sin(_angle(size, block[_COSINE + k])) if",
         "geometry reference pictures",
     ),
     Fault(

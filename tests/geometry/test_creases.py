@@ -127,6 +127,31 @@ def test_the_number_of_threads_changes_nothing():
             assert not any(differences(a, b) for a, b in zip(split, alone, strict=True)), n_thread
 
 
+def test_meshes_side_by_side_are_split_as_each_alone():
+    """Broken ones, and fans of more corners than are measured together, with and without area."""
+    rng, n_vertex = np.random.default_rng(4), 9
+    meshes = [(rng.integers(-2, 3, (n_vertex, 3)).astype(float), rng.integers(0, n_vertex, (k % 30 + 1, 3)))
+              for k in range(120)]  # fmt: skip
+    apex = np.repeat([(0, 1, 2)], 200, axis=0)
+    for k, n in ((10, 300), (40, 127), (41, 129), (70, 128)):
+        vertices, faces = cone(n, 1.0)
+        meshes[k] = vertices, rng.permutation(np.concatenate([faces, faces[:, [0, 1, 1]], apex]))
+    splits = [split_creases(*mesh, 40) for mesh in meshes]
+    first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
+    first_split = np.cumsum([0] + [len(split.source) for split in splits])
+    joined = split_creases(
+        np.concatenate([vertices for vertices, _ in meshes]),
+        np.concatenate([faces + first for (_, faces), first in zip(meshes, first_vertex, strict=False)]), 40,
+    )  # fmt: skip
+    assert not differences(joined.normals, np.concatenate([split.normals for split in splits]))
+    for k, split in enumerate(splits):
+        here = slice(first_split[k], first_split[k + 1])
+        assert not differences(joined.source[here], split.source + first_vertex[k]), k
+    assert not differences(
+        joined.faces, np.concatenate([split.faces + first for split, first in zip(splits, first_split, strict=False)])
+    )
+
+
 def test_nothing_given_is_changed_and_any_layout_is_taken():
     vertices, faces = cube()
     base = split_creases(vertices, faces, 30)

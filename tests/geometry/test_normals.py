@@ -1,5 +1,6 @@
 """Normals and creases: a slow twin on random broken meshes, and known solids."""
 
+import math
 from itertools import combinations, product
 
 import numpy as np
@@ -9,7 +10,7 @@ from helpers.solids import check_split, corner_normals, cube, cylinder
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from rasterizer.geometry.normals import polygon_normals, split_creases
+from rasterizer.geometry.normals import _angle, polygon_normals, split_creases
 
 WEIGHTINGS = ("angle", "area", "uniform")
 
@@ -132,6 +133,20 @@ def test_face_normals_equal_slow_twin(mesh):
     vertices, faces = mesh
     normals = [twin_face(vertices, face)[0] for face in faces]
     assert not deviations(polygon_normals(vertices, faces, np.arange(len(faces))), normals, rtol=0, atol=1e-12)
+
+
+def test_angles_are_exact_to_four_roundings():
+    """Of any sine and cosine, most of all where the formula changes: at π/8, 3π/8, 5π/8 and 7π/8."""
+    rng = np.random.default_rng(1)
+    angles = np.concatenate([
+        rng.uniform(0, np.pi, 4000), 10.0 ** rng.uniform(-60, 0, 1000), np.pi - 10.0 ** rng.uniform(-16, 0, 1000),
+        np.pi / 8 * np.arange(1, 8)[:, None].repeat(500, 1).ravel() * (1 + 1e-15 * rng.integers(-9, 10, 3500)),
+    ])  # fmt: skip
+    scales = 10.0 ** rng.uniform(-120, 120, len(angles))
+    given = [*zip(scales * np.sin(angles), scales * np.cos(angles), strict=True), (1.0, 0.0), (0.0, 2.0), (0.0, -2.0)]
+    for sine, cosine in given:
+        found, wanted = _angle(sine, cosine), math.atan2(sine, cosine)
+        assert abs(found - wanted) <= 2.0**-51 * wanted, f"{sine!r}, {cosine!r}: {found!r}, it is {wanted!r}"
 
 
 # -------------------------------------------------------------------- known solids

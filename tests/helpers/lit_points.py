@@ -27,7 +27,7 @@ def light_points_of(material, light, points, normals, view, tolerance, clearance
     plan = plan_of_points(material, light, tolerance, clearance)
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, True)
     surface = SurfacePoints(*map(np.ascontiguousarray, (points, normals)), None, np.empty((0, 3)), np.empty((2, 0)))
-    found = np.empty((len(points), plan.n_channel), plan.dtype)
+    found = np.empty((len(points), plan.n_channel))
     batch = make_batch(plan.dtype)
     light_points(surface, (0, len(points)), screen, 1, make_lighting(plan, view, plan.dtype), 0, batch, found)
-    return found[:, 0].astype(float)
+    return found[:, 0]

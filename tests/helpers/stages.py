@@ -103,17 +103,15 @@ def plain_coding(
 def drawables_of(triangles, z, attributes, is_inverted=None, material=NO_MATERIALS):
     """Separate triangles (n, 3, 2), in 1/256 px, with z (n, 3), z-buffer units.
 
-    `attributes` is (side, n, 3, k), float32 or float64, or one of each.
+    `attributes` is (side, n, 3, k).
     """
     triangles, n = np.asarray(triangles, np.int32), len(triangles)
     x, y = (np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2))
     vertices = Vertices(x, y, z.ravel(), x.astype(float), y.astype(float), PixelWidth(0.0, 0.0, 0.0))
     columns = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
-    found = {array.dtype.type: array for array in (attributes if isinstance(attributes, tuple) else (attributes,))}
-    rows = [found.get(dtype, np.empty((1, 0, 3, 0), dtype)) for dtype in (np.float32, np.float64)]
-    rows = [np.ascontiguousarray(array.reshape(len(array), array.shape[1] * 3, array.shape[3])) for array in rows]
-    return Drawables(Triangles(columns, columns, is_inverted, np.asarray(material, np.uint32)), vertices, *rows)
+    rows = np.ascontiguousarray(attributes, np.float64).reshape(len(attributes), 3 * n, -1)
+    return Drawables(Triangles(columns, columns, is_inverted, np.asarray(material, np.uint32)), vertices, rows)
 
 
 def scan_alone(
@@ -123,7 +121,6 @@ def scan_alone(
 
     Parameters
     ----------
-    attributes : float32, or float64 where all materials of the coding are, or one of each
     material : (n,) of each triangle
     options : deferred, where transparent triangles go; y_start, of the band; room for records, units; fill, what is
         there before, a number, or one for each place of a unit; run, in place of `scan`
@@ -133,9 +130,9 @@ def scan_alone(
     the workspace, and ScanCounts
     """
     depth, n = np.asarray(depth, float), len(triangles)
-    sides = attributes if isinstance(attributes, tuple) else (attributes,)
+    attributes = np.asarray(attributes)
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
-    n_attribute = max(array.shape[2] for array in sides)
+    n_attribute = attributes.shape[2]
     dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
     kind = WorkspaceShape(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, 0, False)
     workspace = make_workspace(kind, options.get("room", n * max_units(coding)))
@@ -144,7 +141,7 @@ def scan_alone(
     workspace.records.int_planes.reshape(-1, UNIT)[...] = fill
     y_start = options.get("y_start", 0)
     band = Band(np.arange(n, dtype=np.uint32), y_start, y_start + size[1])
-    drawables = drawables_of(triangles, z, tuple(array[None] for array in sides), is_inverted, material)
+    drawables = drawables_of(triangles, z, attributes[None], is_inverted, material)
     counts = options.get("run", scan)(
         band, drawables, coding, workspace.block, workspace.visibility, workspace.records, options.get("deferred")
     )

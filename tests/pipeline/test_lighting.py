@@ -73,7 +73,7 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
         dtype,
         albedo if has_albedo else NOTHING,
     )
-    out = np.full((len(positions), plan.n_channel), np.nan, dtype)
+    out = np.full((len(positions), plan.n_channel), np.nan)
     rows, albedo = map(np.ascontiguousarray, (positions, normals)), albedo if has_albedo else NOTHING
     surface = SurfacePoints(*rows, None, albedo, np.empty((2, 0)))
     end = len(positions) if end is None else end

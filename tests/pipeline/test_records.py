@@ -390,10 +390,7 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind):
 
 
 def mixed_band(seed, n=150):
-    """Triangles of every shape, of eight materials, in turns and in runs: (triangles, depths, attributes, materials).
-
-    Attributes are a pair: six of float32, eight of float64.
-    """
+    """Triangles of every shape, of eight materials, in turns and in runs: triangles, depths, attributes, materials."""
     rng = np.random.default_rng(seed)
     found = [random_triangles(rng, n // 3, SIZE, reach) for reach in (3.0, 12.0, 80.0)] + [slivers(rng, 9, SIZE, 50, 9)]
     triangles = rng.permutation(np.concatenate(found))
@@ -402,7 +399,7 @@ def mixed_band(seed, n=150):
     values[::3] = values[::3, :1]
     material = rng.integers(0, 8, len(triangles)).astype(np.uint32)
     material[20:60] = material[20]
-    return triangles, depth.clip(*DEPTHS), (values[..., :6].astype(np.float32), values), material
+    return triangles, depth.clip(*DEPTHS), values, material
 
 
 MIXED = [1, 3, 6, 8] * 2  # attributes of materials

@@ -254,7 +254,7 @@ def small_band(seed):
     values = rng.random((len(triangles), 3, 8))
     values[::2] = values[::2, :1]
     material = rng.integers(0, 4, len(triangles)).astype(np.uint32)
-    return triangles, depth.clip(1.0, 4.0), (values[..., :6].astype(np.float32), values), material
+    return triangles, depth.clip(1.0, 4.0), values, material
 
 
 @pytest.mark.parametrize("kind", stages.KINDS)
@@ -324,7 +324,5 @@ def test_a_band_says_what_its_materials_need_and_whether_there_is_one(kind):
         material = np.array(chosen, np.uint32)[np.arange(len(triangles)) * len(chosen) // len(triangles)]
         _, counts = stages.scan_alone(triangles, depth, attributes, coding, SCREEN, BAND, material=material)
         assert counts.material == expected and counts.features == np.bitwise_or.reduce(coding.features[chosen])
-    _, counts = stages.scan_alone(
-        triangles[:0], depth[:0], tuple(a[:0] for a in attributes), coding, SCREEN, BAND, room=1
-    )
+    _, counts = stages.scan_alone(triangles[:0], depth[:0], attributes[:0], coding, SCREEN, BAND, room=1)
     assert counts[:4] == (0, 0, 0, 0)
