@@ -87,10 +87,19 @@ class PreparedScene:
     def geometry(self) -> Geometry:
         """All meshes as one set of arrays."""
         check_extent(self.tables.bounds)
-        options = self.options
-        if options.cull == "auto":
-            _ = self._sides_of_loaded  # now: what it takes meanwhile is given back before there is a geometry
-        return gather_geometry(self.tables.meshes, options.is_flat, self.threads, options.shading != "phong")
+        options, threads = self.options, self.threads
+
+        def gather() -> Geometry:
+            return gather_geometry(self.tables.meshes, options.is_flat, threads, options.shading != "phong")
+
+        def find_sides() -> None:
+            _ = self._sides_of_loaded
+
+        if options.cull != "auto":
+            return gather()
+        if threads.n_thread == 1:
+            find_sides()  # now: what it takes meanwhile is given back before there is a geometry
+        return threads.map(lambda job: job(), [gather, find_sides])[0]
 
     @cached_property
     def _sides_of_loaded(self) -> NDArray[np.int8]:

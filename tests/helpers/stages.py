@@ -110,7 +110,7 @@ def drawables_of(triangles, z, attributes, is_inverted=None, material=NO_MATERIA
     vertices = Vertices(x, y, z.ravel(), x.astype(float), y.astype(float), PixelWidth(0.0, 0.0, 0.0))
     columns = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
-    rows = np.ascontiguousarray(attributes, np.float64).reshape(len(attributes), 3 * n, -1)
+    rows = np.ascontiguousarray(attributes, np.float64).reshape(len(attributes), 3 * n, attributes.shape[3])
     return Drawables(Triangles(columns, columns, is_inverted, np.asarray(material, np.uint32)), vertices, rows)
 
 
