@@ -184,8 +184,9 @@ class PictureKernels(KernelList):
         if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
             self.add_equal_rows()
         if self.options.cull == "auto" and any(map(closed.is_opaque, self.tables.meshes)):
-            edges, bodies = closed.EdgeTable(*[FACES] * 5, FLAGS), closed.Bodies(FACES, LENGTHS, LENGTHS)
-            self.add(closed.find_bodies, ROWS, np.empty((0, 3), np.uint32), edges, bodies, SIDES, np.empty(0, np.bool_))
+            bodies, is_border = closed.Bodies(FACES, LENGTHS, LENGTHS), np.empty(0, np.bool_)
+            self.add(normals.list_corners, FACES, FACES, FACES)
+            self.add(closed.find_bodies, ROWS, WORDS, NO_FANS, NUMBERS, bodies, SIDES, is_border)
         if plan.has_shadows:
             self.add(surfaces.compute_shapes, ROWS, CORNERS, np.empty((0, 5)))
         asked: list = []  # of lights whose clearance is measured

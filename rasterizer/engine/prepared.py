@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import Job
 from ..cores import Workers
-from ..geometry.closed import gather_inner_sides
-from ..geometry.points import Geometry, gather_geometry
+from ..geometry.closed import gather_inner_sides, list_opaque_fans
+from ..geometry.points import Geometry, Part, gather_geometry, make_parts
 from ..locks import cached_property
 from ..options import Options
 from ..pipeline.gradients import Coding
@@ -87,24 +87,23 @@ class PreparedScene:
     def geometry(self) -> Geometry:
         """All meshes as one set of arrays."""
         check_extent(self.tables.bounds)
-        options, threads = self.options, self.threads
+        meshes, options, parts = self.tables.meshes, self.options, self._make_parts()
+        return gather_geometry(meshes, options.is_flat, self.threads, options.shading != "phong", parts)
 
-        def gather() -> Geometry:
-            return gather_geometry(self.tables.meshes, options.is_flat, threads, options.shading != "phong")
-
-        def find_sides() -> None:
-            _ = self._sides_of_loaded
-
-        if options.cull != "auto":
-            return gather()
-        if threads.n_thread == 1:
-            find_sides()  # now: what it takes meanwhile is given back before there is a geometry
-        return threads.map(lambda job: job(), [gather, find_sides])[0]
+    def _make_parts(self) -> list[Part]:
+        """Make each mesh's share of the geometry; meanwhile a thread looks for closed bodies, if they count."""
+        meshes, is_flat, threads = self.tables.meshes, self.options.is_flat, self.threads
+        if self.options.cull != "auto":
+            return make_parts(meshes, is_flat, threads)
+        fans = list_opaque_fans(meshes)
+        jobs = [lambda: make_parts(meshes, is_flat, threads, fans), lambda: gather_inner_sides(meshes, fans)]
+        parts, vars(self)["_sides_of_loaded"] = threads.map(lambda job: job(), jobs)
+        return parts
 
     @cached_property
     def _sides_of_loaded(self) -> NDArray[np.int8]:
         """Which side of each triangle as loaded looks into a closed body, see geometry/closed.py."""
-        return gather_inner_sides(self.tables.meshes)
+        return gather_inner_sides(self.tables.meshes, list_opaque_fans(self.tables.meshes))
 
     @cached_property
     def _inner_sides(self) -> NDArray[np.int8]:

@@ -24,28 +24,9 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
 from ..scene.mesh import Mesh
+from .normals import Fans, list_fans, neighbors, sort
 from .vectors import cross, dot, subtract, vector_of_row
 from .weld import unique_rows
-
-# What is known of an edge: the direction of the one triangle that has it, from the vertex that lists it or back; that
-# there are two, one in each direction; or that there are others, and the body isn't closed.
-FORTH, BACK, PAIRED, TORN = (np.uint8(state) for state in range(4))
-MANY = 64  # triangles
-
-
-class EdgeTable(NamedTuple):
-    """Edges, each in the list of one of its vertices: those of vertex v are `first[v]` up to `end[v]`.
-
-    That is the lower one; where that has MANY triangles, the one with fewer: nobody shall wait for the tip of a cone.
-    Source: Chiba & Nishizeki 1985, "Arboricity and subgraph listing algorithms", SIAM J. Computing 14(1), 210-223.
-    """
-
-    valences: NDArray[np.uint32]  # (n_vertex,) triangles; zero to begin with
-    first: NDArray[np.uint32]  # (n_vertex + 1,) zero to begin with
-    end: NDArray[np.uint32]  # (n_vertex,)
-    others: NDArray[np.uint32]  # (3 n_face,) the other vertex
-    owners: NDArray[np.uint32]  # (3 n_face,) the first triangle that has the edge
-    states: NDArray[np.uint8]  # (3 n_face,)
 
 
 class Bodies(NamedTuple):
@@ -56,15 +37,20 @@ class Bodies(NamedTuple):
     sizes: NDArray[np.float64]  # (n_face,) at roots: what the rounding of the volume is relative to; zero to begin with
 
 
-def gather_inner_sides(meshes: Sequence[Mesh]) -> NDArray[np.int8]:
+def gather_inner_sides(meshes: Sequence[Mesh], fans: Sequence[Fans | None]) -> NDArray[np.int8]:
     """Return the inner sides of the triangles of all meshes, see `find_inner_sides`, 0 where materials let something
-    through."""
+    through: of those the fans are None."""
     return np.concatenate([
-        find_inner_sides(mesh.vertices, mesh.faces)
-        if is_opaque(mesh)
-        else np.zeros(mesh.n_face, np.int8)
-        for mesh in meshes
+        np.zeros(mesh.n_face, np.int8)
+        if of_mesh is None
+        else find_inner_sides(mesh.vertices, mesh.faces, of_mesh)
+        for mesh, of_mesh in zip(meshes, fans, strict=True)
     ])  # fmt: skip
+
+
+def list_opaque_fans(meshes: Sequence[Mesh]) -> list[Fans | None]:
+    """List the fans of each mesh, None where materials let something through."""
+    return [list_fans(mesh.faces, mesh.n_vertex) if is_opaque(mesh) else None for mesh in meshes]
 
 
 def is_opaque(mesh: Mesh) -> bool:
@@ -72,13 +58,14 @@ def is_opaque(mesh: Mesh) -> bool:
     return all(material.is_opaque for material in mesh.palette)
 
 
-def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[np.int8]:
+def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32], fans: Fans) -> NDArray[np.int8]:
     """Find which side of each triangle looks into a closed body.
 
     Parameters
     ----------
     vertices : (n_vertex, 3) float64
     faces : (n_face, 3) uint32, contiguous
+    fans : of these faces, see `list_fans`
 
     Returns
     -------
@@ -86,50 +73,47 @@ def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -
     body isn't closed, or has no volume
     """
     sides, is_border = np.empty(len(faces), np.int8), np.zeros(len(vertices), np.bool_)
-    _look_for_bodies(vertices, faces, sides, is_border)
+    _look_for_bodies(vertices, faces, fans, sides, is_border)
     border = np.flatnonzero(is_border)
     if len(border):
         first, number = unique_rows(vertices[border])
         if len(first) < len(border):
             names = np.arange(len(vertices), dtype=np.uint32)
             names[border] = border[first][number]
-            _look_for_bodies(vertices, names[faces], sides, is_border)
+            faces = names[faces]
+            _look_for_bodies(vertices, faces, list_fans(faces, len(vertices)), sides, is_border)
     return sides
 
 
-def _look_for_bodies(vertices: NDArray, faces: NDArray, out_sides: NDArray, out_is_border: NDArray) -> None:
+def _look_for_bodies(vertices: NDArray, faces: NDArray, fans: Fans, out_sides: NDArray, out_is_border: NDArray) -> None:
     """Write the inner sides of triangles, and flag the vertices of edges that one triangle has."""
-    n_vertex, n_face = len(vertices), len(faces)
-    edges = EdgeTable(
-        np.zeros(n_vertex, np.uint32), np.zeros(n_vertex + 1, np.uint32), np.empty(n_vertex, np.uint32),
-        np.empty(3 * n_face, np.uint32), np.empty(3 * n_face, np.uint32), np.empty(3 * n_face, np.uint8),
-    )  # fmt: skip
+    n_face, keys = len(faces), np.empty(2 * fans.valence, np.int64)
     bodies = Bodies(np.empty(n_face, np.uint32), np.zeros(n_face), np.zeros(n_face))
-    find_bodies(vertices, faces, edges, bodies, out_sides, out_is_border)
+    find_bodies(vertices, faces, fans, keys, bodies, out_sides, out_is_border)
 
 
 @kernel
-def find_bodies(vertices, faces, edges, bodies, out_sides, out_is_border):
+def find_bodies(vertices, faces, fans, keys, bodies, out_sides, out_is_border):
     """Find the closed bodies of a mesh, and which side of their triangles looks inwards.
 
     Parameters
     ----------
     vertices : (n_vertex, 3) float64
     faces : (n_face, 3) uint32
-    edges : EdgeTable
+    fans : Fans
+    keys : (2 * valence,) int64, working space
     bodies : Bodies
     out_sides : (n_face,) int8, see `find_inner_sides`
     out_is_border : (n_vertex,) bool, set at edges that one triangle has
     """
-    make_room(faces, edges)
     parents, n_face = bodies.parents, index(len(faces))
     for face in range(n_face):
-        parents[face] = face
-        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        add_side(a, b, face, edges, parents)
-        add_side(b, c, face, edges, parents)
-        add_side(c, a, face, edges, parents)
-    flag_open(edges, bodies, out_is_border)
+        parents[face], out_sides[face] = face, 0
+    for vertex in range(index(len(vertices))):
+        join_faces(vertex, keys[: list_edges(vertex, fans, keys)], parents, out_sides, out_is_border)
+    for face in range(n_face):
+        if out_sides[face] != 0:  # it has an edge that isn't closed
+            bodies.volumes[root_of(face, parents)] = np.nan
     sum_volumes(vertices, faces, bodies)
     # Each term is off by 8 roundings of its size, and a sum of n terms by n: 2^-53 of the sizes each.
     rounding = 2.0**-53 * (len(faces) + 16)
@@ -140,46 +124,45 @@ def find_bodies(vertices, faces, edges, bodies, out_sides, out_is_border):
 
 
 @helper
-def make_room(faces, edges):
-    """Give each vertex room for the sides of triangles that it may list."""
-    valences, first = edges.valences, edges.first
-    for face in range(index(len(faces))):
-        for k in range(3):
-            valences[faces[face, k]] += np.uint32(1)
-    for face in range(index(len(faces))):
-        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        first[lister(a, b, valences) + index(1)] += np.uint32(1)
-        first[lister(b, c, valences) + index(1)] += np.uint32(1)
-        first[lister(c, a, valences) + index(1)] += np.uint32(1)
-    for vertex in range(index(len(edges.end))):
-        edges.end[vertex] = first[vertex]
-        first[vertex + index(1)] += first[vertex]
+def list_edges(vertex, fans, out_keys):
+    """List the edges from a vertex to those with higher numbers, once for each triangle that has them; equal ones side
+    by side. Return how many are listed.
+
+    A key is the other vertex << 32 | the triangle << 1 | whether it goes there, or comes back. A side without length is
+    none.
+    """
+    n = index(0)
+    for slot in range(index(fans.first[vertex]), index(fans.first[vertex + index(1)])):
+        corner = index(fans.corners[slot])
+        after, before = neighbors(corner, fans.corner_vertices)
+        key = np.int64(corner // index(3)) << 1
+        if after > vertex:
+            out_keys[n] = np.int64(after) << 32 | key | 1
+            n += index(1)
+        if before > vertex:
+            out_keys[n] = np.int64(before) << 32 | key
+            n += index(1)
+    sort(out_keys[:n])
+    return n
 
 
 @helper
-def lister(a, b, valences):
-    """Return which of two vertices lists their edge."""
-    low, high = min(a, b), max(a, b)
-    return index(high if valences[low] > MANY and valences[high] < valences[low] else low)
-
-
-@helper
-def add_side(start, end, face, edges, parents):
-    """Add the side of a triangle that goes from one vertex to another one, and join it with those that have the edge,
-    too. A side without length is none."""
-    if start == end:
-        return
-    vertex = lister(start, end, edges.valences)
-    other, direction = (end, FORTH) if vertex == start else (start, BACK)
-    last = index(edges.end[vertex])
-    for k in range(index(edges.first[vertex]), last):
-        if edges.others[k] == other:
-            is_pair = edges.states[k] + direction == FORTH + BACK
-            edges.states[k] = PAIRED if is_pair else TORN
-            join(index(face), index(edges.owners[k]), parents)
-            return
-    edges.others[last], edges.owners[last], edges.states[last] = other, face, direction
-    edges.end[vertex] = last + index(1)
+def join_faces(vertex, keys, parents, out_is_open, out_is_border):
+    """Join the triangles of each edge of a vertex. Flag one of those of an edge that isn't closed, and its vertices
+    where one triangle has it."""
+    end = index(0)
+    while end < len(keys):
+        start, n_forth, other = end, index(0), keys[end] >> 32
+        face = index((keys[start] & 0xFFFFFFFF) >> 1)
+        while end < len(keys) and keys[end] >> 32 == other:
+            n_forth += index(keys[end] & 1)
+            if end > start:
+                join(face, index((keys[end] & 0xFFFFFFFF) >> 1), parents)
+            end += index(1)
+        if n_forth != 1 or end - start != 2:
+            out_is_open[face] = 1
+            if end - start == 1:
+                out_is_border[vertex] = out_is_border[index(other & 0xFFFFFFFF)] = True
 
 
 @helper
@@ -199,17 +182,6 @@ def root_of(face, parents):
         parents[face] = parents[index(parents[face])]
         face = index(parents[face])
     return face
-
-
-@helper
-def flag_open(edges, bodies, out_is_border):
-    """Flag the bodies that have an edge without its two triangles, and the vertices of those with one."""
-    for vertex in range(index(len(edges.end))):
-        for k in range(index(edges.first[vertex]), index(edges.end[vertex])):
-            if edges.states[k] != PAIRED:
-                bodies.volumes[root_of(index(edges.owners[k]), bodies.parents)] = np.nan
-                if edges.states[k] != TORN:
-                    out_is_border[vertex] = out_is_border[index(edges.others[k])] = True
 
 
 @helper

@@ -85,7 +85,7 @@ class Split(NamedTuple):
 
 
 class Fans(NamedTuple):
-    """The corners of a mesh, sorted by vertex; made by `list_corners`."""
+    """The corners of a mesh, sorted by vertex; made by `list_fans`."""
 
     corner_vertices: NDArray[np.uint32]  # (n_corner,) the vertex at each corner
     first: NDArray[np.uint32]  # (n_vertex + 2,) where each vertex's corners begin; the last entry is working space
@@ -98,8 +98,8 @@ class FanScratch(NamedTuple):
     each corner, of the one those with an area."""
 
     block: NDArray[np.float64]  # see _BLOCK
-    listed: NDArray[np.uint32]  # (_BLOCK + valence,) the corners of the fans, one fan's behind the other's
-    measured: NDArray[np.float64]  # (_BLOCK + valence, 4) the face's unit normal there, and the weight; 0 without area
+    listed: NDArray[np.uint32]  # (max(_BLOCK, valence),) the corners of the fans, one fan's behind the other's
+    measured: NDArray[np.float64]  # (max(_BLOCK, valence), 4) as below; the weight is 0 without area
     corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
     members: NDArray[np.uint32]  # (valence,) the corner
     after: NDArray[np.uint32]  # (valence,) the vertices at the far ends of its edges
@@ -148,13 +148,13 @@ def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) 
     return normals
 
 
-def split_mesh(mesh: Mesh, workers: Any = None) -> Split:
+def split_mesh(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Split:
     """Split the vertices of a mesh at its creases: at its crease angle, else by its smoothing groups, else at the
-    default angle; `workers` as in `split_creases`."""
+    default angle; `workers` and `fans` as in `split_creases`."""
     angle, smoothing = mesh.crease_angle, None
     if angle is None:
         angle, smoothing = DEFAULT_CREASE_ANGLE, mesh.smoothing
-    return split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers)
+    return split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers, fans)
 
 
 def split_creases(
@@ -164,6 +164,7 @@ def split_creases(
     weighting: Weighting = "angle",
     smoothing: ArrayLike | None = None,
     workers: Any = None,
+    fans: Fans | None = None,
 ) -> Split:
     """Split each vertex so that faces that meet at more than the crease angle have normals of their own.
 
@@ -186,6 +187,7 @@ def split_creases(
     smoothing : (n_face,) integer or None; then two faces that share an edge are joined if both are in the
         same group, and group 0 joins nothing
     workers : Workers, threads to split on; None = the caller's alone
+    fans : those of the faces, see `list_fans`; None = they are listed
 
     Returns
     -------
@@ -195,7 +197,7 @@ def split_creases(
     """
     groups = _freeze(np.empty(0) if smoothing is None else smoothing, np.int32)
     rule = CreaseRule(groups, smooth_cosine(crease_angle), WEIGHTINGS.index(weighting))
-    return _split(*_freeze_mesh(vertices, faces), rule, workers)
+    return _split(*_freeze_mesh(vertices, faces), rule, workers, fans)
 
 
 def fill_normals(
@@ -266,11 +268,11 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ldexp(vertices, -exponent)
 
 
-def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any) -> Split:
+def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any, given: Fans | None) -> Split:
     """Split the fans of a mesh: parts of the corners side by side, whose split vertices are numbered one after the
     other then."""
-    corner_vertices, n_corner, columns = faces.reshape(-1), faces.size, np.empty((3, len(faces)), np.uint32)
-    fans, n_split = _list_fans(vertices, corner_vertices), 0
+    n_corner, columns, n_split = faces.size, np.empty((3, len(faces)), np.uint32), 0
+    fans = list_fans(faces, len(vertices)) if given is None else given
     n_before = np.zeros(len(vertices), np.uint32)  # split vertices of the parts before that of a vertex
     # No corner has more than one split vertex. What isn't written of these takes no memory.
     whole = SplitVertices(np.empty(n_corner, np.uint32), np.empty((n_corner, 3)))
@@ -335,18 +337,18 @@ def _freeze_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.floa
     return within_range(_freeze(vertices, np.float64)), _freeze(faces, np.uint32)
 
 
-def _list_fans(vertices: NDArray, corner_vertices: NDArray) -> Fans:
-    """List the corners of a mesh by vertex."""
-    first = np.zeros(len(vertices) + 2, dtype=np.uint32)
+def list_fans(faces: NDArray[np.uint32], n_vertex: int) -> Fans:
+    """List the corners of a mesh by vertex; `faces` is (n_face, 3), contiguous."""
+    corner_vertices, first = faces.reshape(-1), np.zeros(n_vertex + 2, dtype=np.uint32)
     corners = np.empty(len(corner_vertices), dtype=np.uint32)
     return Fans(corner_vertices, first, corners, list_corners(corner_vertices, first, corners))
 
 
 def make_fan_scratch(valence: int) -> FanScratch:
     """Return room for the fans of a mesh in which no vertex has more corners than `valence`."""
-    n = _BLOCK + valence
+    n = max(_BLOCK, valence)
     return FanScratch(
-        np.empty(16 * _BLOCK), np.empty(n, np.uint32), np.empty((n, 4)), np.empty((valence, 4)),
+        np.zeros(16 * _BLOCK), np.empty(n, np.uint32), np.empty((n, 4)), np.empty((valence, 4)),
         *(np.empty(valence, np.uint32) for _ in range(4)), np.empty(2 * valence, np.int64),
         np.empty(valence, np.uint32), np.empty(valence, np.int64), np.empty((valence, 4)),
         np.empty((valence, 2), np.int64),
@@ -451,14 +453,16 @@ def split_fans(vertices, fans, rule, scratch, part, n_split, out_columns, out):
 
 @helper
 def _list_fans_from(corner, end, fans, out_listed):
-    """List the corners of the fans whose first corner is in corner..end, until there are _BLOCK; return where to go on,
-    and how many are listed."""
+    """List the corners of the fans whose first corner is in corner..end: one fan, and more up to _BLOCK corners. Return
+    where to go on, and how many corners are listed."""
     n_listed = index(0)
-    while corner < end and n_listed < _BLOCK:
+    while corner < end:
         vertex = fans.corner_vertices[corner]
-        first, after = index(fans.first[vertex]), index(fans.first[vertex + 1])
+        first, behind = index(fans.first[vertex]), index(fans.first[vertex + 1])
         if fans.corners[first] == corner:
-            for slot in range(first, after):
+            if n_listed > 0 and n_listed + (behind - first) > _BLOCK:
+                break
+            for slot in range(first, behind):
                 out_listed[n_listed] = fans.corners[slot]
                 n_listed += index(1)
         corner += index(1)
@@ -466,7 +470,7 @@ def _list_fans_from(corner, end, fans, out_listed):
 
 
 @helper
-def _neighbors(corner, corner_vertices):
+def neighbors(corner, corner_vertices):
     """Return the vertices that a corner's face has after and before it."""
     k = corner % index(3)
     after = corner_vertices[corner - index(2) if k == 2 else corner + index(1)]
@@ -475,22 +479,23 @@ def _neighbors(corner, corner_vertices):
 
 @helper
 def _measure_corners(vertices, corner_vertices, n_listed, weighting, scratch):
-    """Measure the first corners that are listed in a FanScratch."""
+    """Measure the first corners that are listed in a FanScratch. Behind the last of them a block holds what was left
+    there: loops that are as long as a block are compiled to half as much code."""
     block, measured = scratch.block, scratch.measured
     for first in range(index(0), n_listed, index(_BLOCK)):
         n = min(index(_BLOCK), n_listed - first)
         for k in range(n):
             corner = index(scratch.listed[first + k])
-            after, before = _neighbors(corner, corner_vertices)
+            after, before = neighbors(corner, corner_vertices)
             _set_vector(block, _HERE + k, vector_of_row(vertices, corner_vertices[corner]))
             _set_vector(block, _AFTER + k, vector_of_row(vertices, after))
             _set_vector(block, _BEFORE + k, vector_of_row(vertices, before))
-        for k in range(n):
+        for k in range(index(_BLOCK)):
             here, after = _get_vector(block, _HERE + k), _get_vector(block, _AFTER + k)
             area, block[_SCALE + k], block[_COSINE + k] = _area_vector(here, after, _get_vector(block, _BEFORE + k))
             _set_vector(block, _CROSS + k, area)
             block[_SIZE + k] = length(area)
-        for k in range(n):
+        for k in range(index(_BLOCK)):
             size = block[_SIZE + k]
             weight = _angle(size, block[_COSINE + k]) if weighting == _ANGLE else (size if weighting == _AREA else 1.0)
             block[_WEIGHT + k] = weight if size > _FLAT * block[_SCALE + k] else 0.0
@@ -523,7 +528,7 @@ def _gather_fan(corner_vertices, around, first, out):
             for column in range(4):
                 out.corners[n_fan, column] = out.measured[row, column]
             out.members[n_fan] = around[slot]
-            out.after[n_fan], out.before[n_fan] = _neighbors(index(around[slot]), corner_vertices)
+            out.after[n_fan], out.before[n_fan] = neighbors(index(around[slot]), corner_vertices)
             n_fan += index(1)
     return n_fan
 
@@ -581,7 +586,7 @@ def _link_fan(n_fan, is_ring, rule, fan):
     for i in range(n_fan):
         keys[2 * i] = np.int64(fan.after[i]) << 32 | np.int64(i) << 1 | 1
         keys[2 * i + 1] = np.int64(fan.before[i]) << 32 | np.int64(i) << 1
-    _sort(keys)
+    sort(keys)
     end = 0
     is_surface = True
     for a in range(len(keys)):
@@ -610,7 +615,7 @@ def _are_joined(i, j, sign, rule, fan):
 
 
 @helper
-def _sort(keys):
+def sort(keys):
     """Sort in place: an insertion sort for the usual dozen, and not quadratic at the apex of a cone.
 
     Source: Shell 1959, CACM 2(7), 30-32, with the gaps of Knuth, TAOCP 3, 5.2.1.

@@ -7,6 +7,7 @@ Triangles index vertices and points through separate columns, which are the same
 """
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..scene.material import Material
 from ..scene.mesh import Mesh
-from .normals import map_parts, polygon_normals, split_mesh, within_range
+from .normals import Fans, map_parts, polygon_normals, split_mesh, within_range
 from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
 from .weld import unique_rows
@@ -70,14 +71,19 @@ class Part(NamedTuple):
 
 
 def gather_geometry(
-    meshes: Sequence[Mesh], is_flat: bool, workers: Any = None, has_lit_points: bool = True
+    meshes: Sequence[Mesh],
+    is_flat: bool,
+    workers: Any = None,
+    has_lit_points: bool = True,
+    parts: list[Part] | None = None,
 ) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices; `workers` are
-    threads to do it on, None for the caller's alone. Where points aren't lit, nobody asks where split vertices are."""
+    threads to do it on, None for the caller's alone; `parts` those of `make_parts`, None where they aren't made yet.
+    Where points aren't lit, nobody asks where split vertices are."""
     materials, numbers = number_materials(meshes)
     is_textured, n_texcoord = any(material.texture is not None for material in materials), count_texcoords(meshes)
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
-    parts = [flat_part(mesh) if is_flat else smooth_part(mesh, workers) for mesh in meshes]
+    parts = parts or make_parts(meshes, is_flat, workers)
     if is_brushed:
         parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
     parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
@@ -206,10 +212,20 @@ def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArr
     return out
 
 
+def make_parts(
+    meshes: Sequence[Mesh], is_flat: bool, workers: Any = None, fans: Sequence[Fans | None] = ()
+) -> list[Part]:
+    """Make each mesh's share of Geometry; parameters as in `gather_geometry`; `fans` are those of each, if known."""
+    return [
+        flat_part(mesh) if is_flat else smooth_part(mesh, workers, of_mesh)
+        for mesh, of_mesh in zip_longest(meshes, fans)
+    ]
+
+
 # --- the points of one mesh: vertices that are split where something differs, or the centroids of polygons ---
 
 
-def smooth_part(mesh: Mesh, workers: Any = None) -> Part:
+def smooth_part(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Part:
     """Split a mesh's vertices where normals or colours differ: the file's normals, else smoothing groups, else creases.
 
     Where a mesh has colours of its vertices or corners and of its faces, those of the vertices or corners count.
@@ -223,7 +239,7 @@ def smooth_part(mesh: Mesh, workers: Any = None) -> Part:
             source, normals = mesh.faces.ravel()[first], mesh.normals.reshape(-1, 3)[first]
             corner = corner.reshape(-1, 3)
     else:
-        corner, source, normals = split_mesh(mesh, workers)
+        corner, source, normals = split_mesh(mesh, workers, fans)
         if np.array_equal(source, np.arange(mesh.n_vertex, dtype=source.dtype)):  # nothing is split
             corner, source = mesh.faces, None
     albedo = None

@@ -17,7 +17,7 @@ from rasterizer.engine.plan import make_plan
 from rasterizer.engine.prepared import PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Casters, Precision, Shadows, draw_shadow_map, gather_casters
-from rasterizer.geometry.closed import gather_inner_sides
+from rasterizer.geometry.closed import gather_inner_sides, list_opaque_fans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
@@ -42,7 +42,7 @@ def test_inner_sides_of_closed_bodies_change_no_texel():
     n_inner = 0
     for seed in range(40):
         rng, meshes = np.random.default_rng(seed), random_scene(seed).meshes
-        sides = gather_inner_sides(meshes)
+        sides = gather_inner_sides(meshes, list_opaque_fans(meshes))
         n_inner += np.count_nonzero(sides)
         box = np.array([mesh.bounds for mesh in meshes])
         middle, extent = box.mean(axis=(0, 1)), np.ptp(box.reshape(-1, 3), axis=0).max()
