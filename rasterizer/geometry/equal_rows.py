@@ -29,17 +29,17 @@ def find_equal_rows(
 
     Parameters
     ----------
-    rows : (n, k) float32 or float64, contiguous or not, fewer than 2^32 - 1
+    rows : (n, k) real, contiguous or not, fewer than 2^32 - 1; integers below 2^53
     workers : Workers, threads to find them on
     out : (n,), which becomes `inverse`; None = a new array
 
     Returns
     -------
-    unsigned : (n, k), the rows with 0 for -0
+    unsigned : (n, k) float32 or float64, the rows with 0 for -0
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    n_row, values = len(rows), np.empty(rows.shape, rows.dtype)
+    n_row, values = len(rows), np.empty(rows.shape, np.result_type(rows, np.float32))
     bits = values.view(np.uint32)
     n_part = min(MAX_PARTS, 1 << (n_row // PART).bit_length())
     # A seed that no file's maker knows: rows that share a hash would take the square of their number.

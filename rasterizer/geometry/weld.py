@@ -98,7 +98,7 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
 
     Parameters
     ----------
-    rows : (n, k), float32 or float64, contiguous or not
+    rows : (n, k) real, contiguous or not; integers below 2^53
 
     Returns
     -------

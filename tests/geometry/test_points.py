@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
+from helpers.arrays import deviations, differences
 from helpers.pinhole import octasphere, torus, unit
 from helpers.solids import sphere
 
@@ -14,6 +14,7 @@ from rasterizer import reference
 from rasterizer.cores import Workers
 from rasterizer.geometry.points import flat_part, gather_geometry, polygon_centroids, smooth_part
 from rasterizer.geometry.surfaces import compute_clearance, compute_point_clearance, flag_inverted
+from rasterizer.geometry.weld import FEW
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -279,3 +280,70 @@ def test_clearance_of_a_light_in_the_surface_is_nothing():
     assert compute_clearance(positions, vertex, *vertices[0]) <= 1e-15
     assert compute_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)
     assert compute_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(10.0, abs=1e-12)
+
+
+# ---------------------------------------------------------------- as many as other code is taken for
+
+PAINT = tuple(rz.Material(diffuse=shade, name=str(shade)) for shade in (0.2, 0.5, 0.8))
+PAPER = rz.Material(texture=rz.Texture(np.eye(4)), name="paper")
+BRUSHED = rz.Material(reflection="cook-torrance", roughness=(0.2, 0.6), name="brushed")
+
+
+def patches(n_copy, features, seed=7):
+    """So many copies of a small patch of quads, each 8 units beside the last, in one mesh."""
+    rng = np.random.default_rng(seed)
+    heights, (x, y) = rng.integers(0, 40, 20) / 64.0, np.meshgrid(np.arange(5.0), np.arange(4.0))
+    at = (np.arange(16).reshape(4, 4) + np.arange(4)[:, None])[:3].ravel()  # first corners of the 12 quads
+    faces = np.stack([at, at + 1, at + 6, at, at + 6, at + 5], axis=1).reshape(-1, 3)
+    vertices, shift = np.stack([x.ravel(), y.ravel(), heights], axis=1), np.array([8.0, 0, 0])
+    given = {
+        "normals of vertices": {"normals": unit(rng.normal(size=(20, 3)))},
+        "normals of corners": {"normals": unit(rng.normal(size=(2, 3)))[rng.integers(0, 2, (24, 3))]},
+        "colors of vertices": {"colors": rng.integers(0, 3, (20, 3)) / 2},
+        "colors of corners": {"colors": rng.integers(0, 2, (24, 3, 3)) / 1},
+        "colors of faces": {"face_colors": np.repeat(rng.integers(0, 2, (12, 3)) / 1, 2, axis=0)},
+        "smoothing": {"smoothing": np.repeat(rng.integers(0, 3, 12), 2)},
+        "uv of vertices": {"uv": rng.random((20, 2))},
+        "uv of corners": {"uv": rng.integers(0, 2, (24, 3, 2)) / 1},
+        "materials": {"face_material": np.repeat(rng.integers(0, 3, 12), 2)},
+    }
+    own = {name: value for feature in features for name, value in given.get(feature, {}).items()}
+    tiled = {name: np.concatenate([value] * n_copy) for name, value in own.items()}
+    if "face_material" in own:
+        tiled["materials"] = (PAPER if "texture" in features else PAINT[0], *PAINT[1:])
+    else:
+        tiled["material"] = PAPER if "texture" in features else BRUSHED if "brushed" in features else PAINT[0]
+    moved = (vertices + shift * np.arange(n_copy)[:, None, None]).reshape(-1, 3)
+    faces = (faces + 20 * np.arange(n_copy)[:, None, None]).reshape(-1, 3)
+    return rz.Mesh(moved, faces, polygons=np.arange(len(faces)) // 2, **tiled)
+
+
+MANY = 900  # patches: more vertices, and more corners, than are sorted
+FEATURES = [
+    (), ("materials",), ("normals of vertices",), ("normals of corners",), ("colors of vertices",),
+    ("colors of corners",), ("colors of faces", "materials"), ("smoothing", "materials"), ("uv of vertices", "texture"),
+    ("uv of corners", "texture", "materials"), ("uv of vertices", "brushed"), ("uv of corners", "brushed"),
+    ("normals of corners", "colors of corners", "uv of corners", "texture", "materials"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("features", FEATURES, ids=" and ".join)
+def test_a_large_mesh_has_at_its_corners_what_a_small_one_has(features):
+    """Equal rows of many points, corners and vertices are found by other code than those of a few."""
+    assert 20 * MANY > FEW
+    for is_flat in (False, True):
+        found = []
+        for n_copy in (1, MANY):
+            geometry = gather_geometry(rz.Scene(patches(n_copy, features)).meshes, is_flat, Workers(2))
+            columns = geometry.points, geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
+            rows = [rows[geometry.corner.T] for rows in columns if len(rows)]
+            values = np.concatenate([geometry.positions[geometry.vertex.T], *rows], axis=2)
+            face = geometry.face if len(geometry.face) else np.arange(len(values))
+            values = values[np.argsort(face, kind="stable")].reshape(n_copy, -1, 3, values.shape[2])
+            materials = geometry.face_material.reshape(n_copy, -1)
+            found.append((values, materials))
+        (one, material), (many, its_material) = found
+        for columns in (slice(0, 1), slice(3, 4)):  # x of vertices, and of points
+            many[..., columns] -= 8.0 * np.arange(MANY)[:, None, None, None]
+        assert not deviations(many, np.broadcast_to(one, many.shape), rtol=0, atol=1e-10), is_flat
+        assert not differences(its_material, np.broadcast_to(material, its_material.shape)), is_flat

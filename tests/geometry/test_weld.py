@@ -15,7 +15,7 @@ from rasterizer.cores import Workers
 from rasterizer.errors import ModelError
 from rasterizer.geometry.equal_rows import find_equal_rows
 from rasterizer.geometry.points import smooth_part
-from rasterizer.geometry.weld import unique_rows, weld_triangles
+from rasterizer.geometry.weld import FEW, unique_rows, weld_triangles
 from rasterizer.io.loader import load
 
 
@@ -44,6 +44,17 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
         assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
         assert not differences(case[first][inverse], case)
         assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.uint32, np.int64])
+def test_rows_of_whole_numbers_are_told_apart(dtype):
+    """Few, which are sorted, and many; up to the largest that are."""
+    for n_row in (500, FEW + 500):
+        rows = np.random.default_rng(n_row).integers(0, 9, (n_row, 3), dtype)
+        rows += dtype(min(2**53 - 9, np.iinfo(dtype).max - 9))
+        first, inverse = unique_rows(rows)
+        _, expected = np.unique(rows, axis=0, return_index=True)
+        assert not differences(first, np.sort(expected)) and not differences(rows[first][inverse], rows), n_row
 
 
 @pytest.mark.parametrize("n_thread", [1, 2, 3])
