@@ -97,7 +97,7 @@ def gather_geometry(
         tangents=_rows([part.tangents for part in parts]) if is_brushed else NO_TANGENTS,
     )
     if not is_flat:
-        geometry = about_centers(geometry, meshes, parts)
+        geometry = about_centers(geometry, meshes, parts, workers)
         given = geometry.positions, geometry.normals, geometry.vertex, geometry.corner
         map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), len(geometry.is_inverted), workers)
     return with_layers(geometry, meshes) if any(mesh.layer for mesh in meshes) else geometry
@@ -148,25 +148,28 @@ def _first_points(parts: Sequence[Part]) -> NDArray[np.int64]:
     return np.cumsum([0] + [len(part.normals) for part in parts])
 
 
-def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Part]) -> Geometry:
+def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Part], workers: Any) -> Geometry:
     """Draw the convex polygons with more than three corners about their centres; nothing changes where there are
     none."""
     if all(mesh.polygons is None for mesh in meshes):
         return geometry
-    found = [find_rings(part.corner, mesh.polygons, part.points) for mesh, part in zip(meshes, parts, strict=True)]
-    rings = join_rings(found, np.cumsum([0] + [mesh.n_face for mesh in meshes]), _first_points(parts))
+    first_points = _first_points(parts)
+    found = [
+        find_rings(part.corner, mesh.polygons, geometry.points[first:end])
+        for mesh, part, first, end in zip(meshes, parts, first_points[:-1], first_points[1:], strict=True)
+    ]
+    rings = join_rings(found, np.cumsum([0] + [mesh.n_face for mesh in meshes]), first_points)
     if len(rings.start) == 0:
         return geometry
     # Every point is a vertex then, and so is every centre.
     vertex, face, centers = split_rings(geometry.corner, len(geometry.points), rings)
-    positions = with_means(geometry.points, centers)
+    kept = geometry.points, geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
+    positions, normals, albedo, uv, tangents = (with_means(values, centers, workers) for values in kept)
     return geometry._replace(
-        positions=positions, vertex=vertex, corner=vertex, points=positions,
-        normals=with_means(geometry.normals, centers),
-        albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
+        positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals, albedo=albedo,
+        is_inverted=np.zeros(vertex.shape[1], np.uint8),
         face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents, centers),
-        face=face, centers=centers,
+        uv=uv, tangents=tangents, face=face, centers=centers,
     )  # fmt: skip
 
 

@@ -28,14 +28,16 @@ don't depend on the first corner either; a polygon whose corners don't have one 
 through it, keeps its own.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import kernel
+from ..cores import Workers, n_core
 from ..scene.arrays import distinct
-from ..scene.triangulation import CHUNK, classify_polygons, rotate_to_first
+from ..scene.triangulation import CHUNK, classify_polygons, places_from_first
+from .normals import map_all
 
 
 class Rings(NamedTuple):
@@ -91,19 +93,22 @@ def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) ->
     if (polygons[1:] < polygons[:-1]).any():  # a polygon that is interrupted by others is no fan
         _, name, n_run = np.unique(polygons[start], return_inverse=True, return_counts=True)
         is_whole = n_run[name.ravel()] == 1
-    found = [(none, none.reshape(0, 1), none.reshape(0, 1))]
+
+    def find(chunk: tuple[int, NDArray]) -> tuple[NDArray, NDArray, NDArray]:
+        n, some = chunk
+        loops, owners, is_fan = _fan_loops(triangles[some[:, None] + np.arange(n)])
+        some, loops, owners = some[is_fan], loops[is_fan], owners[is_fan]
+        corners = points[loops.T]
+        is_convex, _ = classify_polygons(corners)
+        some, places = some[is_convex], places_from_first(corners[:, is_convex])
+        return some, loops[is_convex].ravel()[places], (owners[is_convex] + some[:, None]).ravel()[places]
+
+    chunks = []
     for n in distinct(count[is_whole & (count > 1)]).tolist():
-        of_size = start[is_whole & (count == n)]
-        step = max(1, CHUNK // (n + 2))
-        for begin in range(0, len(of_size), step):
-            some = of_size[begin : begin + step]
-            loops, owners, is_fan = _fan_loops(triangles[some[:, None] + np.arange(n)])
-            some, loops, owners = some[is_fan], loops[is_fan], owners[is_fan]
-            corners = points[loops.T]
-            is_convex, _ = classify_polygons(corners)
-            some, corners = some[is_convex], corners[:, is_convex]
-            owners = owners[is_convex] + some[:, None]
-            found.append((some, rotate_to_first(loops[is_convex], corners), rotate_to_first(owners, corners)))
+        of_size, step = start[is_whole & (count == n)], max(1, CHUNK // (n + 2))
+        chunks += [(n, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
+    with Workers(n_core()) as workers:
+        found = [(none, none.reshape(0, 1), none.reshape(0, 1)), *workers.map(find, chunks)]
     starts = np.concatenate([some for some, _, _ in found])
     sizes = np.concatenate([np.full(len(some), loops.shape[1]) for some, loops, _ in found])
     order = np.argsort(starts, kind="stable")
@@ -128,24 +133,25 @@ def _fan_loops(groups: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         if is_fan.all():
             break
         middle = groups[:, 0, turn]
-        after = np.stack([_following(groups, middle, 1), _following(groups, middle, 2)], axis=2)  # (m, n, 2), -1: none
+        starts, ends = _opposite(groups, middle)
+        has_all = (starts >= 0).all(axis=1)
         for is_backward in (False, True):
-            edges = after[:, ::-1] if is_backward else after
-            is_here = (edges[:, 1:, 0] == edges[:, :-1, 1]).all(axis=1) & (after >= 0).all(axis=(1, 2)) & ~is_fan
-            loops[is_here] = np.concatenate([middle[:, None], edges[:, :, 0], edges[:, -1:, 1]], axis=1)[is_here]
+            a, b = (starts[:, ::-1], ends[:, ::-1]) if is_backward else (starts, ends)
+            is_here = (a[:, 1:] == b[:, :-1]).all(axis=1) & has_all & ~is_fan
+            loops[is_here] = np.concatenate([middle[:, None], a, b[:, -1:]], axis=1)[is_here]
             owners[is_here] = n - 1 - owner if is_backward else owner
             is_fan |= is_here
     is_new = np.sort(loops, axis=1)
     return loops, owners, is_fan & (is_new[:, 1:] != is_new[:, :-1]).all(axis=1)
 
 
-def _following(groups: NDArray, middle: NDArray, steps: int) -> NDArray[np.int64]:
-    """Return the corner `steps` after the `middle` (m,) in each triangle of the groups (m, n, 3), -1 where it isn't
-    there."""
-    is_middle = groups == middle[:, None, None]
-    corner = (is_middle.argmax(axis=2)[..., None] + steps) % 3
-    following = np.take_along_axis(groups, corner, axis=2)[..., 0].astype(np.int64)
-    return np.where(is_middle.any(axis=2), following, -1)
+def _opposite(groups: NDArray, middle: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the start and the end of the edge that lies opposite the `middle` (m,) in each triangle of the groups
+    (m, n, 3), -1 where it isn't there."""
+    a, b, c = (groups[..., k].astype(np.int64) for k in range(3))
+    is_a, is_b, is_c = (corner == middle[:, None] for corner in (a, b, c))
+    starts = np.where(is_a, b, np.where(is_b, c, np.where(is_c, a, -1)))
+    return starts, np.where(is_a, c, np.where(is_b, a, np.where(is_c, b, -1)))
 
 
 def split_rings(vertex: NDArray, n_point: int, rings: Rings) -> Split:
@@ -181,17 +187,20 @@ def join_rings(parts: list[Rings], first_face: NDArray, first_point: NDArray) ->
     )
 
 
-def with_means(values: NDArray, centers: Centers) -> NDArray[np.float64]:
+def with_means(values: NDArray, centers: Centers, workers: Any = None) -> NDArray[np.float64]:
     """Append to values of points (n_point, k) the means over each centre's points, not outside their range by a
-    rounding."""
+    rounding; on the threads of Workers, where there are some."""
     if len(values) == 0:
         return values
     starts, count = centers.offsets[:-1], np.diff(centers.offsets)
     out = np.concatenate([values, np.empty((len(count), values.shape[1]))])
-    for k, column in enumerate(values.T):  # numpy sums columns several times as fast as rows
-        corners = column[centers.points]
+
+    def fill(k: int) -> None:  # numpy sums columns several times as fast as rows
+        corners = values[:, k][centers.points]
         low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
         out[len(values) :, k] = np.clip(np.add.reduceat(corners, starts) / count, low, high)
+
+    map_all(fill, range(values.shape[1]), workers)
     return out
 
 

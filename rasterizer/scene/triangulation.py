@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..cores import Workers, n_core
 from .arrays import distinct
 
 # Comparisons of boxes, and tests of edges, which count more, that cutting ears may take in one call. A spiral of some
@@ -111,20 +112,25 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     triangles, polygons = fan_corners(counts)
     starts = np.cumsum(counts) - counts
     first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
-    found = []
+
+    def cut_convex(chunk: tuple[int, NDArray]) -> NDArray:
+        """Turn the fans of those that are bent; return the concave ones."""
+        k, some = chunk
+        loops = starts[some, None] + np.arange(k)
+        points = vertices[corners[loops.T]]
+        is_convex, is_plane = classify_polygons(points)
+        if (is_bent := is_convex & ~is_plane).any():
+            turned = loops[is_bent].ravel()[places_from_first(points[:, is_bent])]
+            rows = first_triangle[some[is_bent], None] + np.arange(k - 2)
+            triangles[rows] = turned[:, _fan(k)]
+        return some[~is_convex]
+
+    chunks = []
     for k in distinct(counts[counts > 3]).tolist():
-        of_size = np.flatnonzero(counts == k)
-        step = max(1, CHUNK // k)
-        for begin in range(0, len(of_size), step):
-            some = of_size[begin : begin + step]
-            loops = starts[some, None] + np.arange(k)
-            points = vertices[corners[loops.T]]
-            is_convex, is_plane = classify_polygons(points)
-            found.append(some[~is_convex])
-            if (is_bent := is_convex & ~is_plane).any():
-                turned = rotate_to_first(loops[is_bent], points[:, is_bent])
-                rows = first_triangle[some[is_bent], None] + np.arange(k - 2)
-                triangles[rows] = turned[:, _fan(k)]
+        of_size, step = np.flatnonzero(counts == k), max(1, CHUNK // k)
+        chunks += [(k, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
+    with Workers(n_core()) as workers:
+        found = workers.map(cut_convex, chunks)
     concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
@@ -201,12 +207,13 @@ def _fan(k: int) -> NDArray[np.int64]:
     return np.stack([np.zeros(k - 2, np.int64), np.arange(1, k - 1), np.arange(2, k)], axis=1)
 
 
-def rotate_to_first(lists: NDArray, points: NDArray) -> NDArray:
-    """Rotate lists (n, k) so that each begins where its points (k, n, 3) have the smallest x, then y, then z."""
-    k = len(points)
+def places_from_first(points: NDArray) -> NDArray[np.int64]:
+    """Return where entries of n lists of k are taken from, (n, k) places in all of them one behind the other, so that
+    each begins where its points (k, n, 3) have the smallest x, then y, then z."""
+    k, n = points.shape[:2]
     is_min = np.ones(points.shape[:2], bool)
     for axis in range(3):
         values = np.where(is_min, points[..., axis], np.inf)
         is_min &= values == values.min(axis=0)
     columns = (is_min.argmax(axis=0)[:, None] + np.arange(k)) % k
-    return lists.ravel()[columns + np.arange(0, lists.size, k)[:, None]]
+    return columns + np.arange(0, n * k, k)[:, None]
