@@ -93,7 +93,7 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
 def list_mesh_kernels() -> list[Job]:
     """List the kernels that work on meshes outside of pictures: those that read OBJ, cut ears, and weld vertices."""
     found = KernelList()
-    found.add(obj_numbers.read_rows, FLAGS, NUMBERS, LENGTHS, ROWS)
+    found.add(obj_numbers.read_rows, FLAGS, NUMBERS, obj_numbers.POWERS, ROWS)
     found.add(obj_numbers.read_corners, FLAGS, NUMBERS, NUMBERS, np.empty((3, 0), np.int32))
     found.add_equal_rows()
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)

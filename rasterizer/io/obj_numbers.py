@@ -7,7 +7,12 @@ What is read is what obj.py would read, to the last bit.
 A text has a newline behind each line, and no other blanks than ' '. `at` is a place in it.
 """
 
+import math
+from fractions import Fraction
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
 
@@ -15,14 +20,42 @@ _BLANK, _NEWLINE, _ZERO, _PLUS, _MINUS, _POINT, _SLASH, _E = (np.uint64(ord(lett
 _LOWER = np.uint64(32)  # turns E into e, and nothing else into it
 _MAX_DIGITS, _MAX_MANTISSA = 19, 2**53  # digits of a uint64; a float64 holds all whole numbers up to it
 _MAX_INDEX_DIGITS = 9  # within int32
-POWERS = 10.0 ** np.arange(23)  # of ten that a float64 holds exactly
+_MAX_POWER = 60  # of ten, up or down
+_LOW, _HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
+
+
+class Powers(NamedTuple):
+    """Powers that numbers are read with."""
+
+    tens: NDArray[np.float64]  # 10^k, as far as float64 holds it exactly
+    # 10^(k - _MAX_POWER) = (high 2^64 + low + less than 1) 2^(exponent - 127): 128 binary digits, the first of them 1
+    high: NDArray[np.uint64]
+    low: NDArray[np.uint64]
+    exponents: NDArray[np.int64]
+    twos: NDArray[np.float64]  # 2^(k - 512)
+
+
+def _make_powers() -> Powers:
+    rows = []
+    for k in range(-_MAX_POWER, _MAX_POWER + 1):
+        power = Fraction(10) ** k
+        exponent = power.numerator.bit_length() - power.denominator.bit_length()
+        exponent -= power < Fraction(2) ** exponent
+        digits = math.floor(power * Fraction(2) ** (127 - exponent))
+        rows.append((digits >> 64, digits & (2**64 - 1), exponent))
+    high, low, exponents = zip(*rows, strict=True)
+    arrays = np.array(high, np.uint64), np.array(low, np.uint64), np.array(exponents, np.int64)
+    return Powers(10.0 ** np.arange(23), *arrays, 2.0 ** np.arange(-512, 512))
+
+
+POWERS = _make_powers()
 
 
 @kernel
 def read_rows(text, starts, powers, out):
     """Read the numbers of lines; return whether each line has as many as a row, all of them exactly rounded.
 
-    text (n_letter,) u8; starts (n,) i64, where the numbers of each line begin; powers: POWERS; out (n, k) f64.
+    text (n_letter,) u8; starts (n,) i64, where the numbers of each line begin; powers: Powers; out (n, k) f64.
     """
     n_column = index(out.shape[1])
     for row in range(index(len(starts))):
@@ -73,7 +106,7 @@ def read_decimal(text, at, powers):
     """Return the decimal number at a place, the place behind it, and whether there is one that is exactly rounded.
 
     It is a whole number times or over a power of ten. Where both are float64 without rounding, one operation rounds
-    correctly (Clinger 1990, How to read floating point numbers accurately, PLDI).
+    correctly (Clinger 1990, How to read floating point numbers accurately, PLDI); else see `multiply_by_power`.
     """
     is_negative, start = skip_sign(text, at)
     mantissa, at = read_digits(text, start, index(0))
@@ -82,17 +115,64 @@ def read_decimal(text, at, powers):
         mantissa, end = read_digits(text, at + index(1), mantissa)
         n_behind = end - at - index(1)
         n_digit, power, at = n_digit + n_behind, -np.int64(n_behind), end
-    is_read = n_digit > index(0) and n_digit <= index(_MAX_DIGITS) and mantissa <= index(_MAX_MANTISSA)
+    n_zero = index(0)  # in front
+    while text[start] == _ZERO or text[start] == _POINT:
+        n_zero += index(text[start] == _ZERO)
+        start += index(1)
+    is_read = n_digit > index(0) and n_digit - n_zero <= index(_MAX_DIGITS)
     if text[at] | _LOWER == _E:
         is_down, start = skip_sign(text, at + index(1))
         exponent, at = read_digits(text, start, index(0))
         is_read &= at > start and at - start <= index(_MAX_INDEX_DIGITS)
         power += -np.int64(exponent) if is_down else np.int64(exponent)
     size, number = index(abs(power)), 0.0
-    is_read &= size < index(len(powers))
-    if is_read:
-        number = mantissa / powers[size] if power < 0 else mantissa * powers[size]
+    if mantissa <= index(_MAX_MANTISSA) and size < index(len(powers.tens)):
+        number = mantissa / powers.tens[size] if power < 0 else mantissa * powers.tens[size]
+    elif size <= index(_MAX_POWER) and mantissa > index(0):
+        number, is_certain = multiply_by_power(mantissa, index(power + np.int64(_MAX_POWER)), powers)
+        is_read &= is_certain
+    else:
+        is_read = False
     return -number if is_negative else number, at, is_read
+
+
+@helper
+def multiply_by_power(mantissa, k, powers):
+    """Return a whole number of 64 binary digits or fewer times 10^(k - _MAX_POWER), rounded once, and whether that is
+    certain.
+
+    The number, shifted until its first digit is 1, times the 128 digits of the power: of the 192 digits of the product
+    the first 53 are kept. The power is less than one of its last digits larger than they say, so that the product is
+    less than one 128th digit larger: it is rounded as they say, but where the next 75 digits are 0111… or 1000….
+
+    Source: Lemire 2021, Number parsing at a gigabyte per second, Software: Practice and Experience 51(8).
+    """
+    n_shift = index(0)
+    while mantissa >> index(63) == index(0):
+        mantissa <<= index(1)
+        n_shift += index(1)
+    first, second = multiply_wide(mantissa, powers.high[k])
+    carried, _ = multiply_wide(mantissa, powers.low[k])
+    second += carried
+    first += index(second < carried)
+    is_long = first >> index(63)
+    n_rest = index(10) + is_long
+    kept, rest, half = first >> n_rest, first & ((index(1) << n_rest) - index(1)), index(1) << (n_rest - index(1))
+    is_below = rest == half - index(1) and second == ~index(0)
+    is_certain = not (is_below or (rest == half and second == index(0)))
+    kept += index(rest >= half)
+    exponent = np.int64(is_long) - np.int64(n_shift) + powers.exponents[k] + np.int64(11)
+    return float(kept) * powers.twos[exponent + np.int64(512)], is_certain
+
+
+@helper
+def multiply_wide(a, b):
+    """Return the product of two uint64: its upper and its lower 64 binary digits."""
+    low_a, low_b, high_a, high_b = a & _LOW, b & _LOW, a >> _HALF, b >> _HALF
+    low, cross, other = low_a * low_b, high_a * low_b, low_a * high_b
+    middle = (low >> _HALF) + (cross & _LOW) + (other & _LOW)
+    high = high_a * high_b + (cross >> _HALF) + (other >> _HALF) + (middle >> _HALF)
+    return high, (middle << _HALF) | (low & _LOW)
 
 
 @helper

@@ -4,15 +4,20 @@ import codecs
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..cores import Workers, n_core
 from ..errors import counted
 from ..geometry.weld import weld_triangles
 from ..scene.material import Material
-from .model_file import WHITE, ModelFile, Part, text_of
+from .files import LONG
+from .model_file import WHITE, ModelFile, Part, report_progress, text_of
 from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _HEAD = 4096  # bytes in which a text shows that it is one
+_VERTEX = b"vertex "
+_BLOCK = 1 << 20  # letters that a thread reads
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -68,27 +73,49 @@ def _soup(read, n_face, name) -> Part:
 
 def _read_ascii_stl(model) -> list[Part]:
     """Read the solids of an ASCII file, keywords in any case."""
-    text = text_of(model.data[:]).replace("\r\n", "\n").replace("\r", "\n")
-    lower = text.lower()  # of ASCII letters alone, so that places stay the same
-    if len(lower) != len(text):
-        lower = "".join(letter.lower() if letter.isascii() else letter for letter in text)
-    if "endsolid" not in lower:
+    data = model.data[:].removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    lower = data.lower().replace(b"\t", b" ")
+    if b"endsolid" not in lower:
         raise model.error("ASCII STL without 'endsolid': the file is cut off")
     parts, begin = [], 0
-    model.allowance.show(lower.count("endsolid"))
-    for end in re.finditer(r"endsolid[^\n]*", lower):
-        solid = lower[begin : end.start()]
-        rows = re.findall(r"\bvertex ([^\n]*)", solid.replace("\t", " "))
-        numbers = numbers_in(" ".join(rows)) if rows else np.empty(0)
-        if numbers is None or len(numbers) != 3 * len(rows) or len(rows) % 3 or len(rows) != 3 * solid.count("endloop"):
-            raise _stl_fault(model, lower, begin, end.start())
-        first = text[begin : begin + len(solid)].lstrip().split("\n", 1)[0].split(None, 1)
-        name = first[1].strip() if len(first) == 2 and first[0].lower() == "solid" else ""
-        if len(rows):
-            corners = numbers.reshape(-1, 3, 3)
+    model.allowance.show(lower.count(b"endsolid"))
+    for end in re.finditer(rb"endsolid[^\n]*", lower):
+        corners = _corners_in(lower, begin, end.start())
+        if corners is None:
+            raise _stl_fault(model, lower.decode("latin-1"), begin, end.start())
+        first = re.compile(rb"\s*([^\n]*)").match(data, begin, end.start())
+        words = text_of(first[1]).split(None, 1) if first else []
+        name = words[1].strip() if len(words) == 2 and words[0].lower() == "solid" else ""
+        if len(corners):
             parts.append(_soup(lambda begin, end, corners=corners: corners[begin:end], len(corners), name))
         begin = end.end()
     return parts
+
+
+def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None:
+    """Return the corners (n, 3, 3) of the facets between two places of a text in small letters; None where a line is at
+    fault. Of a long text compiled code reads the lines that hold nothing unusual."""
+    n_loop, letters = text.count(b"endloop", begin, end), np.frombuffer(text, np.uint8)
+
+    def read(start: int) -> NDArray[np.float64]:
+        from .obj_numbers import POWERS, read_rows
+
+        report_progress(start - begin, end - begin, "reading numbers")
+        places = np.flatnonzero(letters[start : min(start + _BLOCK, end)] == _VERTEX[0]) + start
+        for k in range(1, len(_VERTEX)):  # 'endsolid' follows: the text doesn't end before
+            places = places[letters[places + k] == _VERTEX[k]]
+        rows = np.empty((len(places), 3))
+        return rows if read_rows(letters, places + len(_VERTEX), POWERS, rows) else rows[:0]
+
+    if end - begin >= LONG:
+        with Workers(n_core()) as workers:
+            rows = np.concatenate(workers.map(read, range(begin, end, _BLOCK)))
+        if len(rows) == 3 * n_loop:
+            return rows.reshape(-1, 3, 3)
+    found = re.findall(rb"\bvertex ([^\n]*)", text[begin:end])
+    numbers = numbers_in(b" ".join(found).decode("latin-1")) if found else np.empty(0)
+    is_whole = numbers is not None and len(numbers) == 3 * len(found) and len(found) == 3 * n_loop
+    return numbers.reshape(-1, 3, 3) if is_whole else None
 
 
 def _stl_fault(model, text, begin, end):

@@ -1,6 +1,7 @@
 """Tests of the lines of OBJ files as arrays: rows of numbers, corners of every form, faults; against a plain reader."""
 
 import random
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -112,6 +113,29 @@ def test_rows_that_compiled_code_reads_are_those_of_python_to_the_last_bit():
     text = np.frombuffer(b"1 2\n3\n4 5 6\n7 8 #9\n1_0 2\n", np.uint8)
     for start in (4, 6, 12, 19):  # too few numbers, too many, and what is no number
         assert not read_rows(text, np.array([0, start]), POWERS, np.empty((2, 2)))
+
+
+def ties(random, n):
+    """Numbers that lie in the middle between two float64, and their neighbours."""
+    while n > 0:
+        middle = Fraction(2 * random.getrandbits(52) + 2**53 + 1) * Fraction(2) ** random.randrange(-31, 8)
+        power = middle.denominator.bit_length() - 1
+        if (digits := middle.numerator * 5**power) < 10**19 - 1:
+            yield from (f"{digits + step}e-{power}" for step in (-1, 0, 1))
+            n -= 1
+
+
+def test_numbers_of_all_digits_are_read_by_compiled_code():
+    """As numpy and Python write them; but for those that lie in the middle between two float64."""
+    random_ = random.Random(5)
+    values = [random_.gauss(0, 1) * 10.0 ** random_.randrange(-30, 30) for _ in range(4_000)]
+    words = [*map(repr, values), *(f"{value:.18e}" for value in values), *(f"{value:.17f}" for value in values[:99])]
+    for word in [*words, *(tied := list(ties(random_, 400)))]:
+        text, out = np.frombuffer(f"{word}\n".encode(), np.uint8), np.empty((1, 1))
+        if read_rows(text, np.array([0]), POWERS, out):
+            assert out[0, 0] == float(word), word
+        else:
+            assert word in tied[1::3] or len(word.split("e")[0].lstrip("-0.").replace(".", "")) > 19, word
 
 
 def test_corners_that_compiled_code_reads_are_those_of_the_plain_reader():

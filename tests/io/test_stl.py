@@ -95,6 +95,33 @@ def test_ascii_in_any_spelling():
         assert mesh.name.lower().replace("\t", " ") == "part one", text
 
 
+def test_long_texts_are_read_as_short_ones(monkeypatch):
+    """By compiled code, in blocks: any spelling, a name with a keyword, numbers of all digits, faults."""
+    one = "solid part of it\n" + FACET * 3 + "endsolid part\n"
+    texts = [
+        one, one * 2, one.upper(), one.replace("\n", "\r\n"), one.replace(" ", "\t"), one.replace(" ", "   "),
+        one.replace("part of it", "vertex"), one.replace("part of it", "vertex 1 2 3"),
+        one.replace("0 1 0", "6.123233995736766e-17 +1.5E3 -.5"), one.replace("1 0 0", "nan 0 0"),
+        one.replace("1 0 0", "1_0 0 0"), one.replace("1 0 0", "1 x 0"), one.replace("1 0 0\n", "1 0 0 "),
+        one.replace("1 0 0", "1 0"), one.replace("1 0 0", "1 0 0 0"), one.replace("  vertex 0 1 0\n", ""),
+        one.replace(" endloop\nendfacet\n", ""), "solid\nendsolid\n", "solid\n" + FACET,
+    ]  # fmt: skip
+
+    def outcome(text):
+        try:
+            return [(m.name, m.vertices.tolist(), m.faces.tolist()) for m in load_stl(text.encode()).meshes]
+        except ModelError as error:
+            return str(error)
+
+    expected = [outcome(text) for text in texts]
+    assert 8 <= sum(isinstance(each, str) for each in expected) <= 12
+    monkeypatch.setattr("rasterizer.io.stl.LONG", 0)
+    for block in (16, 100, 10**6):
+        monkeypatch.setattr("rasterizer.io.stl._BLOCK", block)
+        for text, wanted in zip(texts, expected, strict=True):
+            assert outcome(text) == wanted, text
+
+
 def test_stl_faults_name_the_line():
     assert_refused(lambda text: load_stl(text.encode()), [
         ("solid\n" + FACET.replace("1 0 0", "1 x 0") + "endsolid\n", ":5: 'vertex 1 x 0' is not a vertex of three"),
