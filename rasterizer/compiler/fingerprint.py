@@ -40,7 +40,7 @@ _OF_LINUX = {"abm": "lzcnt", "bmi1": "bmi", "lahf_lm": "sahf", "pni": "sse3", "s
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
-_OTHER_KERNELS = ("io/obj_numbers.py",)
+_OTHER_KERNELS = ("io/text_kernels.py",)
 # Their changes change no machine code.
 _WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "machine_code.py", "store.py"
 

@@ -15,7 +15,7 @@ from ..compiler.signatures import signature_of
 from ..geometry import closed, ears, equal_rows, normals, surfaces
 from ..geometry.polygons import fill_means
 from ..geometry.weld import FEW
-from ..io import obj_numbers
+from ..io import text_kernels
 from ..options import Options
 from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup
 from ..pipeline import textures as packing
@@ -93,8 +93,9 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
 def list_mesh_kernels() -> list[Job]:
     """List the kernels that work on meshes outside of pictures: those that read OBJ, cut ears, and weld vertices."""
     found = KernelList()
-    found.add(obj_numbers.read_rows, FLAGS, NUMBERS, obj_numbers.POWERS, ROWS)
-    found.add(obj_numbers.read_corners, FLAGS, NUMBERS, NUMBERS, np.empty((3, 0), np.int32))
+    found.add(text_kernels.read_rows, FLAGS, NUMBERS, text_kernels.POWERS, ROWS)
+    found.add(text_kernels.read_numbers, FLAGS, text_kernels.POWERS, LENGTHS)
+    found.add(text_kernels.read_corners, FLAGS, NUMBERS, NUMBERS, np.empty((3, 0), np.int32))
     found.add_equal_rows()
     polygons = ears.Polygons(ROWS, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
     found.add(

@@ -8,11 +8,11 @@ A format's reader is one file; loader.py is where reading begins.
     limits              how much may be made of a file, and how long its text is
     model_file          what the readers of models share
     obj, mtl            OBJ, and its materials
-    obj_numbers         numbers in lines of OBJ: the compiled part
     ply, stl, gltf      PLY; STL; glTF and GLB
     threemf             3MF, by lib3mf
     other_formats       what trimesh reads: OFF, COLLADA and others
     text_numbers        numbers in text, exactly rounded, by whole arrays
+    text_kernels        the same, and corners in OBJ: the compiled part
     scene_file          a whole scene in JSON or TOML
     scene_file_write    the same, written
     png                 PNG files, in bands on threads

@@ -244,8 +244,8 @@ def _with_materials(model, part: Part, palette, name) -> Part:
 # bytes ─ tidy text ─ lines of a keyword ─┬─ words, some lines at a time ─┬─ rows of v, vn, vt
 #                                         └─ names of o, g, s, usemtl …   └─ corners of f
 #
-# Of a long file compiled code reads the lines that hold nothing unusual (obj_numbers.py); what it leaves is read in the
-# same way as a short file.
+# Of a long file compiled code reads the lines that hold nothing unusual (text_kernels.py); what it leaves is read as a
+# short file is.
 
 _ATTRIBUTES = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
@@ -374,7 +374,7 @@ class ObjLines:
     def _rows_in(self, keyword, lines) -> NDArray[np.float64]:
         """Return the numbers of some lines, as many as all of these have."""
         if self._is_long and len(lines):
-            from .obj_numbers import POWERS, read_rows
+            from .text_kernels import POWERS, read_rows
 
             starts = self._starts[lines] + len(keyword)
             n_column = len(self._text[starts[0] : self._ends[lines[0]]].split())
@@ -386,7 +386,7 @@ class ObjLines:
     def _corners_in(self, given, lines) -> tuple[NDArray, ...]:
         """Return what `Corners` holds of some face lines, but for these; `given` are all lines of v, vt and vn."""
         if self._is_long and len(lines):
-            from .obj_numbers import read_corners
+            from .text_kernels import read_corners
 
             starts, counts = self._starts[lines] + 1, np.empty(len(lines), np.int64)
             n_letter = int((self._ends[lines] - starts).sum())

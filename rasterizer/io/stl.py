@@ -98,7 +98,7 @@ def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None
     n_loop, letters = text.count(b"endloop", begin, end), np.frombuffer(text, np.uint8)
 
     def read(start: int) -> NDArray[np.float64]:
-        from .obj_numbers import POWERS, read_rows
+        from .text_kernels import POWERS, read_rows
 
         report_progress(start - begin, end - begin, "reading numbers")
         places = np.flatnonzero(letters[start : min(start + _BLOCK, end)] == _VERTEX[0]) + start

@@ -1,4 +1,4 @@
-"""Read numbers in text by whole arrays, exactly rounded.
+"""Read numbers in text by whole arrays, exactly rounded; in long texts by compiled code (text_kernels.py).
 
 In: a text as an array of letters, whose first LEAD belong to no word. Out: the values of its words.
 
@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cores import Workers, n_core
+from .files import LONG
 from .model_file import report_progress
 
 LEAD = 24  # so that the eight letters before the end of a word are there, three times
@@ -120,21 +122,30 @@ def read_decimals(words: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]]
 
 def numbers_in(text: str) -> NDArray[np.float64] | None:
     """Return the numbers of a text with blanks or newlines between them, None where it holds anything else."""
-    data, tables, start = text.encode("latin-1", "replace").translate(_BLANKS), [np.empty(0)], 0
+    data = text.encode("latin-1", "replace").translate(_BLANKS)
     if len(data) < _SHORT:
         numbers = [_number(word) for word in data.split(b" ") if word]
         return None if None in numbers else np.array(numbers, np.float64)
-    while start < len(data):
-        end = data.find(b" ", start + _BLOCK)
-        end = len(data) if end < 0 else end
-        letters = np.frombuffer(b" " * LEAD + data[start:end] + b" ", np.uint8)
+    cuts, is_long = [0], len(data) >= LONG
+    while cuts[-1] < len(data):
+        end = data.find(b" ", cuts[-1] + _BLOCK)
+        cuts.append(len(data) if end < 0 else end)
+
+    def read(block: tuple[int, int]) -> NDArray[np.float64] | None:
+        report_progress(block[0], len(data), "reading numbers")
+        letters = np.frombuffer(b" " * LEAD + data[slice(*block)] + b" ", np.uint8)
+        if is_long:
+            from .text_kernels import POWERS, read_numbers
+
+            values = np.empty(len(letters))
+            if (n := read_numbers(letters, POWERS, values)) >= 0:
+                return values[:n].copy()
         values, is_number = read_decimals(split_words(letters, np.array([LEAD])))
-        if not is_number.all():
-            return None
-        tables.append(values)
-        start = end
-        report_progress(start, len(data), "reading numbers")
-    return np.concatenate(tables)
+        return values if is_number.all() else None
+
+    with Workers(n_core() if is_long else 1) as workers:
+        tables = workers.map(read, list(zip(cuts[:-1], cuts[1:], strict=True)))
+    return None if any(table is None for table in tables) else np.concatenate(tables)
 
 
 def _skip_sign(words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

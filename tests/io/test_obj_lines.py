@@ -12,7 +12,7 @@ from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
 from rasterizer.io.model_file import noticing_progress
 from rasterizer.io.obj import FEW, LineError, ObjLines
-from rasterizer.io.obj_numbers import POWERS, read_corners, read_rows
+from rasterizer.io.text_kernels import POWERS, read_corners, read_rows
 
 N_FILE = 240  # of random files, half of them damaged
 

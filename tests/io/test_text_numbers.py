@@ -4,8 +4,10 @@ import random
 import re
 
 import numpy as np
+import pytest
 from helpers.arrays import differences
 
+from rasterizer.io.files import LONG
 from rasterizer.io.text_numbers import LEAD, divide, numbers_in, read_decimals, read_integers, split_words
 
 HARD = """
@@ -72,8 +74,10 @@ def test_pieces_of_words_may_be_empty_and_are_0():
     assert divide(words_of(["1", "2"]), b"/").first.tolist() == [0, 1, 2]
 
 
-def test_numbers_of_a_text_stand_between_any_blanks():
-    """Also of a text that is read in several blocks of 2^18 letters."""
+@pytest.mark.parametrize("long", [LONG, 0])
+def test_numbers_of_a_text_stand_between_any_blanks(long, monkeypatch):
+    """Also of a text that is read in several blocks of 2^18 letters, and of one that compiled code reads."""
+    monkeypatch.setattr("rasterizer.io.text_numbers.LONG", long)
     for n in (0, 3, 100, 30_000):
         values = [k / 7 for k in range(n)]
         text = "".join(f"{value!r}{blank}" for value, blank in zip(values, " \n\t\v\f\r" * n, strict=False))

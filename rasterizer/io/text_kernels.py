@@ -1,8 +1,8 @@
-"""Numbers in lines of OBJ, read where they stand in the text: the compiled part of obj.py.
+"""Numbers in text, read where they stand: the compiled part of obj.py, stl.py and text_numbers.py.
 
-Lines of a long file are read here as most programs write them: numbers with blanks between them, and nothing else.
-Where a line holds anything else, or a number that can't be rounded exactly here, a kernel says so, and obj.py reads it.
-What is read is what obj.py would read, to the last bit.
+Long files are read here as most programs write them: numbers with blanks between them, and nothing else. Where a line
+holds anything else, or a number that can't be rounded exactly here, a kernel says so, and its caller reads it. What is
+read is what the caller would read, to the last bit.
 
 A text has a newline behind each line, and no other blanks than ' '. `at` is a place in it.
 """
@@ -68,6 +68,24 @@ def read_rows(text, starts, powers, out):
         if text[skip_blanks(text, at)] != _NEWLINE:
             return False
     return True
+
+
+@kernel
+def read_numbers(text, powers, out):
+    """Read all words of a text as numbers; return how many they are, -1 where one isn't exactly rounded.
+
+    text (n_letter,) u8 ends with a blank; powers: Powers; out (n,) f64, n at least half as many as the letters.
+    """
+    at, n = index(0), index(0)
+    while at < index(len(text)):
+        if ends_word(text, at):
+            at += index(1)
+            continue
+        out[n], at, is_read = read_decimal(text, at, powers)
+        if not is_read or not ends_word(text, at):
+            return np.int64(-1)
+        n += index(1)
+    return np.int64(n)
 
 
 @kernel
