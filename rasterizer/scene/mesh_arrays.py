@@ -21,7 +21,7 @@ from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT, UNIT_SLACK
 
 CHUNK = 1 << 16  # faces looked at in one go
-_FIRST_CHUNK = 1 << 8
+_FIRST_CHUNK = 1 << 4
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
