@@ -90,16 +90,16 @@ class Brightness(NamedTuple):
         with np.errstate(over="ignore"):  # infinite where no bound holds
             return self.undirected + (self.diffuse + self.specular).sum(axis=1)
 
-    @property
-    def texel_slopes(self) -> NDArray[np.float64]:
-        """What an intensity of each material changes by, at most, where its texture changes by 1, (n_material,).
+    def texel_slopes(self, brightest: float) -> NDArray[np.float64]:
+        """Return what an intensity of each material changes by, at most, where its texture changes by 1, (n_material,);
+        `brightest` is the largest component of all textures, which is in what they reflect.
 
         Colours multiply what is reflected diffusely, and F0 of a metal; other highlights keep their light.
         """
         is_metal = np.array([reflection_table.is_metallic(material) for material in self.materials])
         with np.errstate(over="ignore"):
             metal = np.where(is_metal, self.specular.sum(axis=1), 0.0)
-            return self.undirected + self.diffuse.sum(axis=1) + metal
+            return (self.undirected + self.diffuse.sum(axis=1) + metal) / brightest
 
     @property
     def turn_slopes(self) -> NDArray[np.float64]:

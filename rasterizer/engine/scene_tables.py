@@ -153,7 +153,7 @@ def list_opacities(materials, least) -> Opacity:
 
 
 def brightest_texel(materials) -> float:
-    """The largest component of any texture, at least 1."""
+    """The largest component of any texture; 1 where there is none."""
     return max((material.texture.brightest for material in materials if material.texture is not None), default=1.0)
 
 

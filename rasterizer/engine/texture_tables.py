@@ -32,6 +32,7 @@ from ..pipeline.textures import (
 from ..scene.texture import COLORS_OF_BYTES, Texture, halve_rows
 
 _FILTERS = {"nearest": FILTER_NEAREST, "bilinear": FILTER_BILINEAR, "trilinear": FILTER_TRILINEAR}
+DARKEST = 2.0**-40  # what a black texture counts as bright as
 _WRAPS = {"repeat": WRAP_REPEAT, "clamp": WRAP_CLAMP, "mirror": WRAP_MIRROR}
 
 
@@ -170,7 +171,7 @@ def pack_textures(
     steps, errors = np.zeros(len(textures), np.float32), np.zeros((len(textures), 4))
     for k in np.flatnonzero(is_packed).tolist():
         texture = textures[k]
-        scale = 2.0 ** np.ceil(np.log2(max(texture.brightest, 2.0**-40)))
+        scale = 2.0 ** np.ceil(np.log2(max(texture.brightest, DARKEST)))
         steps[k] = scale / 65535.0
         out, shapes, differences = texels[first_texels[k] : first_texels[k + 1]], [], []
         for number, level in enumerate(_levels(texture, run)):

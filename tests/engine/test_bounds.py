@@ -428,6 +428,16 @@ def test_textures_of_shiny_things_are_looked_up_in_float32():
         assert coding.textures.is_exact_looked_up.all(), name
 
 
+def test_an_error_of_a_texel_counts_by_the_light_on_it_however_dark_the_texture_is():
+    look = rz.Material(diffuse=0.5, ambient=0, specular=0)
+    for brightest, light in product((1.0, 0.1), (0.5, 8.0)):
+        image = brightest * np.random.default_rng(4).integers(0, 2, (8, 8, 3))
+        plate = rz.Mesh(SQUARE, QUAD, uv=SQUARE[:, :2], material=replace(look, texture=rz.Texture(image)))
+        plan = plan_in(rz.Scene([plate], [rz.DirectionalLight((0, 0, -1), light)], FRONT)).plan
+        share = DEFAULT * 3 / 4 - plan.of_materials.roundings
+        assert make_coding(plan, DEFAULT).textures.limits * 0.5 * light == pytest.approx(share), (brightest, light)
+
+
 def test_nearly_all_scenes_of_the_campaign_have_a_small_bound():
     """At tolerance 0: 1e-6, for 95 of 100; but where pixels are shaded once. At their own one no bound is above it."""
     n_case, n_unstated = 0, 0
