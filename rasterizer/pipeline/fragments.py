@@ -11,9 +11,12 @@ its digits far from the origin.
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import IS_COMPILING, helper, index
 
 BATCH_SIZE = 256
+# Loops over a batch become vector instructions for so many fragments; each of those that are left over takes as long as
+# several of the others. Plain Python takes one by one.
+SIDE_BY_SIDE = 32 if IS_COMPILING else 1
 
 
 def _quantity(number):
@@ -47,6 +50,19 @@ BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)
 def make_batch(dtype) -> np.ndarray:
     """Return the batch of one thread, BATCH_SHAPE zeros of float32 or float64."""
     return np.zeros(BATCH_SHAPE, dtype)
+
+
+@helper
+def filled_up(n):
+    """Return the next multiple of SIDE_BY_SIDE from n on; for n <= BATCH_SIZE a batch has room for so many."""
+    return (n + (SIDE_BY_SIDE - 1)) // SIDE_BY_SIDE * SIDE_BY_SIDE
+
+
+@helper
+def count_side_by_side(batch, n):
+    """Return how many fragments are lit where a batch holds n: those behind hold anything. In float64, some of whose
+    functions are no vector instructions, it is n."""
+    return n if batch.itemsize == 8 else filled_up(n)
 
 
 @helper

@@ -17,7 +17,7 @@ from ..compiler.kernels import call_batch_function, helper, index, kernel
 from ..geometry.vectors import dot, scale, subtract, vector_of_row
 from . import fragments as f
 from . import material_coefficients as m
-from .fragments import BATCH_SIZE, get_vector, read_vector, set_vector
+from .fragments import BATCH_SIZE, count_side_by_side, get_vector, read_vector, set_vector
 
 
 class ShadowMaps(NamedTuple):
@@ -98,32 +98,35 @@ def compute_n_dot_v(batch, n):
 @helper
 def light_batch(batch, n, lighting, material):
     """Evaluate the illumination equation for n points of one material; the intensities fill INTENSITY."""
+    n_side = count_side_by_side(batch, n)
     if lighting.is_view_dependent[material]:
-        compute_n_dot_v(batch, n)
-    sum_lights(batch, n, lighting, material)
+        compute_n_dot_v(batch, n_side)
+    sum_lights(batch, n, n_side, lighting, material)
     for channel in range(index(lighting.n_channels[material])):
-        combine_channel(batch, n, channel, lighting, material)
+        combine_channel(batch, n_side, channel, lighting, material)
 
 
 @helper
-def sum_lights(batch, n, lighting, material):
+def sum_lights(batch, n, n_side, lighting, material):
     """Sum what all lights reflect, into DIFFUSE_SUM and SPECULAR_SUM.
 
-    A light that doesn't arrive at any of the points adds 0: it is left out.
+    A light that doesn't arrive at any of the n points adds 0: it is left out. Shadows are looked up for these alone,
+    all else is computed for `n_side`.
     """
     n_channel, is_first = lighting.n_channels[material], True
     for nth in range(index(lighting.n_lights[material])):
         light = index(lighting.light_idx[material, nth])
-        call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
+        coefficients = lighting.lights[light].ctypes.data
+        call_batch_function(lighting.light_functions[light], batch.ctypes.data, n_side, coefficients)
         if not arrives(batch, n):
             continue
         cast_shadow(batch, n, lighting.shadows, light)
-        add_reflected(batch, n, lighting, material, light, is_first)
+        add_reflected(batch, n_side, lighting, material, light, is_first)
         is_first = False
     if is_first:
         zero = batch.dtype.type(0)
         for channel in range(index(n_channel)):
-            for k in range(index(n)):
+            for k in range(index(n_side)):
                 batch[f.DIFFUSE_SUM + channel * f.NEXT + k] = batch[f.SPECULAR_SUM + channel * f.NEXT + k] = zero
 
 

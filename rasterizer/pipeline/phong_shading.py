@@ -17,7 +17,7 @@ import numpy as np
 from ..compiler.kernels import choice, helper, index, is_none, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
-from .fragments import BATCH_SIZE, read_vector, set_vector
+from .fragments import BATCH_SIZE, count_side_by_side, read_vector, set_vector
 from .gradients import DOUBLE_PRECISION, HAS_ALBEDO, HAS_TEXTURE, SINGLE_PRECISION
 from .interpolate import (
     corner_values,
@@ -42,7 +42,7 @@ from .shade import fill_weights
 from .texture_lookup import S_PLANE
 from .texturing import fill_texels, has_texcoord_planes, put_in_metals
 from .transform import SUBPIXEL
-from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, stretch_of_blocks, strip_of
+from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
@@ -84,7 +84,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
             start = index(j * visibility.pitch + first)
             end, material = stretch_of(visibility, strip_of(j), first, right, shown.material)
             n = index(min(end - first, BATCH_SIZE))
-            n, is_blank = stretch_of_blocks(visibility.entries[start : start + n])
+            n, is_blank = next_stretch(visibility.entries[start : start + n])
             if is_blank:
                 material = np.int64(-1)
             elif material < 0:
@@ -98,9 +98,10 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
                 interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
                 weight_albedo(entries, band, where, material, texturing, start, batch)
                 gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
-                normalize_normals(batch, n)
+                n_side = count_side_by_side(batch, n)
+                normalize_normals(batch, n_side)
                 if lighting.needs_view or lighting.needs_position:
-                    fill_rays(screen, where, n, lighting.needs_position, batch)
+                    fill_rays(screen, where, n_side, lighting.needs_position, batch)
                 light_batch(batch, n, lighting, material)
                 write_radiance(batch, n, lighting.n_channels[material], lighting.tint, out_radiance, start)
             first += n
@@ -321,7 +322,7 @@ def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
 
 @choice
 def fill_rays(screen, first, n, needs_position, batch):
-    """Fill positions and view directions of samples in a row, or of points that lie anywhere."""
+    """Fill positions and view directions of n samples in a row, or of all points that lie anywhere."""
     return fill_positions_of_points if is_list(first) else fill_positions
 
 
@@ -383,7 +384,7 @@ def fill_positions_of_points(screen, first, n, needs_position, batch):
     away = real(forward[0]), real(forward[1]), real(forward[2])
     if not screen.is_perspective:
         view_from_direction(batch, n, scale(away, -one))
-    for k in range(index(n)):
+    for k in range(index(len(first.x))):
         upward = (screen.center_y - (float(first.y[k]) * part + 0.5)) * step_y
         across = ((float(first.x[k]) * part + 0.5 - screen.center_x) + screen.skew * upward) * step_x
         exact = add(add(scale(right, across), scale(up, upward)), scale(forward, along))

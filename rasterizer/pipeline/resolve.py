@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
-from .fragments import BATCH_SIZE, NEXT
+from .fragments import BATCH_SIZE, NEXT, filled_up
 from .shade_once import MAX_FACTOR, NO_POINT, SEVERAL, factor_of
-from .visibility import CLEAR, clear, extent_of_pixels, stretch_of_blocks, strip_of
+from .visibility import CLEAR, clear, extent_of_pixels, next_stretch, strip_of
 
 
 class Picture(NamedTuple):
@@ -107,7 +107,8 @@ def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, 
             width, is_blank, here = np.int64(min(end - left, BATCH_SIZE)), False, (row, left)
             if factor == 1:
                 start = index(row * visibility.pitch + left)
-                width, is_blank = stretch_of_blocks(visibility.entries[start : start + index(width)])
+                width, is_blank = next_stretch(visibility.entries[start : start + index(width)])
+                width = width if is_blank else min(filled_up(width), end - left)
             n = index(width)
             if is_blank:
                 fill_blank(out, j, left, left + width, encoding)
@@ -264,7 +265,7 @@ def gather_samples(entries, radiance, start, pixels):
     for channel in range(index(radiance.shape[0])):
         source, target = radiance[channel, start : start + n], channel * NEXT
         for i in range(n):
-            pixels[target + i] = np.float32(source[i]) if entries[i] < CLEAR else zero
+            pixels[target + i] = np.float32(source[i]) if pixels[ALPHA + i] != zero else zero
     return n_covered
 
 

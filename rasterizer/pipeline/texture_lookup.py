@@ -20,7 +20,6 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, spelled_out
 from .fragments import BATCH_SIZE
-from .samples import PLANE_GROUP
 from .textures import (
     FILTER_NEAREST,
     FILTER_TRILINEAR,
@@ -35,6 +34,7 @@ from .textures import (
     level_start,
     level_terms,
 )
+from .visibility import LANES
 
 # The batch is one flat array of float32, one quantity after the other, each for BATCH_SIZE samples, as in fragments.py.
 # Whole numbers stand in it, too: as the float32 with the same 32 bits.
@@ -73,7 +73,7 @@ def compute_texcoords(batch, n, texture):
 
     Parameters
     ----------
-    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
+    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of LANES; they are lost
     texture : PackedTexture
     """
     n = padded(n)
@@ -97,7 +97,7 @@ def read_texels(batch, n, texture, out, start, stride):
     Parameters
     ----------
     out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
-        up to the next multiple of four may be written, too
+        up to the next multiple of LANES may be written, too
 
     Returns
     -------
@@ -120,8 +120,8 @@ def read_texels(batch, n, texture, out, start, stride):
 
 @helper
 def padded(n):
-    """Return for how many samples texels are read."""
-    return (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP
+    """Return for how many samples texels are read: as many as planes are evaluated for."""
+    return (n + LANES - 1) // LANES * LANES
 
 
 @helper

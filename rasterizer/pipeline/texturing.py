@@ -60,7 +60,7 @@ from .texture_sampling import (
 )
 from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
 from .textures import FILTER_TRILINEAR, FIRST_TEXCOORD, Textures, packed_texture
-from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, stretch_of_blocks, strip_of
+from .visibility import CLEAR, IS_ID, is_exact, next_stretch, record_of, stretch_of, strip_of
 
 
 class Texturing(NamedTuple):
@@ -95,7 +95,7 @@ def shade_textured(band, texturing, batch, out_radiance):
             start = index(j * visibility.pitch + first)
             end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
             n = index(min(end - first, BATCH_SIZE))
-            n, is_blank = stretch_of_blocks(visibility.entries[start : start + n])
+            n, is_blank = next_stretch(visibility.entries[start : start + n])
             if is_blank:
                 material = np.int64(-1)
             elif material < 0:

@@ -168,13 +168,20 @@ def stretch_of(visibility, strip, first, end, material):
 
 
 @helper
-def stretch_of_blocks(entries):
-    """Return how many of the first entries are in blocks of GAP that are like the first one, and whether these show
-    nothing."""
-    n, end = index(len(entries)), index(0)
-    is_blank = shows_nothing(entries[:GAP])
-    while end < n and shows_nothing(entries[end : end + GAP]) == is_blank:
-        end = min(end + GAP, n)
+def next_stretch(entries):
+    """Return how many of the first entries show nothing; or, where the first one shows something, how many there are up
+    to a block of GAP that shows nothing, without those in front of it that show nothing, too. Tell which of both."""
+    n, end, is_blank = index(len(entries)), index(0), entries[index(0)] >= CLEAR
+    if is_blank:
+        while end + GAP <= n and shows_nothing(entries[end : end + GAP]):
+            end += GAP
+        while end < n and entries[end] >= CLEAR:
+            end += index(1)
+    else:
+        while end < n and not shows_nothing(entries[end : end + GAP]):
+            end = min(end + GAP, n)
+        while entries[end - index(1)] >= CLEAR:
+            end -= index(1)
     return np.int64(end), is_blank
 
 

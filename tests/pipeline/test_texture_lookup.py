@@ -15,6 +15,7 @@ from rasterizer.pipeline import textures as packing
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texture_lookup import compute_texcoords, read_texels
 from rasterizer.pipeline.textures import FILTER_NEAREST, NEAREST_ERROR, texcoord_error, texcoord_references
+from rasterizer.pipeline.visibility import LANES
 from rasterizer.reference.shading import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
@@ -290,7 +291,7 @@ def test_any_number_finds_a_texel_of_the_texture(filter):
 
 def test_a_sample_does_not_depend_on_its_neighbours():
     """The level of one sample decides what the batch is looked up by; what each finds is the same, also without the
-    compiler. Beyond the last one, and the next multiple of four, nothing is written."""
+    compiler. Beyond the last one, and the next multiple of LANES, nothing is written."""
     rng = np.random.default_rng(10)
     _, packed = textures_of(image_of("noise", (16, 16), rng))
     near, far = random_samples(packed, rng, level=-3.0), random_samples(packed, rng, level=2.0)
@@ -307,7 +308,7 @@ def test_a_sample_does_not_depend_on_its_neighbours():
         for way in (look_up, as_plain):
             out = np.full((4, BATCH_SIZE), 7, np.float32)
             is_doubtful = way(samples.batch.copy(), n, packed, 0, out)
-            assert (out[:, -(-n // 4) * 4 :] == 7).all() and (out[:, :n] != 7).all(), f"{filter}, {n} samples"
+            assert (out[:, -(-n // LANES) * LANES :] == 7).all() and (out[:, :n] != 7).all(), f"{filter}, {n} samples"
             found.append((bool(is_doubtful), out[:, :n].tobytes()))
         assert found[0] == found[1], f"{filter}, {n} samples: without the compiler, something else is found"
 
