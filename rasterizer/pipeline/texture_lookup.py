@@ -49,8 +49,8 @@ def _quantity(number):
 # (textures.py).
 S_PLANE, T_PLANE, INV_W, REFERENCES = (_quantity(k) for k in range(4))
 S_DX, T_DX, INV_W_DX, S_DY, T_DY, INV_W_DY = (_quantity(k) for k in range(4, 10))
-# What comes of it: s', t' and w in the first rows; s and t in fixed point, the mip level.
-S_OFFSET, T_OFFSET, W = S_PLANE, T_PLANE, INV_W
+# What comes of it: s' and t' in the first rows; s and t in fixed point, the mip level.
+S_OFFSET, T_OFFSET = S_PLANE, T_PLANE
 S, T, MIP_LEVEL = (_quantity(k) for k in range(10, 13))
 # Then, in place of the planes: the texels up left and down left of the sample (whole numbers), the weights of the two
 # on the left and of the two on the right (two of 16 bits); all four of the next mip level, too; its fraction.
@@ -77,10 +77,11 @@ def compute_texcoords(batch, n, texture):
     texture : PackedTexture
     """
     n = padded(n)
-    divide_planes(batch, n)
-    wrap_texcoords(batch, n, texture)
     if texture.filter == FILTER_TRILINEAR:
-        fill_mip_levels(batch, n, texture)
+        divide_with_slopes(batch, n, texture)
+    else:
+        divide_planes(batch, n)
+    wrap_texcoords(batch, n, texture)
 
 
 @helper
@@ -109,11 +110,9 @@ def read_texels(batch, n, texture, out, start, stride):
         is_doubtful = locate_nearest_texels(batch, n, texture)
         fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
         return is_doubtful
-    if texture.filter == FILTER_TRILINEAR and fill_level_fractions(batch, n):
-        locate_texels(batch, n, texture)
+    if locate_texels(batch, n, texture):
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
     else:
-        locate_picture_texels(batch, n, texture)
         blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), out, start, stride, texture.step)
     return False
 
@@ -141,11 +140,10 @@ def from_bits(bits):
 
 @helper
 def divide_planes(batch, n):
-    """Turn S, T and D into s', t' and w."""
+    """Turn S and T into s' and t'."""
     one = np.float32(1)
     for k in range(index(n)):
         w = one / batch[INV_W + k]
-        batch[W + k] = w
         batch[S_OFFSET + k] *= w
         batch[T_OFFSET + k] *= w
 
@@ -221,14 +219,16 @@ SQUARE_LIMIT = np.float32(2.0**60)
 
 
 @helper
-def fill_mip_levels(batch, n, texture):
-    """Fill the mip levels.
+def divide_with_slopes(batch, n, texture):
+    """Turn S and T into s' and t', and fill the mip levels.
 
     Source: see texture_sampling.py. With s' = S/D, ds/dx = (S_x - s'·D_x)/D.
     """
-    coarsest = coarsest_level(texture)
+    coarsest, one = coarsest_level(texture), np.float32(1)
     for k in range(index(n)):
-        s, t, w = batch[S_OFFSET + k], batch[T_OFFSET + k], batch[W + k]
+        w = one / batch[INV_W + k]
+        s, t = batch[S_PLANE + k] * w, batch[T_PLANE + k] * w
+        batch[S_OFFSET + k], batch[T_OFFSET + k] = s, t
         d_x, d_y = batch[INV_W_DX + k], batch[INV_W_DY + k]
         across_s, across_t = batch[S_DX + k] - s * d_x, batch[T_DX + k] - t * d_x
         down_s, down_t = batch[S_DY + k] - s * d_y, batch[T_DY + k] - t * d_y
@@ -255,17 +255,6 @@ def mip_level(square, coarsest):
 
 
 @helper
-def fill_level_fractions(batch, n):
-    """Fill the fraction of the coarser of the two mip levels that are mixed; tell whether any level isn't 0."""
-    union = ZERO
-    for k in range(index(n)):
-        union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))
-    for k in range(index(n)):
-        batch[LEVEL_FRACTION + k] = batch[MIP_LEVEL + k] - np.float32(np.int32(batch[MIP_LEVEL + k]))
-    return union != ZERO
-
-
-@helper
 def log2_coarse(x):
     """Return log2 x in float32 for 1 <= x <= 2^60, without a branch; within 2^-15.8.
 
@@ -286,28 +275,57 @@ def log2_coarse(x):
 
 HALF_BITS, LOW_BITS = np.int32(16), np.int32(0xFFFF)
 WEIGHT_BITS = np.int32(15)
+PIECE = index(32)  # samples that are located together: where they show the first mip level alone, in half the time
 
 
 @helper
 def locate_texels(batch, n, texture):
-    """Fill the texels and weights of mip level ⌊MIP_LEVEL⌋ and of the next one."""
+    """Fill the texels and weights of each sample; tell whether two mip levels are mixed anywhere.
+
+    Of those that show the first level alone, the fraction of the next one is 0, and its texels may be anything.
+    """
+    is_mixed, end = False, index(n)
+    for first in range(index(0), end, PIECE):
+        last = min(first + PIECE, end)
+        if texture.filter == FILTER_TRILINEAR and has_level(batch, first, last):
+            locate_in_levels(batch, first, last, texture)
+            is_mixed = True
+        else:
+            locate_in_picture(batch, first, last, texture)
+    return is_mixed
+
+
+@helper
+def has_level(batch, first, end):
+    """Tell whether the mip level of any sample first..end isn't 0."""
+    union = ZERO
+    for k in range(first, end):
+        union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))
+    return union != ZERO
+
+
+@helper
+def locate_in_levels(batch, first, end, texture):
+    """Fill the texels and weights of mip level ⌊MIP_LEVEL⌋ and of the next one, and the fraction of the latter."""
     width, height = np.int32(texture.width), np.int32(texture.height)
     area, rim = level_terms(width, height)
-    for k in range(index(n)):
+    for k in range(first, end):
         finer = np.int32(batch[MIP_LEVEL + k])
         coarser = np.int32(finer + ONE)
         size = halved(width, finer), halved(height, finer)
         set_texels(batch, k, index(0), level_start(area, rim, finer), size)
         size = halved(width, coarser), halved(height, coarser)
         set_texels(batch, k, NEXT_MIP_LEVEL, level_start(area, rim, coarser), size)
+        batch[LEVEL_FRACTION + k] = batch[MIP_LEVEL + k] - np.float32(finer)
 
 
 @helper
-def locate_picture_texels(batch, n, texture):
+def locate_in_picture(batch, first, end, texture):
     """Fill the texels and weights of the first mip level."""
     size = np.int32(texture.width), np.int32(texture.height)
-    for k in range(index(n)):
+    for k in range(first, end):
         set_texels(batch, k, index(0), ZERO, size)
+        batch[LEVEL_FRACTION + k] = np.float32(0)
 
 
 @helper
@@ -437,11 +455,13 @@ def blend_texels(texels, batch, rows, n, out, start, stride, step):
 
 @spelled_out("build_blend_mip_levels")
 def blend_mip_levels(texels, batch, rows, n, out, start, stride, step):
-    """Mix two means of texels; rows : four of one mip level, four of the other, and the fraction of the latter."""
+    """Mix two means of texels; rows : four of one mip level, four of the other, and the fraction of the latter: where
+    that is 0 it is not read."""
     for k in range(index(n)):
-        a = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), index(k))
-        b = mean_of_texels(texels, batch, (rows[4], rows[5], rows[6], rows[7]), index(k))
         fraction = batch[rows[8] + index(k)]
+        a = b = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), index(k))
+        if fraction != 0:
+            b = mean_of_texels(texels, batch, (rows[4], rows[5], rows[6], rows[7]), index(k))
         color = mix_value(a[0], b[0], fraction), mix_value(a[1], b[1], fraction), mix_value(a[2], b[2], fraction)
         color = color[0], color[1], color[2], mix_value(a[3], b[3], fraction)
         set_color(out, start + index(k), stride, color, OF_WEIGHTS, step)

@@ -224,7 +224,7 @@ def fill_texels(entries, band, first, material, texturing, start, batch, quantit
     whether exact records of the material were looked up, too, which `sample_textures` has left out then
     """
     with_exact = look_up_planes(entries, band, first, material, texturing, start, batch, quantity)
-    if not with_exact and has_exact(entries):
+    if not with_exact and band.counts.n_exact > 0 and has_exact(entries):
         put_in_exact(entries, texturing.texels, start, batch, quantity)
     if band.coding.features[material] & IS_TRANSPARENT:
         for k in range(index(len(entries))):
@@ -309,7 +309,7 @@ def look_up(entries, band, first, material, texturing, start, batch, quantity):
         return False
     texture, with_exact = index(coding.of_materials[material]), coding.is_exact_looked_up[material]
     packed = packed_texture(coding.packed, texture)
-    if has_planes(entries):
+    if band.counts.n_exact == 0 or has_planes(entries):
         if packed.filter == FILTER_TRILINEAR:
             lengthen_slopes(rows, n, step_of(first))
         compute_texcoords(rows, n, packed)
@@ -317,7 +317,7 @@ def look_up(entries, band, first, material, texturing, start, batch, quantity):
         clear_texcoords(rows, n)
     else:
         return False
-    if with_exact and has_exact(entries):
+    if with_exact and band.counts.n_exact > 0 and has_exact(entries):
         put_in_exact_texcoords(entries, band.records, first, material, packed, texturing.double_batch, rows)
     if read_texels(rows, n, packed, batch, quantity, f.NEXT):
         look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity)

@@ -86,7 +86,7 @@ class Samples:
     def bounds(self, packed, errors=(0.0, 0.0)):
         """The bound of each sample, its own roundings and further errors of s and t (in texels) counted."""
         own = [texcoord_error(0.0, 0.0, 1.0, abs(offset)) for offset in self.offsets]
-        # Rounding of the derivatives: of both products, the difference and the product with w, see `fill_mip_levels`.
+        # Rounding of the derivatives, see `divide_with_slopes`: of both products, the difference, the product with w.
         rows = np.abs(self.batch.reshape(-1, BATCH_SIZE)[:10, : self.n].astype(float))
         of_steps = [
             (rows[first + i] + 6.0 * abs(self.offsets[i]) * rows[first + 2]) / rows[2] * 2.0**-23
