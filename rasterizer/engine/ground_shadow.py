@@ -103,6 +103,8 @@ class GroundShadow:
                     hidden = draw_masks(scene, self.ground, points or fewer, threads)
             self.opacity = np.float32(strength) * hidden
         self._rimmed = np.pad(self.opacity, 1)  # no shadow beyond the last texel
+        used = (np.flatnonzero(self._rimmed.any(axis=axis)) for axis in (0, 1))
+        self._limits = np.array([(at[0] - 1.0, at[-1] + 1.0) if len(at) else (0.0, 0.0) for at in used])
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
         """Return points round the part of the shadow that a picture should show.
@@ -152,7 +154,10 @@ class GroundShadow:
         planes = np.zeros((3, 3)) if planes is None else planes  # the ground is seen nowhere
         behind = np.array([0, 0, 0, 0] if background is None else [*background, 1], np.float32)
         color, alpha = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
-        words, ground = rgba.view(np.uint32)[..., 0], SeenGround(self._rimmed, planes, *faded((width, height)))
+        words, ground = (
+            rgba.view(np.uint32)[..., 0],
+            SeenGround(self._rimmed, self._limits, planes, *faded((width, height))),
+        )
 
         def lay(rows: tuple[int, int]) -> None:
             lay_under(ground, behind, DECODED, rows, words, color, alpha)
@@ -269,7 +274,7 @@ def list_kernels(scene: Scene) -> list[Job]:
     if ground is None:
         return []
     found, line = KernelList(), np.empty(0, np.float32)
-    seen = SeenGround(NO_ALPHA, np.empty((3, 3)), line, line)
+    seen = SeenGround(NO_ALPHA, np.empty((2, 2)), np.empty((3, 3)), line, line)
     found.add(lay_under, seen, line, DECODED, (0, 0), np.empty((0, 0), np.uint32), NO_COLOR, NO_ALPHA)
     if not all(map(is_opaque, scene.meshes)):
         return [*found.jobs, *PreparedScene(*masks_of(scene)).list_kernels(_camera_at(ground, 0.0, 0.0))]

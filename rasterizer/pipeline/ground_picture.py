@@ -19,6 +19,8 @@ class SeenGround(NamedTuple):
 
     # (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
     shadow: np.ndarray
+    # (2, 2) float64: columns, and rows, of that array between which there is shadow, both exclusive
+    limits: np.ndarray
     # (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the ground in
     # column first/third and row second/third of texels, before the camera where the third is above 0.
     planes: np.ndarray
@@ -42,18 +44,20 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
     """
     has_linear, has_background = len(alpha) > 0, background[3] > 0
     for j in range(index(rows[0]), index(rows[1])):
-        of_row = rgba[j]
-        for i in range(index(len(of_row))):
+        of_row, y = rgba[j], np.float64(j) + 0.5
+        first, end = seen_columns(ground, y, len(of_row))
+        for i in range(index(0) if has_background else first, index(len(of_row)) if has_background else end):
             word = of_row[i]
-            dark = ground.along[j] * ground.across[i]
-            is_clear = word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)
-            if not is_clear or (not has_background and dark == 0):
+            if not (word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)):
                 continue
-            x, y = np.float64(i) + 0.5, np.float64(j) + 0.5
-            dark *= opacity_at(ground.shadow, ground.planes, x, y)
+            dark = np.float32(0)
+            if first <= i < end:
+                dark = ground.along[j] * ground.across[i] * opacity_at(ground, np.float64(i) + 0.5, y)
             if not has_background and dark == 0:
                 continue
-            if word < np.uint32(0xFF000000):
+            if word == 0 and not has_background:  # as below: most pixels are these
+                of_row[i] = np.uint32(encode_alpha(dark)) << np.uint32(24)
+            elif word < np.uint32(0xFF000000):
                 red, green, blue = decoded[word & 0xFF], decoded[word >> 8 & 0xFF], decoded[word >> 16 & 0xFF]
                 share = np.float32(word >> 24) / np.float32(255)
                 red, green, blue, share = over(red, green, blue, share, dark, background)
@@ -68,16 +72,44 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
 
 
 @helper
-def opacity_at(shadow, planes, x, y):
+def seen_columns(ground, y, width):
+    """Return the first and the end of the pixels of a row that may show shadow, one more on both sides for rounding:
+    the opacity begins with 0 there."""
+    planes, limits = ground.planes, ground.limits
+    step, start = planes[2, 0], 0.5 * planes[2, 0] + planes[2, 1] * y + planes[2, 2]
+    first, end = where_positive(step, start, 0.0, np.float64(width))
+    for axis in range(2):
+        a, b = planes[axis, 0], 0.5 * planes[axis, 0] + planes[axis, 1] * y + planes[axis, 2]
+        low, high = limits[axis, 0] - 0.5, limits[axis, 1] - 0.5
+        first, end = where_positive(a - low * step, b - low * start, first, end)
+        first, end = where_positive(high * step - a, high * start - b, first, end)
+    if not first < end:
+        return index(0), index(0)
+    return index(max(first - 1.0, 0.0)), index(min(end + 2.0, np.float64(width)))
+
+
+@helper
+def where_positive(step, start, first, end):
+    """Return the part of first..end in which start + step·k is above 0."""
+    if step > 0.0:
+        return max(first, -start / step), end
+    if step < 0.0:
+        return first, min(end, -start / step)
+    return first, end if start > 0.0 else first
+
+
+@helper
+def opacity_at(ground, x, y):
     """Return the opacity of the ground that is seen at (x, y) of the picture, bilinearly between four texels; 0 where
     it isn't seen."""
+    shadow, planes, limits = ground.shadow, ground.planes, ground.limits
     w = planes[2, 0] * x + planes[2, 1] * y + planes[2, 2]
     if not w > 0:
         return np.float32(0)
     # From the centre of the rim's first texel.
     column = (planes[0, 0] * x + planes[0, 1] * y + planes[0, 2]) / w + 0.5
     row = (planes[1, 0] * x + planes[1, 1] * y + planes[1, 2]) / w + 0.5
-    if not (0 < column < shadow.shape[1] - 1 and 0 < row < shadow.shape[0] - 1):
+    if not (limits[0, 0] < column < limits[0, 1] and limits[1, 0] < row < limits[1, 1]):
         return np.float32(0)
     left, top = index(column), index(row)
     share_x, share_y = np.float32(column - left), np.float32(row - top)
