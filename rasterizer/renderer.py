@@ -206,7 +206,7 @@ class Renderer:
         points round most of the shadow, (n, 3) in world space."""
         if self._ground is None:
             return self.scene
-        return np.concatenate([*(mesh.used_vertices for mesh in self.scene.meshes), self._ground.outline()])
+        return np.concatenate([*(mesh.used_vertices for mesh in self.scene.meshes), self._outline])
 
     def __repr__(self) -> str:
         width, height = self.options.size
@@ -306,6 +306,11 @@ class Renderer:
         from .engine.ground_shadow import GroundShadow
 
         return GroundShadow(self.scene, threads=self.options.threads)
+
+    @cached_property
+    def _outline(self) -> NDArray[np.float64]:
+        """Points round most of that shadow."""
+        return self._ground.outline()
 
     def _check_open(self) -> None:
         """Raise SceneError after `close`."""

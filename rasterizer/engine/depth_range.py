@@ -71,7 +71,7 @@ def are_seen_from_outside(view, screen, size, bounds) -> np.ndarray:
     size : (width, height) of the picture in samples
     """
     is_beyond = depth_shares(view, bounds).min(axis=1).sum(axis=1) >= screen.near
-    if not screen.is_perspective:
+    if is_beyond.all() or not screen.is_perspective:
         return is_beyond
     x, y = np.array([0.0, size[0]]), np.array([[0.0], [size[1]]])
     upward = (screen.center_y - y) / screen.scale_y

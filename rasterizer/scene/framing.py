@@ -26,9 +26,10 @@ from .validate import choice, is_whole, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
 
-# Where the camera stands for an azimuth of 0, by up axis. up × front is the direction in which a positive
-# azimuth turns it: +x wherever up leaves x free, else the y-up arrangement rolled about z.
+# Where the camera stands for an azimuth of 0, by up axis, and in which direction a positive azimuth turns it: up × front,
+# +x wherever up leaves x free, else the y-up arrangement rolled about z.
 _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
+_SIDE = {"x": "-y", "-x": "y"} | dict.fromkeys(("y", "z", "-y", "-z"), "x")
 _ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
 _FIRST, _MAX_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
@@ -105,8 +106,7 @@ def orbit_axes(azimuth: float, elevation: float, up: str) -> Array:
     if not -90.0 <= elevation <= 90.0:
         raise SceneError(f"the elevation must be within -90..90 degrees; given {elevation!r}")
     cos_el, sin_el = cos_sin(elevation)
-    pole, front = np.array(AXES[up]), np.array(AXES[_FRONT[up]])
-    side = np.cross(pole, front)
+    pole, front, side = (np.array(AXES[axis]) for axis in (up, _FRONT[up], _SIDE[up]))
     outward = cos_az * front + sin_az * side
     right = cos_az * side - sin_az * front
     axes = np.stack([right, cos_el * pole - sin_el * outward, -(cos_el * outward + sin_el * pole)])
@@ -182,14 +182,14 @@ def _center(cloud: "Cloud", touched: Array, depth: float) -> Array:
     superlinear).
     """
     known = np.concatenate([touched, cloud.extremes])
-    before = np.full(2, -1.0)
-    slopes = _half_extents(known, depth)[0]
+    before, (slopes, centers) = np.full(2, -1.0), _half_extents(known, depth)
     while (slopes > before).any():
         (s, r), before = slopes, slopes
         found = cloud.farthest(np.array([(1, 0, -s), (-1, 0, -s), (0, 1, -r), (0, -1, -r)]))
         known = np.array(sorted({*map(tuple, known.tolist()), *map(tuple, found.tolist())}))
-        slopes = np.maximum(_half_extents(known, depth)[0], before)
-    return np.append(_half_extents(known, depth)[1], depth)
+        slopes, centers = _half_extents(known, depth)
+        slopes = np.maximum(slopes, before)
+    return np.append(centers, depth)
 
 
 def _half_extents(points: Array, depth: float) -> tuple[Array, Array]:
