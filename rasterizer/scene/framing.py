@@ -26,8 +26,8 @@ from .validate import choice, is_whole, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
 
-# Where the camera stands for an azimuth of 0, by up axis, and in which direction a positive azimuth turns it: up × front,
-# +x wherever up leaves x free, else the y-up arrangement rolled about z.
+# Where the camera stands for an azimuth of 0, by up axis, and the direction in which a positive azimuth turns it:
+# up × front, +x wherever up leaves x free, else the y-up arrangement rolled about z.
 _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
 _SIDE = {"x": "-y", "-x": "y"} | dict.fromkeys(("y", "z", "-y", "-z"), "x")
 _ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
