@@ -35,7 +35,7 @@ from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import dot, subtract, vector_of_row
 from .transform import HALF, OUTSIDE, SUBPIXEL
 
-PASS = 2048  # triangles: what is noted of them on the way stays in the L1 and L2 caches
+PASS = 512  # triangles: what is noted of them on the way stays in the L1 cache
 SUBPIXEL_SHIFT = 8  # log2 of SUBPIXEL
 SMALL_BOX = 3  # columns and rows of samples of a small box; 4 gains nothing: larger triangles hold many samples
 
@@ -60,7 +60,7 @@ class Visible(NamedTuple):
 
 # Rows of int32 that are noted of PASS triangles, one quantity a row; all stand one behind the other in one flat array,
 # `rows[X0 + k]`, so that the compiler sees that they don't overlap.
-X0, Y0, X1, Y1, X2, Y2, SIDE, TOP, BOTTOM, IS_KEPT = (index(PASS * row) for row in range(10))
+X0, Y0, X1, Y1, X2, Y2, SIDE, FIRST_BAND, LAST_BAND, IS_KEPT = (index(PASS * row) for row in range(10))
 N_ROW = 10
 
 
@@ -69,7 +69,7 @@ class CullScratch(NamedTuple):
 
     faces: np.ndarray  # (PASS,) uint32
     # (N_ROW * PASS,) int32: the vertices, 1/256 px; 1 clockwise on the screen, -1 counter-clockwise, 0 dropped; the
-    # rows of samples TOP..BOTTOM of the box in the picture; whether it is kept
+    # bands that the box reaches in the picture; whether it is kept
     rows: np.ndarray
 
 
@@ -124,7 +124,7 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, hidden_sides, scratc
         gather_triangles(first, n, vertex_idx, vertices, scratch)
         n_culled += note_sides(n, hidden_sides[first : first + n], scratch)
         flag_covering(n, grid, scratch)
-        n_kept = append_kept(n, n_kept, grid, scratch, out)
+        n_kept = append_kept(n, n_kept, scratch, out)
     histogram = out.histogram
     for band in range(1, len(histogram)):
         histogram[band] += histogram[band - 1]
@@ -165,12 +165,12 @@ def note_sides(n, hidden_sides, scratch):
 
 @helper
 def flag_covering(n, grid, scratch):
-    """Flag those of the first n triangles that can cover a sample of the picture, and note the rows of their boxes.
+    """Flag those of the first n triangles that can cover a sample of the picture, and note the bands of their boxes.
 
-    All arithmetic is int32, so that twice as many triangles go side by side. It wraps where triangles are large; these
-    are kept, whatever their samples are.
+    Arithmetic on coordinates is int32, so that twice as many triangles go side by side. It wraps where triangles are
+    large; these are kept, whatever their samples are.
     """
-    rows = scratch.rows
+    rows, bands_a_row = scratch.rows, 1.0 / grid.band_rows
     for k in range(n):
         x0, y0, x1, y1, x2, y2 = rows[X0 + k], rows[Y0 + k], rows[X1 + k], rows[Y1 + k], rows[X2 + k], rows[Y2 + k]
         first_x, end_x = first_sample_int32(min(x0, x1, x2)), first_sample_int32(max(x0, x1, x2))
@@ -181,7 +181,10 @@ def flag_covering(n, grid, scratch):
         is_large = (end_x - first_x > SMALL_BOX) | (end_y - first_y > SMALL_BOX)
         triangle = (x0, y0, x1, y1, x2, y2)
         rows[IS_KEPT + k] = is_hit & (is_large | is_any_covered(triangle, rows[SIDE + k], left, top))
-        rows[TOP + k], rows[BOTTOM + k] = top, bottom
+        # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded. So
+        # what is rounded down lies within 0..n_band - 1, as the rows do within 0..height.
+        rows[FIRST_BAND + k] = np.int32((top + 0.5) * bands_a_row)
+        rows[LAST_BAND + k] = np.int32((max(bottom, np.int32(1)) - 0.5) * bands_a_row)
 
 
 @helper
@@ -245,17 +248,13 @@ def first_sample_int32(coordinate):
 
 
 @helper
-def append_kept(n, n_kept, grid, scratch, out):
+def append_kept(n, n_kept, scratch, out):
     """Append those of the first n triangles that are kept to `out`, which has n_kept; return how many it has then."""
     faces, rows, histogram = scratch.faces, scratch.rows, out.histogram
     out_faces, out_first, out_last = out.faces, out.first_bands, out.last_bands
-    bands_a_row, start = 1.0 / grid.band_rows, n_kept
+    start = n_kept
     for k in range(n):
-        # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded. So
-        # what is rounded down lies within 0..n_band - 1, as the rows do within 0..height.
-        out_faces[n_kept] = faces[k]
-        out_first[n_kept] = index((rows[TOP + k] + 0.5) * bands_a_row)
-        out_last[n_kept] = index((max(rows[BOTTOM + k], np.int32(1)) - 0.5) * bands_a_row)
+        out_faces[n_kept], out_first[n_kept], out_last[n_kept] = faces[k], rows[FIRST_BAND + k], rows[LAST_BAND + k]
         n_kept += index(rows[IS_KEPT + k])
     for k in range(start, n_kept):
         histogram[index(out_first[k])] += 1  # for now: how many more than in the band before
