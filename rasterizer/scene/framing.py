@@ -195,11 +195,11 @@ def _center(cloud: "Cloud", touched: Array, depth: float) -> Array:
 def _half_extents(points: Array, depth: float) -> tuple[Array, Array]:
     """Return the half extents (2,) of the centred projection of a few points, and the eye (2,) for it."""
     w = points[:, 2] - depth
-    slopes, centers = np.empty(2), np.empty(2)
+    sums, slopes, centers = w[:, None] + w, np.empty(2), np.empty(2)
     for axis in range(2):
         a = points[:, axis]
-        ratios = (a[:, None] - a[None, :]) / (w[:, None] + w[None, :])
-        i, j = np.unravel_index(np.argmax(ratios), ratios.shape)
+        ratios = (a[:, None] - a) / sums
+        i, j = divmod(int(ratios.argmax()), len(a))
         slopes[axis] = ratios[i, j]
         centers[axis] = 0.5 * ((a[i] - slopes[axis] * w[i]) + (a[j] + slopes[axis] * w[j]))
     return slopes, centers
@@ -229,13 +229,9 @@ class Cloud:
 
     def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
-        directions_world = directions @ self._axes
-        best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
         with np.errstate(invalid="ignore"):  # of points that aren't finite, which are refused
-            for reached, found in self._farthest_of_chunks(directions_world):
-                is_better = (reached > best) | np.isnan(reached)
-                best[is_better], points[is_better] = reached[is_better], found[is_better]
-            return points @ self._axes.T
+            reached, found = map(np.array, zip(*self._farthest_of_chunks(directions @ self._axes), strict=True))
+            return found[reached.argmax(axis=0), np.arange(len(directions))] @ self._axes.T
 
     def _farthest_of_chunks(self, directions: Array) -> list[tuple[Array, Array]]:
         """Return of each chunk how far its furthest points are along directions in world space, and these."""
