@@ -212,7 +212,7 @@ class PictureKernels(KernelList):
         screen, workspace, (triangles, vertices, *_) = parts.screen, parts.workspace, NO_TRIANGLES
         bands, grid = np.empty(0, np.uint16), cull.Grid(*SIZE, 1)
         visible = cull.Visible(FACES, bands, bands, NUMBERS, 0)
-        self.add(transform_range, ROWS, 0, 0, screen, vertices)
+        self.add(transform_range, LENGTHS, 0, 0, screen, vertices)
         self.add(cull.find_visible_in, 0, 0, triangles.vertex_idx, vertices, grid, SIDES, cull.make_cull_scratch(),
                  visible)  # fmt: skip
         self.add(scatter, FACES, bands, bands, NUMBERS, FACES)

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, kernel
+from ..compiler.kernels import helper, index, kernel
 from ..cores import MIN_PART
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
@@ -148,8 +148,8 @@ def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
     n = len(positions)
     x, y = np.empty(n, np.int32), np.empty(n, np.int32)
     out = Vertices(x, y, np.empty(n), np.empty(n), np.empty(n), pixel_width(screen))
-    parts = workers.ranges(n, MIN_VERTICES)
-    counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
+    flat, parts = positions.reshape(-1), workers.ranges(n, MIN_VERTICES)
+    counts = workers.map(lambda part: transform_range(flat, *part, screen, out), parts)
     return out, sum(counts)
 
 
@@ -171,7 +171,8 @@ def transform_range(positions, start, end, screen, out):
 
     Parameters
     ----------
-    positions : (n, 3) float64, world space, scene units
+    positions : (3 n,) float64, world space, scene units. The compiler doesn't know how far it is from row to row of
+        other arrays, and would make no vector instructions
     screen : Screen
     out : Vertices, of which start..end is written
     """
@@ -179,12 +180,13 @@ def transform_range(positions, start, end, screen, out):
     across_x, across_y, across_z = screen.across[0], screen.across[1], screen.across[2]
     up_x, up_y, up_z = screen.up[0], screen.up[1], screen.up[2]
     forward_x, forward_y, forward_z = screen.forward[0], screen.forward[1], screen.forward[2]
-    here = positions[start:end]
+    here = positions[3 * start : 3 * end]
     out_x, out_y, out_z = out.x[start:end], out.y[start:end], out.z[start:end]
     out_true_x, out_true_y = out.true_x[start:end], out.true_y[start:end]
     n_outside = 0
-    for k in range(end - start):
-        rx, ry, rz = here[k, 0] - eye_x, here[k, 1] - eye_y, here[k, 2] - eye_z
+    for k in range(index(end - start)):
+        row = index(3) * k
+        rx, ry, rz = here[row] - eye_x, here[row + index(1)] - eye_y, here[row + index(2)] - eye_z
         depth = rx * forward_x + ry * forward_y + rz * forward_z
         w = depth if screen.is_perspective else 1.0
         across = rx * across_x + ry * across_y + rz * across_z

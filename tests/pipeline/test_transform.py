@@ -172,7 +172,7 @@ def test_threads_and_compilation_do_not_change_a_bit():
         assert [(a, b) for a, b in zip(serial[:5], parallel, strict=False) if a.tobytes() != b.tobytes()] == []
     n = 500
     plain = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), *np.empty((3, n)), serial.pixel)
-    n_plain = transform_range.py_func(points[:n], 0, n, screen, plain)
+    n_plain = transform_range.py_func(points[:n].reshape(-1), 0, n, screen, plain)
     assert n_plain == (serial.x[:n] == OUTSIDE).sum()
     assert [(a, b) for a, b in zip(serial[:5], plain, strict=False) if a[:n].tobytes() != b.tobytes()] == []
 
