@@ -319,10 +319,10 @@ def scatter(faces, first_bands, last_bands, cursors, out_faces):
     cursors : (n_band,) int64, where in `out_faces` each list's next entry goes; moved on
     out_faces : (n_listed,) uint32
     """
-    for k in range(len(faces)):
+    for k in range(index(len(faces))):
         for band in range(index(first_bands[k]), index(last_bands[k]) + index(1)):
-            out_faces[index(cursors[band])] = faces[k]
-            cursors[band] += 1
+            here = index(cursors[band])
+            out_faces[here], cursors[band] = faces[k], here + index(1)
 
 
 def join_lists(parts) -> BandLists:
