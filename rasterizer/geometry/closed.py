@@ -4,7 +4,8 @@
 
 A body is what triangles make that share edges. It is closed where each of its edges has two triangles, which are wound
 alike: one goes along the edge, and the other comes back. An edge with more triangles closes nothing: they may belong to
-bodies that only touch there. Of a closed body the sign of its volume tells which side of its triangles is outside:
+bodies that only touch there. Edges are looked at from the vertex with the lower number: what its triangles have there
+is sorted by the other vertex. Of a closed body the sign of its volume tells which side of its triangles is outside:
 
     6 V = Σ a·((b - a) × (c - a))     over its triangles a, b, c, seen from one of its own vertices
 
