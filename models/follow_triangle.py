@@ -107,7 +107,7 @@ def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
 def describe_light(followed: Followed) -> list[str]:
     """What the illumination equation gives at the vertices."""
     lines = ["vertex      x       y       z       normal         N·L   intensity"]
-    intensities = followed.render_pass.attributes.single[0, :, 0].tolist()
+    intensities = followed.render_pass.attributes[0, :, 0].tolist()
     for name, (x, y, z), normal, intensity in zip(NAMES, VERTICES, NORMALS, intensities, strict=True):
         direction = " ".join(f"{component:.1f}" for component in normal)
         lines.append(f"  {name}    {x:7.3f} {y:7.3f} {z:7.3f}    {direction}    {normal[2]:.1f}   {intensity:.6f}")
@@ -172,7 +172,7 @@ def describe_setup(followed: Followed) -> list[str]:
 
 def describe_choice(followed: Followed) -> list[str]:
     """Why the intensity may stand in the entries: the bound of affine interpolation."""
-    intensities = followed.render_pass.attributes.single[0, :, 0]
+    intensities = followed.render_pass.attributes[0, :, 0]
     w = 6.0 - np.array(VERTICES)[:, 2]
     ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
     return [
@@ -222,7 +222,7 @@ def describe_shade(followed: Followed) -> list[str]:
     """The intensity of the sample, and what it is off the true one."""
     scale = followed.render_pass.coding.level_scale
     here, beside = (int(followed.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
-    intensities = followed.render_pass.attributes.single[0, :, 0].astype(float)
+    intensities = followed.render_pass.attributes[0, :, 0].astype(float)
     weights = weights_at(followed)
     q = weights / (6.0 - np.array(VERTICES)[:, 2])
     exact = float(q @ intensities / q.sum())
