@@ -155,7 +155,7 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
         return geometry
     first_points = _first_points(parts)
     found = [
-        find_rings(part.corner, mesh.polygons, geometry.points[first:end])
+        find_rings(part.corner, mesh.polygons, geometry.points[first:end], workers)
         for mesh, part, first, end in zip(meshes, parts, first_points[:-1], first_points[1:], strict=True)
     ]
     rings = join_rings(found, np.cumsum([0] + [mesh.n_face for mesh in meshes]), first_points)

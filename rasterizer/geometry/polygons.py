@@ -34,9 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import kernel
-from ..cores import Workers, n_core
-from ..scene.arrays import distinct
-from ..scene.triangulation import CHUNK, classify_polygons, places_from_first
+from ..scene.triangulation import classify_polygons, list_by_size, places_from_first
 from .normals import map_all
 
 
@@ -65,7 +63,7 @@ class Split(NamedTuple):
     centers: Centers
 
 
-def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) -> Rings:
+def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray, workers: Any = None) -> Rings:
     """Find the convex polygons with more than three corners among triangles: those that `cut_polygons` cut into fans.
 
     The triangles of a fan follow each other, share a corner, and each begins at the edge where the one before it ends;
@@ -77,6 +75,7 @@ def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) ->
     triangles : (n_triangle, 3) integers, rows of `points`
     polygons : (n_triangle,) integers, or None where every triangle is a polygon
     points : (n_point, 3) float64
+    workers : Workers, threads to look on; None = the caller's alone
 
     Returns
     -------
@@ -95,20 +94,16 @@ def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) ->
         is_whole = n_run[name.ravel()] == 1
 
     def find(chunk: tuple[int, NDArray]) -> tuple[NDArray, NDArray, NDArray]:
-        n, some = chunk
-        loops, owners, is_fan = _fan_loops(triangles[some[:, None] + np.arange(n)])
+        k, some = chunk[0], start[chunk[1]]
+        loops, owners, is_fan = _fan_loops(triangles[some[:, None] + np.arange(k - 2)])
         some, loops, owners = some[is_fan], loops[is_fan], owners[is_fan]
         corners = points[loops.T]
         is_convex, _ = classify_polygons(corners)
         some, places = some[is_convex], places_from_first(corners[:, is_convex])
         return some, loops[is_convex].ravel()[places], (owners[is_convex] + some[:, None]).ravel()[places]
 
-    chunks = []
-    for n in distinct(count[is_whole & (count > 1)]).tolist():
-        of_size, step = start[is_whole & (count == n)], max(1, CHUNK // (n + 2))
-        chunks += [(n, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
-    with Workers(n_core()) as workers:
-        found = [(none, none.reshape(0, 1), none.reshape(0, 1)), *workers.map(find, chunks)]
+    fans = map_all(find, list_by_size(count + 2, is_whole & (count > 1)), workers)
+    found = [(none, none.reshape(0, 1), none.reshape(0, 1)), *fans]
     starts = np.concatenate([some for some, _, _ in found])
     sizes = np.concatenate([np.full(len(some), loops.shape[1]) for some, loops, _ in found])
     order = np.argsort(starts, kind="stable")

@@ -125,12 +125,8 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
             triangles[rows] = turned[:, _fan(k)]
         return some[~is_convex]
 
-    chunks = []
-    for k in distinct(counts[counts > 3]).tolist():
-        of_size, step = np.flatnonzero(counts == k), max(1, CHUNK // k)
-        chunks += [(k, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
     with Workers(n_core()) as workers:
-        found = workers.map(cut_convex, chunks)
+        found = workers.map(cut_convex, list_by_size(counts, counts > 3))
     concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
@@ -147,6 +143,22 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
                 "triangulate them in a modelling program",
             )
     return Cut(triangles, polygons.astype(np.int32), concave[is_crossing])
+
+
+def list_by_size(counts: NDArray[np.int64], is_listed: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.int64]]]:
+    """List polygons with equally many corners together, as many as are looked at in one go: how many corners these
+    have, and which they are.
+
+    Parameters
+    ----------
+    counts : (n_polygon,) corners of each
+    is_listed : (n_polygon,)
+    """
+    found = []
+    for k in distinct(counts[is_listed]).tolist():
+        of_size, step = np.flatnonzero(is_listed & (counts == k)), max(1, CHUNK // k)
+        found += [(k, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
+    return found
 
 
 def listed(numbers: Sequence[int] | NDArray) -> str:
