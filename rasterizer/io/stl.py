@@ -16,7 +16,7 @@ from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _HEAD = 4096  # bytes in which a text shows that it is one
-_VERTEX = b"vertex "
+_FIRST_LINE, _VERTEX = re.compile(rb"\s*([^\n]*)"), b"vertex "
 _BLOCK = 1 << 20  # letters that a thread reads
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -82,9 +82,9 @@ def _read_ascii_stl(model) -> list[Part]:
     for end in re.finditer(rb"endsolid[^\n]*", lower):
         corners = _corners_in(lower, begin, end.start())
         if corners is None:
-            raise _stl_fault(model, lower.decode("latin-1"), begin, end.start())
-        first = re.compile(rb"\s*([^\n]*)").match(data, begin, end.start())
-        words = text_of(first[1]).split(None, 1) if first else []
+            raise _stl_fault(model, lower, begin, end.start())
+        (first,) = _FIRST_LINE.match(data, begin, end.start()).groups()
+        words = text_of(first).split(None, 1)
         name = words[1].strip() if len(words) == 2 and words[0].lower() == "solid" else ""
         if len(corners):
             parts.append(_soup(lambda begin, end, corners=corners: corners[begin:end], len(corners), name))
@@ -120,8 +120,8 @@ def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None
 
 def _stl_fault(model, text, begin, end):
     """Return the error for the first line at fault between two places."""
-    n_before, n_in_loop = text.count("\n", 0, begin), 0
-    for line, row in enumerate(text[begin:end].split("\n"), n_before + 1):
+    n_before, n_in_loop = text.count(b"\n", 0, begin), 0
+    for line, row in enumerate(text_of(text[begin:end]).split("\n"), n_before + 1):
         words = row.split()
         if words[:1] == ["vertex"]:
             n_in_loop += 1
@@ -131,7 +131,7 @@ def _stl_fault(model, text, begin, end):
             if n_in_loop != 3:
                 return model.error(f"a facet has {n_in_loop} vertices, 3 are needed", line)
             n_in_loop = 0
-    return model.error("ASCII STL whose last facet is cut off", text.count("\n", 0, end) + 1)
+    return model.error("ASCII STL whose last facet is cut off", text.count(b"\n", 0, end) + 1)
 
 
 def _stl_colors(header: bytes, attributes) -> dict:
