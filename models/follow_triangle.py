@@ -222,7 +222,7 @@ def describe_shade(followed: Followed) -> list[str]:
     """The intensity of the sample, and what it is off the true one."""
     scale = followed.render_pass.coding.level_scale
     here, beside = (int(followed.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
-    intensities = followed.render_pass.attributes[0, :, 0].astype(float)
+    intensities = followed.render_pass.attributes[0, :, 0]
     weights = weights_at(followed)
     q = weights / (6.0 - np.array(VERTICES)[:, 2])
     exact = float(q @ intensities / q.sum())

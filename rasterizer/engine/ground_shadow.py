@@ -154,10 +154,8 @@ class GroundShadow:
         planes = np.zeros((3, 3)) if planes is None else planes  # the ground is seen nowhere
         behind = np.array([0, 0, 0, 0] if background is None else [*background, 1], np.float32)
         color, alpha = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
-        words, ground = (
-            rgba.view(np.uint32)[..., 0],
-            SeenGround(self._rimmed, self._limits, planes, *faded((width, height))),
-        )
+        words = rgba.view(np.uint32)[..., 0]
+        ground = SeenGround(self._rimmed, self._limits, planes, *faded((width, height)))
 
         def lay(rows: tuple[int, int]) -> None:
             lay_under(ground, behind, DECODED, rows, words, color, alpha)

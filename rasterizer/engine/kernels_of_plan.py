@@ -91,7 +91,7 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
 
 
 def list_mesh_kernels() -> list[Job]:
-    """List the kernels that work on meshes outside of pictures: those that read OBJ, cut ears, and weld vertices."""
+    """List the kernels that work on meshes outside of pictures: those that read text, cut ears, and weld vertices."""
     found = KernelList()
     found.add(text_kernels.read_rows, FLAGS, NUMBERS, text_kernels.POWERS, ROWS)
     found.add(text_kernels.read_numbers, FLAGS, text_kernels.POWERS, LENGTHS)

@@ -234,7 +234,8 @@ class MaterialPlans(NamedTuple):
 
     @property
     def reads_double(self) -> NDArray[np.bool_]:
-        """Which have attributes in float64: also texture coordinates, of which large pictures need many digits."""
+        """Which have attributes that aren't rounded to float32: also texture coordinates, of which large pictures need
+        many digits."""
         return self.is_double | self.is_looked_up
 
     @property
