@@ -142,7 +142,7 @@ def make_plan(
     materials, cue, shape = tables.materials, tables.depth_cue, tables.is_lit.shape
     clearances = np.zeros(shape) if clearances is None else clearances
     if colored is None:
-        colored = np.full(len(materials), len(albedo) > 0 and bool(np.ptp(albedo, axis=1).any()))
+        colored = np.full(len(materials), _has_hues(albedo))
     tints = [None if has_colors else tables.tint_of(k) for k, has_colors in enumerate(colored)]
     tint = choose_tint(tints)
     fades_to = max(cue.color) if cue is not None else 0.0
@@ -506,8 +506,13 @@ def find_colored(geometry, n_material) -> NDArray[np.bool_]:
     if len(geometry.albedo):
         offsets = geometry.point_offsets.tolist()
         for material, start, end in zip(geometry.group_material, offsets[:-1], offsets[1:], strict=True):
-            colored[material] |= bool(np.ptp(geometry.albedo[start:end], axis=1).any())
+            colored[material] |= _has_hues(geometry.albedo[start:end])
     return colored
+
+
+def _has_hues(albedo) -> bool:
+    """Tell whether any of these colours, (n, 3), isn't grey."""
+    return bool((albedo[:, 1:] != albedo[:, :1]).any())
 
 
 def plan_of_view(plan: Plan, tolerance, distances: b.Distances) -> Plan:

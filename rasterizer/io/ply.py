@@ -24,7 +24,7 @@ import numpy as np
 from ..errors import ModelError, counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import Material
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
 
 _PICTURE = re.compile(rb"^comment\s+TextureFile[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
@@ -499,7 +499,7 @@ class TextRows(Rows):
 
     def __init__(self, model, elements, start, n_line):
         self.elements_of_file, self.n_line = elements, n_line
-        self.text = model.data[start:].decode("latin-1")
+        self.text = model.data[start:]
         numbers = numbers_in(self.text)
         if numbers is None:
             raise _no_number(model, self.text, n_line)
@@ -528,7 +528,7 @@ class TextRows(Rows):
         if sum(element.n_row for element in elements) > len(lines):
             return False
         rows = (element for element in elements for _ in range(element.n_row))
-        for element, words in zip(rows, map(str.split, lines), strict=False):
+        for element, words in zip(rows, map(bytes.split, lines), strict=False):
             end = 0
             for each in element.properties:
                 length = 1
@@ -575,10 +575,7 @@ class TextRows(Rows):
 
 def _no_number(model, text, n_line):
     """Make the error that names the first word of a text that is no number."""
-    for line_number, line in enumerate(text.splitlines(), n_line + 1):
-        for word in line.split():
-            try:
-                float(word)
-            except ValueError:
-                return model.error(f"'{word[:40]}' is not a number", line_number)
-    return model.error("holds something that is no number")
+    lines = enumerate(text.splitlines(), n_line + 1)
+    line_number, line = next((number, line) for number, line in lines if numbers_in(line) is None)
+    word = next(word for word in line.split() if numbers_in(word) is None)
+    return model.error(f"'{text_of(word)[:40]}' is not a number", line_number)

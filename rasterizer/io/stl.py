@@ -113,7 +113,7 @@ def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None
         if len(rows) == 3 * n_loop:
             return rows.reshape(-1, 3, 3)
     found = re.findall(rb"\bvertex ([^\n]*)", text[begin:end])
-    numbers = numbers_in(b" ".join(found).decode("latin-1")) if found else np.empty(0)
+    numbers = numbers_in(b" ".join(found)) if found else np.empty(0)
     is_whole = numbers is not None and len(numbers) == 3 * len(found) and len(found) == 3 * n_loop
     return numbers.reshape(-1, 3, 3) if is_whole else None
 
@@ -121,13 +121,13 @@ def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None
 def _stl_fault(model, text, begin, end):
     """Return the error for the first line at fault between two places."""
     n_before, n_in_loop = text.count(b"\n", 0, begin), 0
-    for line, row in enumerate(text_of(text[begin:end]).split("\n"), n_before + 1):
+    for line, row in enumerate(text[begin:end].split(b"\n"), n_before + 1):
         words = row.split()
-        if words[:1] == ["vertex"]:
+        if words[:1] == [b"vertex"]:
             n_in_loop += 1
-            if len(words) != 4 or numbers_in(" ".join(words[1:])) is None:
-                return model.error(f"'{row.strip()[:60]}' is not a vertex of three numbers", line)
-        elif words[:1] == ["endloop"]:
+            if len(words) != 4 or numbers_in(b" ".join(words[1:])) is None:
+                return model.error(f"'{text_of(row).strip()[:60]}' is not a vertex of three numbers", line)
+        elif words[:1] == [b"endloop"]:
             if n_in_loop != 3:
                 return model.error(f"a facet has {n_in_loop} vertices, 3 are needed", line)
             n_in_loop = 0

@@ -120,9 +120,9 @@ def read_decimals(words: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]]
     return values, is_number
 
 
-def numbers_in(text: str) -> NDArray[np.float64] | None:
+def numbers_in(text: bytes) -> NDArray[np.float64] | None:
     """Return the numbers of a text with blanks or newlines between them, None where it holds anything else."""
-    data = text.encode("latin-1", "replace").translate(_BLANKS)
+    data = text.translate(_BLANKS)
     if len(data) < _SHORT:
         numbers = [_number(word) for word in data.split(b" ") if word]
         return None if None in numbers else np.array(numbers, np.float64)

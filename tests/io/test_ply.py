@@ -216,6 +216,7 @@ def test_faults_name_the_line():
     lists = b"element face 1\nproperty list uint int vertex_indices\n"
     assert_refused(only, [
         (faces(1, "3 0 1 x\n"), ":18: 'x' is not a number"),
+        (faces(1, "3 0\v1\f1_0\n"), ":18: '1_0' is not a number"),  # only newlines end lines
         (faces(2, "3 0 1 2\n3 0 1 6\n"), ":19: the face refers to vertex 6; the file has 6"),
         (faces(2, "3 0 1 2\n3 0 -1 2\n"), ":19: the face refers to vertex -1"),
         (faces(2, "3 0 1 2\n-3 0 1 2\n"), ":19: face 1: -3 is not how long its list is"),

@@ -126,6 +126,7 @@ def test_stl_faults_name_the_line():
     assert_refused(lambda text: load_stl(text.encode()), [
         ("solid\n" + FACET.replace("1 0 0", "1 x 0") + "endsolid\n", ":5: 'vertex 1 x 0' is not a vertex of three"),
         ("solid é\n" + FACET.replace("1 0 0", "1 é 0") + "endsolid\n", ":5: 'vertex 1 é 0' is not a vertex of three"),
+        ("solid\n" + FACET.replace("1 0 0", "1 \x85 0") + "endsolid\n", ":5: 'vertex 1 0' is not a vertex of three"),
         ("solid\n" + FACET + FACET.replace("  vertex 0 1 0\n", "") + "endsolid\n",
          ":13: a facet has 2 vertices, 3 are needed"),
         ("solid\n" + FACET.replace(" endloop\nendfacet\n", "") + "endsolid\n", "last facet is cut off"),

@@ -81,8 +81,8 @@ def test_numbers_of_a_text_stand_between_any_blanks(long, monkeypatch):
     for n in (0, 3, 100, 30_000):
         values = [k / 7 for k in range(n)]
         text = "".join(f"{value!r}{blank}" for value, blank in zip(values, " \n\t\v\f\r" * n, strict=False))
-        np.testing.assert_array_equal(numbers_in(text), values, err_msg=f"{n} numbers")
+        np.testing.assert_array_equal(numbers_in(text.encode()), values, err_msg=f"{n} numbers")
         for bad in ("x", "1_0", "\u0663", "\0", "1,5", "\u00a0"):
-            assert numbers_in(f"{text} {bad}") is None, f"{n} numbers, and {bad!r}"
-    for text in ("", " \n ", "\n" * 1000):
+            assert numbers_in(f"{text} {bad}".encode()) is None, f"{n} numbers, and {bad!r}"
+    for text in (b"", b" \n ", b"\n" * 1000):
         assert numbers_in(text).tolist() == [], repr(text)
