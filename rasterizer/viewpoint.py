@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from .scene.arrays import VectorLike
     from .scene.scene import Scene
 
+_FRAMED = frozenset(("view", "azimuth", "elevation", "margin"))  # fields that say how a subject is framed, not from where
+
 
 class SideWords(TypedDict, total=False):
     """What says from where a scene is seen, for type checkers: the fields of `Viewpoint` but `camera`."""
@@ -89,7 +91,7 @@ class Viewpoint:
         if other is None or not (self.camera is None or self.of_file):
             return self
         given = {name: getattr(self, name) for name in words_given(vars(self))}
-        dropped = ("view", "azimuth", "elevation") if "eye" in given else ()
+        dropped = tuple(_FRAMED) if "eye" in given else ()
         if not given.keys().isdisjoint(("view", "azimuth", "elevation")):
             dropped = ("azimuth", "elevation", "eye", "target") if "view" in given else ("eye", "target")
         return replace(other, **dict.fromkeys(dropped) | given, zoom=other.zoom * self.zoom)
@@ -202,8 +204,8 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
         raise SceneError(f"a picture has a camera, or a side that it is framed from; given {mark}camera, {others}")
     if words["eye"] is None and words["target"] is not None:
         raise SceneError(f"{mark}target needs {mark}eye")
-    if words["eye"] is not None and {"view", "azimuth", "elevation"} & {*given}:
-        others = f"{mark}view, {mark}azimuth or {mark}elevation"
+    if words["eye"] is not None and not _FRAMED.isdisjoint(given):
+        others = f"{mark}view, {mark}azimuth, {mark}elevation or {mark}margin"
         raise SceneError(f"{mark}eye and {mark}target can't be used with {others}")
 
 

@@ -94,7 +94,7 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
         ("--view top", "unrecognized arguments"),
         ("--fov 200", "fov must be between"),
         ("--target 1,2,3", "--target needs --eye"),
-        ("--eye 1,2,3 --azimuth 9", "can't be used with --view, --azimuth or --elevation"),
+        ("--eye 1,2,3 --azimuth 9", "can't be used with --view, --azimuth, --elevation or --margin"),
         ("--eye 1,2,3 --target 1,2,3", "position and target must differ"),
         ("--camera file", "the model brings no camera"),
         ("--camera file --fov 9", "a picture has a camera, or a side that it is framed from; given --camera, --fov"),

@@ -337,6 +337,7 @@ def test_every_entry_takes_the_words():
 def test_words_that_contradict_each_other_or_are_not_legal():
     for words, said in (
         ({"eye": (1, 2, 3), "view": "top"}, "eye and target can't be used with view"),
+        ({"eye": (1, 2, 3), "margin": 0.1}, "eye and target can't be used with view, azimuth, elevation or margin"),
         ({"target": (1, 2, 3)}, "target needs eye"),
         ({"camera": rz.Camera.perspective((1, 2, 3)), "fov": 3}, "given camera, fov"),
         ({"camera": 3}, 'camera must be a Camera, "file", "frame", a path or None; given 3'),
