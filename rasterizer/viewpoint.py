@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .scene.arrays import VectorLike
     from .scene.scene import Scene
 
-_FRAMED = frozenset(("view", "azimuth", "elevation", "margin"))  # fields that say how a subject is framed, not from where
+_FRAMED = frozenset(("view", "azimuth", "elevation", "margin"))  # fields that say how a subject is framed
 
 
 class SideWords(TypedDict, total=False):
