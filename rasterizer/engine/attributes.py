@@ -33,7 +33,7 @@ from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding,
 from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
-from .scene_tables import brightest_texel
+from .scene_tables import brightest_texel, has_alpha
 from .texture_tables import DARKEST
 
 NONE = np.empty((1, 0, 0))  # no attributes
@@ -244,10 +244,9 @@ def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     """
     if plan.packed_textures is None:
         return None
-    has_alpha = [material.texture is not None and material.texture.has_alpha for material in plan.materials]
     brightest = max(brightest_texel(plan.materials), DARKEST)
     slopes = plan.brightness.at(plan.clearances).texel_slopes(brightest)
-    limits = np.where(has_alpha, 0.0, limits / np.maximum(slopes, 1e-30))
+    limits = np.where(has_alpha(plan.materials), 0.0, limits / np.maximum(slopes, 1e-30))
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
     is_good = of_materials >= 0
     packed, textures = plan.packed_textures, of_materials[is_good]

@@ -259,6 +259,8 @@ class PictureKernels(KernelList):
             self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
         if has_levels:
             self.add(packing.halve_texels, rows, rows)
+        if any(texture.n_level > 1 and texture.has_alpha for texture in listed):
+            self.add(packing.halve_weighted_texels, rows, rows)
         if is_packed:
             texels = np.empty((0, 0), np.int16)
             self.add(packing.pack_texels, rows, np.empty(0, np.float32), False, 0.0, texels)

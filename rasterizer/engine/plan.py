@@ -34,6 +34,7 @@ from .scene_tables import (
     brightest_texel,
     choose_tint,
     common_tint,
+    has_alpha,
     list_opacities,
     make_cue,
 )
@@ -188,7 +189,7 @@ def make_plan(
         metals=lay_textures(list_textures(of_metals, tables.n_texcoord), run=run) if any(of_metals) else None,
         packed_textures=None
         if not is_looked_up.any()
-        else pack_textures(textures, np.where(is_looked_up, textures.of_materials, -1), run),
+        else pack_textures(textures, np.where(is_looked_up & ~has_alpha(materials), textures.of_materials, -1), run),
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         products=tables.products,
         cue=None if cue is None else make_cue(cue, n_channel),

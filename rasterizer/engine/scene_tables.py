@@ -152,6 +152,11 @@ def list_opacities(materials, least) -> Opacity:
     )
 
 
+def has_alpha(materials) -> NDArray[np.bool_]:
+    """(n_material,): which have a texture that lets light through."""
+    return np.array([material.texture is not None and material.texture.has_alpha for material in materials], np.bool_)
+
+
 def brightest_texel(materials) -> float:
     """The largest component of any texture; 1 where there is none."""
     return max((material.texture.brightest for material in materials if material.texture is not None), default=1.0)

@@ -7,6 +7,7 @@ those that are looked up in float64.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from ..pipeline.textures import (
     error_factors,
     first_texel,
     halve_texels,
+    halve_weighted_texels,
     pack_level,
     strips_of,
 )
@@ -82,17 +84,22 @@ def lay_textures(listed: TextureList, of_materials: NDArray[np.int64] | None = N
     encoded, texels = np.empty((n_encoded, 4), np.uint8), np.empty((sum(map(_n_single, shown)), 4), np.float32)
     rows, first_byte, first = [], 0, 0
     for texture in shown:
-        for level in () if texture is None else _levels(texture, run):
+        if texture is None:
+            continue
+        height, width = texture.shape
+        n = height * width
+        if texture.encoded is not None:
+            _write_bytes(texture.encoded.reshape(n, -1), encoded[first_byte : first_byte + n])
+            rows.append((first_byte, width, height))
+            first_byte += n
+        else:
+            texels[first : first + n] = texture.image.reshape(n, 4)
+            rows.append((n_encoded + first, width, height))
+            first += n
+        for level in _mip_levels(texture, run, texels[first:]):
             height, width = level.shape[:2]
-            n = height * width
-            if level.dtype == np.uint8:
-                _write_bytes(level.reshape(n, -1), encoded[first_byte : first_byte + n])
-                rows.append((first_byte, width, height))
-                first_byte += n
-            else:
-                texels[first : first + n] = level.reshape(n, 4)
-                rows.append((n_encoded + first, width, height))
-                first += n
+            rows.append((n_encoded + first, width, height))
+            first += height * width
     return Textures(
         encoded.ravel(),
         decoded,
@@ -115,25 +122,32 @@ def _n_single(texture: Texture | None) -> int:
     return sum(max(height >> k, 1) * max(width >> k, 1) for k in range(first, texture.n_level))
 
 
-def _levels(texture: Texture, run: Callable) -> Iterator[NDArray]:
-    """The picture of a texture, uint8 where it is of bytes, and its mip levels, one after the other."""
-    level = texture.image if texture.encoded is None else texture.encoded
-    yield level
+def _picture_of(texture: Texture) -> NDArray:
+    """The picture of a texture, uint8 where it is of bytes."""
+    return texture.image if texture.encoded is None else texture.encoded
+
+
+def _mip_levels(texture: Texture, run: Callable, room: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+    """Write the mip levels below the picture to a room (n, 4), one behind the other, as `Texture.pyramid` has them."""
+    level = _picture_of(texture)
     for _ in range(1, texture.n_level):
-        level = _halve(level, texture, run)
+        height, width = (max(n // 2, 1) for n in level.shape[:2])
+        half, room = room[: height * width].reshape(height, width, 4), room[height * width :]
+        level = _halve(level, texture, half, run)
         yield level
 
 
-def _halve(level: NDArray, texture: Texture, run: Callable) -> NDArray[np.float32]:
-    """Return the next mip level of one of a texture's, which may be uint8, as `Texture.pyramid` has it."""
+def _halve(level: NDArray, texture: Texture, half: NDArray[np.float32], run: Callable) -> NDArray[np.float32]:
+    """Write the next mip level of one of a texture's, which may be uint8, and return it."""
     height, width = level.shape[:2]
-    half = np.empty((max(height // 2, 1), max(width // 2, 1), 4), np.float32)
 
     def halve(strip):
         first, end = strip
         rows, out = decode_rows(level, texture.decoded, 2 * first, min(2 * end + 1, height)), half[first:end]
-        if texture.has_alpha or height % 2 == 1 or width % 2 == 1:
+        if height % 2 == 1 or width % 2 == 1:
             halve_rows(rows.reshape(len(rows), width, 4), height, first, out)
+        elif texture.has_alpha:
+            halve_weighted_texels(rows, out.reshape(len(out), -1))
         else:
             halve_texels(rows, out.reshape(len(out), -1))
 
@@ -153,7 +167,7 @@ def _write_bytes(encoded: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
 def pack_textures(
     listed: TextureList, of_materials: NDArray[np.int64] | None = None, run: Callable = map
 ) -> PackedTextures:
-    """Pack textures, with the mip levels that their filters need.
+    """Pack textures, with the mip levels that their filters need. Errors of those that aren't are infinite.
 
     A texture whose colours are at most 2^k, k >= 0 or less, has steps of 2^k/65535.
 
@@ -168,13 +182,15 @@ def pack_textures(
     counts = [first_texel(*map(np.int32, size)) if packed else 0 for size, packed in zip(sizes, is_packed, strict=True)]
     first_texels = np.cumsum([0, *counts]).astype(np.int64)
     texels = np.zeros((int(first_texels[-1]), 4), np.int16)
-    steps, errors = np.zeros(len(textures), np.float32), np.zeros((len(textures), 4))
-    for k in np.flatnonzero(is_packed).tolist():
+    steps, errors = np.zeros(len(textures), np.float32), np.full((len(textures), 4), np.inf)
+    packed = np.flatnonzero(is_packed).tolist()
+    room = np.empty((max((_n_single(textures[k]) for k in packed), default=0), 4), np.float32)
+    for k in packed:
         texture = textures[k]
         scale = 2.0 ** np.ceil(np.log2(max(texture.brightest, DARKEST)))
         steps[k] = scale / 65535.0
         out, shapes, differences = texels[first_texels[k] : first_texels[k + 1]], [], []
-        for number, level in enumerate(_levels(texture, run)):
+        for number, level in enumerate(chain([_picture_of(texture)], _mip_levels(texture, run, room))):
             shapes.append(level.shape)
             differences.append(
                 pack_level(level, texture.decoded, wraps[k], scale, _bordered(out, sizes[k], number), run)

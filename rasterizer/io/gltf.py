@@ -21,11 +21,12 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 
 from ..errors import ModelError, SceneError
+from ..scene.arrays import fixed
 from ..scene.camera import Camera
 from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
-from ..scene.texture import Budget, Texture, decode_ahead, read_picture
+from ..scene.texture import Budget, Texture, decode_ahead, least_of, read_picture
 from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part
 
@@ -531,15 +532,10 @@ class Pictures:
         if pixels is None:
             return None
         if alpha_mode != "BLEND":
-            pixels = pixels[..., None] if pixels.ndim == 2 else pixels
-            has_alpha = pixels.shape[2] in (2, 4)
-            colors, alphas = (pixels[..., :-1], pixels[..., -1:]) if has_alpha else (pixels, np.uint8([[[255]]]))
             shares = np.arange(256) / np.float32(255.0)
             with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
-                is_seen = shares.astype(np.float32) * alpha >= cutoff
-            is_opaque = alpha_mode == "OPAQUE" or is_seen[alphas].all()
-            alphas = np.broadcast_to((255 * is_seen.astype(np.uint8))[alphas], (*colors.shape[:2], 1))
-            pixels = colors if is_opaque else np.concatenate([colors, alphas], axis=2)
+                is_seen = (alpha_mode == "OPAQUE") | (shares.astype(np.float32) * alpha >= cutoff)
+            pixels = _with_alphas(pixels, np.where(is_seen, np.uint8(255), np.uint8(0)))
         return self._sampled(pixels, sampling, image)
 
     def _sampled(self, pixels, sampling, image, make=Texture) -> Texture:
@@ -769,6 +765,21 @@ def textures_of(source: dict) -> list[dict]:
     elif _UNLIT not in extensions:
         uses.append(source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture"))
     return [use for use in uses if use is not None]
+
+
+def _with_alphas(pixels, alphas) -> np.ndarray:
+    """Return pixels, (h, w) or (h, w, 1..4), with what a table (256,) says of each alpha in its place; those without
+    alpha have 255."""
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    if pixels.shape[2] in (1, 3):
+        if alphas[255] == 255:
+            return pixels
+        return np.concatenate([pixels, np.broadcast_to(alphas[255], (*pixels.shape[:2], 1))], axis=2)
+    if alphas[255] == 255 and least_of(pixels)[-1] == 255:
+        return pixels
+    pixels = pixels.copy()
+    pixels[..., -1] = 255 if alphas.min() == 255 else alphas[pixels[..., -1]]
+    return fixed(pixels)
 
 
 def emission_of(source: dict) -> tuple[float, ...]:

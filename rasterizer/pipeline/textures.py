@@ -208,6 +208,30 @@ def halve_texels(rows, out):
                 target[index(4) * i + k] = np.float32((of_left + of_right) * 0.25)
 
 
+@kernel
+def halve_weighted_texels(rows, out):
+    """Write the means of two by two texels, their colours weighted by alpha: by nothing where all four have none.
+
+    Parameters
+    ----------
+    rows, out : as in `halve_texels`
+    """
+    for j in range(index(out.shape[0])):
+        above, below, target = rows[j + j], rows[j + j + index(1)], out[j]
+        for i in range(index(out.shape[1]) >> index(2)):
+            left, right, alpha = index(8) * i, index(8) * i + index(4), index(3)
+            a, b = np.float64(above[left + alpha]), np.float64(below[left + alpha])
+            c, d = np.float64(above[right + alpha]), np.float64(below[right + alpha])
+            mean_alpha = ((a + b) + (c + d)) * 0.25
+            target[index(4) * i + alpha] = np.float32(mean_alpha)
+            if mean_alpha == 0.0:
+                a = b = c = d = mean_alpha = 1.0
+            for k in range(alpha):
+                of_left = np.float64(above[left + k]) * a + np.float64(below[left + k]) * b
+                of_right = np.float64(above[right + k]) * c + np.float64(below[right + k]) * d
+                target[index(4) * i + k] = np.float32((of_left + of_right) * 0.25 / mean_alpha)
+
+
 # ---------------------------------------------------------------- where a mip level begins
 
 ONE, ZERO = np.int32(1), np.int32(0)

@@ -183,16 +183,16 @@ class Texture(KeepsArrays):
     def has_alpha(self) -> bool:
         """Whether any texel lets something through."""
         if self.encoded is None:
-            return bool((self.image[..., 3] < 1.0).any())
-        return self.encoded.shape[2] in (2, 4) and bool((self.encoded[..., -1] < 255).any())
+            return bool(least_of(self.image)[3] < 1.0)
+        return self.encoded.shape[2] in (2, 4) and bool(least_of(self.encoded)[-1] < 255)
 
     @cached_property
     def brightest(self) -> float:
         """The largest value of red, green and blue."""
         if self.encoded is None:
-            return float(self.image[..., :3].max())
+            return float(self.image.max(axis=0).max(axis=0)[:3].max())
         n_color = self.encoded.shape[2] - (self.encoded.shape[2] in (2, 4))
-        return float(self.decoded[0, self.encoded[..., :n_color].max()])
+        return float(self.decoded[0, self.encoded.max(axis=0).max(axis=0)[:n_color].max()])
 
     @cached_property
     def mean(self) -> NDArray[np.float64]:
@@ -203,8 +203,8 @@ class Texture(KeepsArrays):
     def least(self) -> NDArray[np.float64]:
         """The least of all texels in each channel, (4,)."""
         if self.encoded is None:
-            return self.image.min(axis=(0, 1)).astype(np.float64)
-        return _decoded(self.encoded.min(axis=0).min(axis=0)[None, None], self.decoded)[0, 0].astype(np.float64)
+            return least_of(self.image).astype(np.float64)
+        return _decoded(least_of(self.encoded)[None, None], self.decoded)[0, 0].astype(np.float64)
 
     @cached_property
     def pyramid(self) -> tuple[NDArray[np.float32], ...]:
@@ -224,6 +224,11 @@ class Texture(KeepsArrays):
     def n_level(self) -> int:
         """How many the picture and its mipmaps are."""
         return max(self.shape).bit_length() if self.filter == "trilinear" else 1
+
+
+def least_of(image: NDArray[Any]) -> NDArray[Any]:
+    """The least value of each channel of an image (h, w, n): of columns first, as numpy takes rows as vectors."""
+    return image.min(axis=0).min(axis=0)
 
 
 TextureLike: TypeAlias = Texture | ImageLike  # what a material takes for one

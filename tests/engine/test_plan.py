@@ -296,11 +296,16 @@ def test_entries_accept_what_is_left_of_the_tolerance():
 
 
 def test_textures_are_packed_where_they_are_looked_up_in_float32():
+    """Not those of a material in float64, and none that lets light through: an error of alpha weights all behind it."""
     toon, phong = (rz.Texture(np.full((n, n, 3), 90, np.uint8)) for n in (5, 3))
-    looks = [rz.Material(texture=toon, reflection="toon"), rz.Material(texture=phong)]
+    clear = rz.Texture(np.full((4, 4, 4), 90, np.uint8))
+    looks = [rz.Material(texture=toon, reflection="toon"), rz.Material(texture=phong), rz.Material(texture=clear)]
     found = plan_of(scene_of(looks, GREY_LIGHTS, uv=BALL[0][:, :2]))
     n_packed = np.diff(found.packed_textures.first_texels)
-    assert found.of_materials.is_double.tolist() == [True, False] and n_packed[0] == 0 < n_packed[1]
+    assert found.of_materials.is_double.tolist() == [True, False, False]
+    assert n_packed[0] == n_packed[2] == 0 < n_packed[1]
+    coding = make_coding(found, DEFAULT_TOLERANCE).textures
+    assert coding.is_exact_looked_up.tolist() == [False, True, False] and coding.limits[2] == 0.0
 
 
 def test_distances_are_carried_for_lights_that_have_a_place():
