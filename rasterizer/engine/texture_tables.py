@@ -89,7 +89,7 @@ def lay_textures(listed: TextureList, of_materials: NDArray[np.int64] | None = N
         height, width = texture.shape
         n = height * width
         if texture.encoded is not None:
-            _write_bytes(texture.encoded.reshape(n, -1), encoded[first_byte : first_byte + n])
+            _write_bytes(texture.encoded.reshape(n, -1), encoded[first_byte : first_byte + n], run)
             rows.append((first_byte, width, height))
             first_byte += n
         else:
@@ -155,13 +155,18 @@ def _halve(level: NDArray, texture: Texture, half: NDArray[np.float32], run: Cal
     return half
 
 
-def _write_bytes(encoded: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+def _write_bytes(encoded: NDArray[np.uint8], out: NDArray[np.uint8], run: Callable) -> None:
     """Write bytes (n, 1..4) as red, green, blue and alpha."""
     n_channel = encoded.shape[1]
     has_alpha = n_channel in (2, 4)
-    for k in range(3):
-        out[:, k] = encoded[:, min(k, n_channel - has_alpha - 1)]
-    out[:, 3] = encoded[:, -1] if has_alpha else 255
+
+    def write(strip):
+        source, target = encoded[slice(*strip)], out[slice(*strip)]
+        for k in range(3):
+            target[:, k] = source[:, min(k, n_channel - has_alpha - 1)]
+        target[:, 3] = source[:, -1] if has_alpha else 255
+
+    list(run(write, strips_of(len(out), 1)))
 
 
 def pack_textures(
