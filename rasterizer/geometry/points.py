@@ -291,22 +291,23 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
     material = np.zeros(len(corner), np.int64)
     if mesh.face_material is not None:
         material = np.repeat(mesh.face_material.astype(np.int64), 3)
-    keys, uv = [material[:, None], corner[:, None]], np.zeros((len(corner), n_texcoord))
+    keys, has_uv = [material * len(part.normals) + corner], is_textured and mesh.uv is not None
+    uv_of_corner = mesh.uv.reshape(len(corner), -1) if has_uv and mesh.uv.ndim == 3 else None
     if is_textured:
-        if mesh.uv is not None:
-            own = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv).reshape(len(corner), -1)
-            uv = np.tile(own, (1, n_texcoord // own.shape[1]))
-        keys += [vertex[:, None], uv]
+        keys += [vertex] if uv_of_corner is None else [vertex, uv_of_corner]  # else they follow from the vertex
     first, point = unique_rows(np.column_stack(keys))
     order = np.argsort(material[first], kind="stable")
     first, rank = first[order], np.argsort(order)
     point = rank[point].astype(np.uint32).reshape(-1, 3)
-    of_point, of_vertex = corner[first], vertex[first]
+    of_point, of_vertex, uv = corner[first], vertex[first], np.zeros((len(first), n_texcoord))
+    if has_uv:
+        own = mesh.uv[of_vertex] if uv_of_corner is None else uv_of_corner[first]
+        uv = np.tile(own, (1, n_texcoord // own.shape[1]))
     return Part(
         part.positions[of_vertex] if is_textured else part.positions, point if is_textured else part.vertex, point,
         part.normals[of_point], None if part.albedo is None else part.albedo[of_point],
         None if is_textured else of_vertex, None if part.centroids is None else part.centroids[of_point],
-        uv[first], tuple(np.bincount(material[first], minlength=n_material).tolist()),
+        uv, tuple(np.bincount(material[first], minlength=n_material).tolist()),
         None if part.tangents is None else part.tangents[of_point],
     )  # fmt: skip
 

@@ -117,7 +117,8 @@ def _read_parts(model, lines) -> list[Part]:
 
 
 def _make_part(lines, points, corners: "Corners", cut) -> Part:
-    """Put all triangles of the file in one part."""
+    """Put all triangles of the file in one part; of normals and texture coordinates a table, and which row of it each
+    corner has, (n, 3), -1 for none."""
     faces = cut.of_corners(corners.v)
     part = {"vertices": points[:, :3], "faces": faces, "material": Material()}
     if points.shape[1] >= 6:
@@ -127,15 +128,9 @@ def _make_part(lines, points, corners: "Corners", cut) -> Part:
             colors = np.zeros((len(points), 3), np.uint8)
             colors[is_used] = bytes_of(points[is_used, 3:6])
             part |= {"colors": colors, "material": WHITE}
-    if corners.vn is not None and corners.vn.max() >= 0:
-        vn = cut.of_corners(corners.vn)
-        part |= {"normals": lines.rows_of("vn")[vn, :3], "has_normals": (vn >= 0).all(axis=1)}
-    if corners.vt is not None and corners.vt.max() >= 0:
-        vt, texcoords = cut.of_corners(corners.vt), lines.rows_of("vt")[:, :2]
-        is_there = vt >= 0
-        if is_there.any():
-            part["uv"] = np.where(is_there[..., None], texcoords[np.where(is_there, vt, 0)], 0.0)
-            part["has_uv"] = is_there.all(axis=1)
+    for key, keyword, n, indices in (("normals", "vn", 3, corners.vn), ("uv", "vt", 2, corners.vt)):
+        if indices is not None and indices.max() >= 0:
+            part[key] = lines.rows_of(keyword)[:, :n], cut.of_corners(indices)
     return part
 
 
@@ -178,14 +173,14 @@ def _take_range(whole: Part, begin, end) -> Part:
     used, faces = _compact(whole["faces"][begin:end])
     part = {key: whole[key][used] for key in ("vertices", "colors") if key in whole}
     part |= {"faces": faces, "face_material": whole["face_material"][begin:end]}
-    if "normals" in whole and whole["has_normals"][begin:end].all():
-        part["normals"] = whole["normals"][begin:end]
-    if "uv" in whole and whole["has_uv"][begin:end].any():
-        uv = whole["uv"][begin:end]
-        of_vertex = np.empty((len(part["vertices"]), 2))
-        of_vertex[faces] = uv
-        is_same = np.array_equal(of_vertex[faces], uv, equal_nan=True)  # wherever faces share a vertex
-        part |= {"uv": of_vertex if is_same else uv, "has_uv": whole["has_uv"][begin:end]}
+    indices = {key: whole[key][1][begin:end] for key in ("normals", "uv") if key in whole}
+    if "normals" in indices and indices["normals"].min() >= 0:
+        part["normals"] = _rows_of(whole["normals"][0], indices["normals"], faces, len(part["vertices"]))
+    if "uv" in indices and indices["uv"].max() >= 0:
+        has_uv = (indices["uv"] >= 0).all(axis=1) if indices["uv"].min() < 0 else None
+        if has_uv is None or has_uv.any():
+            uv = _rows_of(whole["uv"][0], indices["uv"], faces, len(part["vertices"]))
+            part |= {"uv": uv, "has_uv": has_uv}
     if "polygons" in whole:
         polygons = np.cumsum(np.diff(whole["polygons"][begin:end], prepend=whole["polygons"][begin]) > 0)
         if polygons[-1] + 1 < len(polygons):
@@ -193,6 +188,19 @@ def _take_range(whole: Part, begin, end) -> Part:
     if "smoothing" in whole and whole["smoothing"][begin:end].any():
         part["smoothing"] = whole["smoothing"][begin:end]
     return part
+
+
+def _rows_of(table, indices, faces, n_vertex) -> np.ndarray:
+    """Return the rows of a table that corners have, 0 for none: (n_vertex, k) where all corners at each vertex have the
+    same, (n_face, 3, k) elsewhere."""
+    of_vertex = np.empty(n_vertex, indices.dtype)
+    of_vertex[faces] = indices
+    if np.array_equal(of_vertex[faces], indices):
+        indices = of_vertex
+    rows = table[indices]
+    if indices.min() < 0:
+        rows[indices < 0] = 0.0
+    return rows
 
 
 def _compact(faces) -> tuple[np.ndarray | slice, np.ndarray]:
