@@ -32,6 +32,7 @@ def options_of(case, number) -> dict:
     return options
 
 
+@pytest.mark.skipif(not kernels.STORE.is_used, reason="numba calls them, which has its own types")
 @pytest.mark.parametrize("first", [0, *(pytest.param(n, marks=pytest.mark.nightly) for n in range(40, 400, 40))])
 def test_a_picture_calls_no_kernel_that_is_not_listed(first):
     before = called()
