@@ -107,14 +107,15 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     """
     if len(rows) < FEW:
         with np.errstate(invalid="ignore"):  # of signalling NaNs
-            return _sort_rows((np.ascontiguousarray(rows) + 0.0).view(np.uint32))  # the sum turns -0 into 0
+            rows = np.ascontiguousarray(rows) + 0.0  # the sum turns -0 into 0
+        return _sort_rows(rows.view(f"u{rows.itemsize}"))
     from .equal_rows import find_equal_rows
 
     with Workers(n_core()) as workers:
         return find_equal_rows(rows, workers)[1:]
 
 
-def _sort_rows(bits: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+def _sort_rows(bits: NDArray[np.unsignedinteger]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     """Return what `unique_rows` does of few rows, given as their bits."""
     order = np.lexsort(bits.T)  # equal rows side by side, the first of them first
     is_new = np.ones(len(order), np.bool_)
