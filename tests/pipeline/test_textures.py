@@ -49,6 +49,8 @@ def test_levels_are_those_of_the_texture_however_it_is_given(n_channel):
     rng, workers = np.random.default_rng(5), Workers(3)
     for width, height in (*SIZES, (301, 222), (640, 128)):
         image = rng.integers(0, 256, (height, width, n_channel), np.uint8)
+        if n_channel in (2, 4):  # and much is hidden, whose colours count for nothing
+            image[..., -1] *= rng.integers(0, 2, (height, width), np.uint8)
         of_bytes = Texture(image)
         others = Texture(Texture(image).image), Texture(image, "bilinear"), Texture.of_numbers(image)
         for k, texture in enumerate((of_bytes, *others)):
