@@ -6,8 +6,9 @@
 
 `raster MODEL -o out.png` and `f3d MODEL --output out.png` take turns, each a process of its own, from its start to its
 end, with its default look. f3d draws by OpenGL, which Mesa computes on the processor; where there is no display, Xvfb
-makes one. Models are made here: a rough torus in four formats, a GLB file with four textures of 2048×2048, one
-with eight blended layers. Columns are explained in bench/README.md.
+makes one. Models are made here: a rough torus in four formats; one in OBJ with normals, texture coordinates and twenty
+materials; GLB files with four textures of 2048×2048, also with holes and as metals, and with eight blended layers.
+Columns are explained in bench/README.md.
 """
 
 import argparse
@@ -32,7 +33,7 @@ from bench import measure, scenes, startup
 
 SIZE = "640x480"
 N_TEXTURE, TEXTURE_SIZE = 4, 2048
-N_LAYER = 8
+N_LAYER, N_MATERIAL = 8, 20
 MILLION, TEN_MILLIONS = (1000, 500), (2500, 2000)  # rings and sides of a torus: half as many as its triangles
 
 
@@ -122,15 +123,37 @@ def write_torus(path: Path, suffix: str, shape=MILLION) -> Path:
     return _write(trimesh.Trimesh(vertices * rough, faces, process=False), path, suffix)
 
 
-def write_textured(path: Path) -> Path:
-    """Write four tori with a texture of 2048×2048 each."""
+def write_materials(path: Path) -> Path:
+    """Write a torus with normals, texture coordinates and materials of its parts, as modellers do."""
+    vertices, faces = scenes.torus(*MILLION)
+    normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+    looks = [f"newmtl part{k}\nKd {k / N_MATERIAL:.2f} 0.5 0.5\n" for k in range(N_MATERIAL)]
+    path.with_suffix(".mtl").write_text("".join(looks))
+    with open(path.with_suffix(".obj"), "w") as file:
+        file.write(f"mtllib {path.name}.mtl\n")
+        for keyword, rows in (("v", vertices), ("vt", vertices[:, :2] / 3.0 + 0.5), ("vn", normals)):
+            file.writelines(f"{keyword} {' '.join(f'{number:.6f}' for number in row)}\n" for row in rows.tolist())
+        for k, part in enumerate(np.array_split(faces + 1, N_MATERIAL)):
+            file.write(f"usemtl part{k}\n")
+            file.writelines(f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}\n" for a, b, c in part.tolist())
+    return path.with_suffix(".obj")
+
+
+def write_textured(path: Path, look: str = "matt") -> Path:
+    """Write four tori with a texture of 2048×2048 each: of matt colours, with holes, or of metals that vary."""
     scene, random = trimesh.Scene(), np.random.default_rng(2)
     vertices, faces = scenes.torus(96, 48)
     for k in range(N_TEXTURE):
-        coarse = Image.fromarray(random.integers(0, 256, (64, 64, 3), np.uint8))
+        coarse = Image.fromarray(random.integers(0, 256, (64, 64, 4 if look == "cut-out" else 3), np.uint8))
         texture = coarse.resize((TEXTURE_SIZE, TEXTURE_SIZE), Image.Resampling.BICUBIC)
-        look = TextureVisuals(vertices[:, :2] / 3.0 + 0.5, PBRMaterial(baseColorTexture=texture, metallicFactor=0.0))
-        scene.add_geometry(trimesh.Trimesh(vertices + (0.0, 1.2 * k, 0.0), faces, visual=look, process=False))
+        surface = {
+            "matt": {"metallicFactor": 0.0},
+            "cut-out": {"metallicFactor": 0.0, "alphaMode": "MASK"},
+            "metal": {"metallicRoughnessTexture": texture},
+        }[look]
+        material = TextureVisuals(vertices[:, :2] / 3.0 + 0.5, PBRMaterial(baseColorTexture=texture, **surface))
+        place = (0.0, 1.2 * k, 0.0)
+        scene.add_geometry(trimesh.Trimesh(vertices + place, faces, visual=material, process=False))
     return _write(scene, path, ".glb")
 
 
@@ -155,7 +178,10 @@ def _write(model, path: Path, suffix: str) -> Path:
 
 MADE = {
     **{f"1m-{name}": partial(write_torus, suffix=f".{name}") for name in ("obj", "ply", "stl", "glb")},
+    "1m-materials": write_materials,
     "textured": write_textured,
+    "cut-out": partial(write_textured, look="cut-out"),
+    "metal": partial(write_textured, look="metal"),
     "layers": write_layers,
     "10m-stl": partial(write_torus, suffix=".stl", shape=TEN_MILLIONS),
 }
