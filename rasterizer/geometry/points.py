@@ -287,29 +287,41 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
     n_material, is_textured = len(mesh.palette), n_texcoord > 0
     if mesh.face_material is None and not is_textured:
         return part._replace(n_points=(len(part.normals),))
+    uv = mesh.uv if is_textured else None
+    uv_of_corner = uv.reshape(3 * mesh.n_face, -1) if uv is not None and uv.ndim == 3 else None
+    if (
+        mesh.face_material is None and part.centroids is None and uv_of_corner is None
+    ):  # a vertex says all of its points
+        of_vertex = slice(None) if part.source is None else part.source
+        own = _texcoords(None if uv is None else uv[of_vertex], len(part.normals), n_texcoord)
+        return part._replace(
+            positions=part.positions[of_vertex], vertex=part.corner, source=None, uv=own, n_points=(len(own),)
+        )
     corner, vertex = np.asarray(part.corner, np.int64).ravel(), np.asarray(part.vertex, np.int64).ravel()
     material = np.zeros(len(corner), np.int64)
     if mesh.face_material is not None:
         material = np.repeat(mesh.face_material.astype(np.int64), 3)
-    keys, has_uv = [material * len(part.normals) + corner], is_textured and mesh.uv is not None
-    uv_of_corner = mesh.uv.reshape(len(corner), -1) if has_uv and mesh.uv.ndim == 3 else None
-    if is_textured:
-        keys += [vertex] if uv_of_corner is None else [vertex, uv_of_corner]  # else they follow from the vertex
+    keys = [material * len(part.normals) + corner]
+    keys += [vertex] if is_textured and part.centroids is not None else []
+    keys += [] if uv_of_corner is None else [uv_of_corner]
     first, point = unique_rows(np.column_stack(keys))
     order = np.argsort(material[first], kind="stable")
     first, rank = first[order], np.argsort(order)
     point = rank[point].astype(np.uint32).reshape(-1, 3)
-    of_point, of_vertex, uv = corner[first], vertex[first], np.zeros((len(first), n_texcoord))
-    if has_uv:
-        own = mesh.uv[of_vertex] if uv_of_corner is None else uv_of_corner[first]
-        uv = np.tile(own, (1, n_texcoord // own.shape[1]))
+    of_point, of_vertex = corner[first], vertex[first]
+    own = uv_of_corner[first] if uv_of_corner is not None else None if uv is None else uv[of_vertex]
     return Part(
         part.positions[of_vertex] if is_textured else part.positions, point if is_textured else part.vertex, point,
         part.normals[of_point], None if part.albedo is None else part.albedo[of_point],
         None if is_textured else of_vertex, None if part.centroids is None else part.centroids[of_point],
-        uv, tuple(np.bincount(material[first], minlength=n_material).tolist()),
+        _texcoords(own, len(first), n_texcoord), tuple(np.bincount(material[first], minlength=n_material).tolist()),
         None if part.tangents is None else part.tangents[of_point],
     )  # fmt: skip
+
+
+def _texcoords(rows: NDArray | None, n_point: int, n_texcoord: int) -> NDArray[np.float64]:
+    """Return what points have, (n_point, n_texcoord): all 0 without rows, and twice what these have of the half."""
+    return np.zeros((n_point, n_texcoord)) if rows is None else np.tile(rows, (1, n_texcoord // rows.shape[1]))
 
 
 def _triangle_colors(mesh: Mesh) -> NDArray[np.float64]:
