@@ -182,7 +182,7 @@ def _scenes() -> list:
         [colored, clear],
         [plain, clear],
         [papered(texture=checks)],
-        [papered(texture=checks, opacity=0.5)],
+        [papered(texture=np.zeros((4, 4, 4), np.uint8), opacity=0.5)],  # whose texels let light through
         [brushed],
         [papered(reflection="cook-torrance", texture=checks, metallic=1.0)],
         [papered(reflection="cook-torrance", metallic_roughness=checks, metallic=1.0)],
