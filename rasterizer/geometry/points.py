@@ -289,9 +289,7 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
         return part._replace(n_points=(len(part.normals),))
     uv = mesh.uv if is_textured else None
     uv_of_corner = uv.reshape(3 * mesh.n_face, -1) if uv is not None and uv.ndim == 3 else None
-    if (
-        mesh.face_material is None and part.centroids is None and uv_of_corner is None
-    ):  # a vertex says all of its points
+    if mesh.face_material is None and part.centroids is None and uv_of_corner is None:  # nothing is split
         of_vertex = slice(None) if part.source is None else part.source
         own = _texcoords(None if uv is None else uv[of_vertex], len(part.normals), n_texcoord)
         return part._replace(
@@ -302,14 +300,16 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
     if mesh.face_material is not None:
         material = np.repeat(mesh.face_material.astype(np.int64), 3)
     keys = [material * len(part.normals) + corner]
-    keys += [vertex] if is_textured and part.centroids is not None else []
-    keys += [] if uv_of_corner is None else [uv_of_corner]
+    if is_textured and part.centroids is not None:
+        keys.append(vertex)
+    if uv_of_corner is not None:
+        keys.append(uv_of_corner)
     first, point = unique_rows(np.column_stack(keys))
     order = np.argsort(material[first], kind="stable")
     first, rank = first[order], np.argsort(order)
     point = rank[point].astype(np.uint32).reshape(-1, 3)
     of_point, of_vertex = corner[first], vertex[first]
-    own = uv_of_corner[first] if uv_of_corner is not None else None if uv is None else uv[of_vertex]
+    own = None if uv is None else uv[of_vertex] if uv_of_corner is None else uv_of_corner[first]
     return Part(
         part.positions[of_vertex] if is_textured else part.positions, point if is_textured else part.vertex, point,
         part.normals[of_point], None if part.albedo is None else part.albedo[of_point],
@@ -320,7 +320,7 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
 
 
 def _texcoords(rows: NDArray | None, n_point: int, n_texcoord: int) -> NDArray[np.float64]:
-    """Return what points have, (n_point, n_texcoord): all 0 without rows, and twice what these have of the half."""
+    """Return texture coordinates (n_point, n_texcoord): 0 without rows; rows of half as many are repeated."""
     return np.zeros((n_point, n_texcoord)) if rows is None else np.tile(rows, (1, n_texcoord // rows.shape[1]))
 
 
