@@ -326,17 +326,14 @@ def nearly_coplanar(_):
 
 @case(
     "a decal",
-    "Of faces in one plane, on other corners, those of the higher layer are seen.",
+    "A limit: of faces in one plane, on other corners, either may be seen.",
     path="entries",
 )
 def decal(_):
     own, wall = [(10, 9), (84, 5), (88, 60), (13, 64)], [(3, 3), (93, 6), (90, 69), (6, 66)]
-    scenes = [
-        on_screen(SIZE, places, tilted(places), [[0, 1, 2, 3]], True, layer=1 - k)
-        for k, places in enumerate((own, wall))
-    ]
-    scene = replace(scenes[0], meshes=[mesh for each in scenes for mesh in each.meshes])
-    return Scene(scene, **never_seen(own, [2, 3], "the wall behind it is seen"))
+    depth = np.concatenate([tilted(own), tilted(wall)])
+    scene = on_screen(SIZE, own + wall, depth, [[0, 1, 2, 3], [4, 5, 6, 7]], True)
+    return Scene(scene, figure=never_seen(own, [2, 3], "the wall behind it is seen")["figure"])
 
 
 @case(

@@ -352,7 +352,7 @@ class ErrorBounds(NamedTuple):
         have
     face : 0, exact: where two surfaces lie further apart than (columns + rows of both triangles' boxes)/2 + 80 units of
         the z-buffer, a unit being a 2^38th of 1.04 times the range; but for faces that are seen nearly edge-on, and
-        within 1/512 px of an outline, see pipeline/setup.py. Of faces in one plane `Mesh.layer` decides
+        within 1/512 px of an outline, see pipeline/setup.py. Of faces in one plane either may be seen
     shadows : tuple of ShadowBound, one for each type of light that casts shadows: what is no part of `color`
     filters : tuple of FilterBound, one for each filter in use: likewise
     """
@@ -397,9 +397,7 @@ def bound_levels(error: float | None, color_range: str) -> int | None:
     return min(math.ceil(STEEPEST * error), MAX_LEVELS) if math.isfinite(error) else MAX_LEVELS
 
 
-def bound_buffers(
-    names, screen: Screen, furthest: float, nearest: float, shortest: float, layers: float
-) -> dict[str, Any]:
+def bound_buffers(names, screen: Screen, furthest: float, nearest: float, shortest: float) -> dict[str, Any]:
     """Return the bounds of exact buffers, by the fields of `ErrorBounds`.
 
     Parameters
@@ -408,18 +406,15 @@ def bound_buffers(
     furthest : distance of the furthest point from the eye, scene units
     nearest : the least depth of the boxes round the meshes, scene units
     shortest : the least length of a mean of a face's normals; 1 for flat shading
-    layers : how far the layers of meshes move what is seen at most, units of the z-buffer
     """
     found: dict[str, Any] = {"face": 0} if "face" in names else {}
     ratio, least = furthest_over_nearest(screen, furthest), max(nearest, screen.near)
-    moved = layers / abs(screen.z_scale) if screen.z_scale else 0.0  # scene units, or one over them with perspective
     if "depth" in names and screen.is_perspective:
-        share = moved * furthest  # of the depth w that 1/w -+ moved belongs to: w moved / (1 - w moved) at most
-        found["depth_share"] = SINGLE + DEPTHS * DOUBLE * ratio + (share / (1.0 - share) if share < 1.0 else math.inf)
+        found["depth_share"] = SINGLE + DEPTHS * DOUBLE * ratio
         found["depth"] = found["depth_share"] * furthest
     elif "depth" in names:
-        found["depth"] = (SINGLE + DEPTHS * DOUBLE) * furthest + moved
-        rounding = SINGLE + (DEPTHS * DOUBLE * furthest + moved) / least if least > 0.0 else math.inf
+        found["depth"] = (SINGLE + DEPTHS * DOUBLE) * furthest
+        rounding = SINGLE + DEPTHS * DOUBLE * furthest / least if least > 0.0 else math.inf
         found["depth_share"] = rounding
     if not {"uv", "barycentric", "position", "position_camera"}.isdisjoint(names) and ratio <= MAX_RATIO:
         found["interpolated"] = INTERPOLATED_BOUND

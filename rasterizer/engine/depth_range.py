@@ -1,12 +1,11 @@
-"""Depths: between which the scene lies, which are clipped, how the z-buffer is fitted to those that are seen, and how
-far the layers of meshes lie apart in it."""
+"""Depths: between which the scene lies, which are clipped, and how the z-buffer is fitted to those that are
+seen."""
 
 import numpy as np
 
 from ..errors import SceneError
 from ..pipeline.clip import find_nearest
-from ..pipeline.setup import DEPTH_PLANE_ROUNDING
-from ..pipeline.transform import Drawables, Screen, make_screen
+from ..pipeline.transform import Screen, make_screen
 
 # The fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there.
 NEAREST = 2.0**-20
@@ -142,37 +141,3 @@ def check_depths(camera, view, bounds) -> None:
             f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {least:.3g} to "
             f"{greatest:.3g}: scale the scene, or leave depth out of the outputs"
         )
-
-
-# ---------------------------------------------------------------- layers
-
-
-def layer_step(n_sample: tuple[int, int]) -> float:
-    """Return how much nearer a layer lies than the one below it, units of the z-buffer.
-
-    Planes of depth of faces in one plane differ by DEPTH_PLANE_ROUNDING each, and by half a unit for each column and
-    row from where they have their values (pipeline/setup.py). Beside that, float64 rounds the place of a vertex by less
-    than 2^-32 px up to 2^18 px, and a plane is no steeper than 2^40 units a pixel: 2^8 units for each of two times
-    three corners and for what their slopes move these by.
-
-    Parameters
-    ----------
-    n_sample : (columns, rows) of samples
-    """
-    return sum(n_sample) + 2 * DEPTH_PLANE_ROUNDING + 2.0**12
-
-
-def raise_parts(geometry, drawables: Drawables, source: np.ndarray, step: float) -> None:
-    """Bring the parts of clipped faces to the layers of their faces, in place: their z was that of layer 0.
-
-    Parameters
-    ----------
-    source : (n_triangle,) which triangle of the scene each is a part of
-    """
-    triangles = drawables.triangles
-    parts = np.flatnonzero(triangles.clipped_idx >= 0)
-    shift = step * geometry.layers[geometry.vertex[0, source[parts]]]
-    drawables.vertices.z[triangles.vertex_idx[:, parts]] -= shift  # each part has vertices of its own
-    of_faces = np.zeros(len(triangles.z_ranges))
-    of_faces[triangles.clipped_idx[parts]] = shift
-    triangles.z_ranges[:] -= of_faces[:, None]

@@ -21,7 +21,6 @@ from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
-from .depth_range import layer_step, raise_parts
 from .passes import BufferPass, FaceTable, Pass
 from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
@@ -53,14 +52,10 @@ def draw(
     vertices, n_outside = transform(geometry.positions, screen, threads)
     if not render_pass.keeps_planes:
         vertices.true_x[:], vertices.true_y[:] = vertices.x, vertices.y
-    elif len(geometry.layers):
-        vertices.z[:] -= layer_step(render_pass.n_sample) * geometry.layers
     clock.lap("transform")
     drawn = Drawn.whole(geometry, vertices, render_pass)
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
-        if len(geometry.layers) and render_pass.keeps_planes:
-            raise_parts(geometry, drawn.drawables, drawn.source, layer_step(render_pass.n_sample))
         clock.lap("clip")
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")

@@ -35,7 +35,7 @@ from .attributes import (
 )
 from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
-from .depth_range import are_seen_from_outside, check_depths, check_extent, depths_of_boxes, layer_step, screen_of
+from .depth_range import are_seen_from_outside, check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import NO_CLOCK, Counts, draw
 from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
 from .plan import Plan, ViewPlan, ViewPlans, keep
@@ -360,6 +360,5 @@ class PreparedScene:
             has_means = not (self.options.is_flat or {"normal", "normal_camera"}.isdisjoint(outputs))
             shortest = self.view_plans.shortest_normal if has_means else 1.0
             nearest = depths_of_boxes(view, bounds)[0]
-            layers = layer_step(self.options.size) * int(np.abs(self.geometry.layers).max(initial=0))
-            found |= bound_buffers(outputs, screen, furthest_of(bounds, view.eye), nearest, shortest, layers)
+            found |= bound_buffers(outputs, screen, furthest_of(bounds, view.eye), nearest, shortest)
         return ErrorBounds(**found)

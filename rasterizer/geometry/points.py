@@ -40,7 +40,6 @@ class Geometry(NamedTuple):
     tangents: NDArray[np.float64] = NO_TANGENTS  # (n_point, 3) where u grows to; (0, 3) where no material needs them
     face: NDArray[np.uint32] = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
     centers: Centers | None = None  # the last points, which are means of others; None where there are none
-    layers: NDArray[np.int16] = np.empty(0, np.int16)  # (n_vertex,) the layer of the mesh; empty where all are 0
 
     @property
     def n_loaded(self) -> int:
@@ -100,15 +99,7 @@ def gather_geometry(
         geometry = about_centers(geometry, meshes, parts, workers)
         given = geometry.positions, geometry.normals, geometry.vertex, geometry.corner
         map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), len(geometry.is_inverted), workers)
-    return with_layers(geometry, meshes) if any(mesh.layer for mesh in meshes) else geometry
-
-
-def with_layers(geometry: Geometry, meshes: Sequence[Mesh]) -> Geometry:
-    """Give the vertices the layers of their meshes."""
-    of_loaded = np.repeat([mesh.layer for mesh in meshes], [mesh.n_face for mesh in meshes])
-    layers = np.zeros(len(geometry.positions), np.int16)
-    layers[geometry.vertex] = of_loaded[geometry.face] if len(geometry.face) else of_loaded
-    return geometry._replace(layers=layers)
+    return geometry
 
 
 def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, has_points: bool, workers: Any) -> Geometry:

@@ -44,7 +44,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import LIGHT_TYPES, PRESETS, Shadow, describe_fields
 from ..scene.material import NAMED_MATERIALS, Material
-from ..scene.mesh import Mesh, checked_layer
+from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene, checked_cue
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
@@ -605,7 +605,7 @@ def read_camera(entry) -> Camera | Viewpoint:
 # In the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
-_PLACING = ("transform", "crease_angle", "weighting", "layer", "name")
+_PLACING = ("transform", "crease_angle", "weighting", "name")
 
 
 def read_meshes(entry, context) -> tuple[list[Mesh], str]:
@@ -769,12 +769,10 @@ def _numbers(entry, key):
 
 
 def _placed(mesh, table, entry) -> Mesh:
-    """Give a mesh its name and layer, and move it."""
+    """Give a mesh its name, and move it."""
     if "name" in table:
         # The mesh is new; a copy by `replace` would normalise its normals once more, which moves them by a rounding.
         object.__setattr__(mesh, "name", table["name"].text())
-    if "layer" in table:
-        object.__setattr__(mesh, "layer", table["layer"].call(checked_layer, table["layer"].value))
     if "transform" not in table:
         return mesh
     transform = table["transform"]

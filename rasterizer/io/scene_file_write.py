@@ -117,8 +117,6 @@ class _Beside:
             table["crease_angle"] = mesh.crease_angle
         if mesh.weighting != "angle":
             table["weighting"] = mesh.weighting
-        if mesh.layer:
-            table["layer"] = mesh.layer
         if mesh.drop_bad_faces:
             table["drop_bad_faces"] = True
         if mesh.materials is None:

@@ -207,8 +207,7 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     is_outside = np.repeat(are_outside(look.boxes, view, projection, depths.near, grid), n_face)
     is_drawn &= (facing != look.inner_sides[loaded]) | ~is_outside[loaded]
     side = compute_sides(surface, pieces.face, facing)
-    layer = np.repeat([mesh.layer for mesh in look.scene.meshes], n_face)[loaded]
-    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection, layer), lighting
+    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
 
 
 def _draw(look: Look, per_axis: int) -> Layers:

@@ -23,7 +23,6 @@ from .shading import Fragments
 from .vectors import dot
 
 DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
-LAYER_STEPS = 2**12  # of the depth buffer: by so much a layer lies before the one below it
 NO_KEY = np.iinfo(np.int64).max  # of the depth buffer, where nothing is
 
 
@@ -50,7 +49,6 @@ class Raster(NamedTuple):
     is_drawn: NDArray[np.bool_]  # (n_piece,)
     window: Window  # the samples that are looked at
     projection: Projection
-    layer: NDArray[np.int64]  # (n_piece,) of the mesh
 
     def within(self, window: Window) -> "Raster":
         """Return what concerns a window: of other triangles nothing is drawn."""
@@ -111,7 +109,7 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
             depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
         else:
             depth, piece_weights = _interpolate(affine, piece_idx, raster)
-        key = _keys(depth, raster) - LAYER_STEPS * raster.layer[piece_idx]
+        key = _keys(depth, raster)
         rows, columns = rows - top, columns - left
         is_behind = np.ones(len(key), bool)
         if before is not None:

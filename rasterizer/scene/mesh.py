@@ -24,10 +24,9 @@ from . import mesh_arrays
 from .arrays import KeepsArrays, VectorLike, fixed, kept, plain_array, real_array
 from .framing import rotation
 from .material import Material
-from .validate import COORDINATE_LIMIT, choice, number, position3, store, unit3, vector3, whole
+from .validate import COORDINATE_LIMIT, choice, number, position3, store, unit3, vector3
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
-MAX_LAYER = 1000
 MAX_FACES = 2**31 - 1  # of a mesh and of a scene: face indices are int32, -1 means nothing hit
 
 
@@ -85,10 +84,6 @@ class Mesh(KeepsArrays):
     weighting : "angle", "area" or "uniform": what the normals of the faces round a vertex count by where they are
         averaged: the angle of the face's corner (Thürmer & Wüthrich 1998: doesn't depend on how a flat polygon is cut),
         the face's area, or all alike (Gouraud 1971). Without effect where the normals given are used
-    layer : whole number within -1000..1000: of faces that lie in one plane those of the higher layer are shown, such as
-        a decal's on a wall. In depth a layer is (columns + rows of samples of the picture + 4176)·2^-38·1.04 of the
-        range that the picture shows, in perspective of 1/distance: at 1920 x 1080 samples 2.7·10^-8; what lies nearer
-        by more than that hides it. Not in shadow maps. Faces seen from less than some 0.1 degrees above have no order
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
@@ -119,7 +114,6 @@ class Mesh(KeepsArrays):
     materials: tuple[Material, ...] | None = None
     face_material: NDArray[np.int32] | None = None
     weighting: Weighting = "angle"
-    layer: int = 0
     name: str = ""
     drop_bad_faces: bool = False
 
@@ -141,7 +135,6 @@ class Mesh(KeepsArrays):
             materials: Iterable[Material] | None = ...,
             face_material: ArrayLike | None = ...,
             weighting: Weighting = ...,
-            layer: int = ...,
             name: str = ...,
             drop_bad_faces: bool = ...,
         ) -> None: ...
@@ -150,7 +143,6 @@ class Mesh(KeepsArrays):
         given = dict(self.__dict__)
         store(self, crease_angle=checked_crease_angle(self.crease_angle))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
-        store(self, layer=checked_layer(self.layer))
         store(self, materials=_checked_materials(self.material, self.materials))
         store(self, material=self.palette[0])
         if not isinstance(self.name, str):
@@ -486,11 +478,6 @@ def checked_crease_angle(angle: object) -> float | None:
     if not 0.0 <= value <= 180.0:
         raise SceneError(f"the crease angle must be within 0..180 degrees; given {shown(angle)}")
     return value
-
-
-def checked_layer(layer: object) -> int:
-    """Return a mesh's layer as an int; SceneError where it isn't legal."""
-    return whole(layer, "a mesh's layer", -MAX_LAYER, MAX_LAYER)
 
 
 def _checked_materials(material: object, materials: Any) -> tuple[Material, ...] | None:

@@ -4,7 +4,6 @@ Random scenes hold it, output by output: tests/pictures/test_campaign.py."""
 
 import json
 import pickle
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -48,25 +47,6 @@ def test_depths_without_perspective_have_a_share_only_where_none_is_0():
         shares.append(bounds.depth_share)
         assert np.isfinite(bounds.depth) and bounds.as_json()["depth_share"] in (None, bounds.depth_share)
     assert shares[0] == pytest.approx(2.0**-24, rel=1e-3) and shares[1] == np.inf
-
-
-@pytest.mark.parametrize("layer", [1, -1000, 1000])
-def test_depths_are_bounded_where_layers_move_them(layer):
-    for camera in (
-        rz.Camera.perspective((0, 1, 3), (0, 0, 0), fov=60, near=1e-3),
-        rz.Camera.orthographic((0, 1, 3), (0, 0, 0), height=4),
-    ):
-        plain, moved = (
-            rz.render(rz.Scene([mesh, PLATE], camera=camera), (64, 48), outputs="depth")
-            for mesh in (FLOOR, replace(FLOOR, layer=layer))
-        )
-        seen = np.isfinite(plain.depth) & np.isfinite(moved.depth)
-        off = np.abs(moved.depth[seen] - plain.depth[seen].astype(float))
-        bounds = moved.stats.error_bounds
-        assert plain.stats.error_bounds.depth + 0.1 * off.max() < bounds.depth
-        assert off.max() <= bounds.depth + plain.stats.error_bounds.depth, camera
-        assert (off / plain.depth[seen]).max() <= bounds.depth_share + plain.stats.error_bounds.depth_share
-        assert abs(layer) == 1 or off.max() > plain.stats.error_bounds.depth  # which shows that layers are in the bound
 
 
 def test_bytes_are_no_further_off_than_an_intensity_lets_them():
