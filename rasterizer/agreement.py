@@ -1,4 +1,4 @@
-"""Engine and reference compared, for what registries.py registers: at points and on meshes that never change.
+"""Engine and reference compared, for what registries.py registers: at points that never change.
 
 In:  a class whose word stands in the tables already.
 Out: nothing, or a SceneError that names the first place at which both disagree, and both values; or the bound that does
@@ -20,13 +20,11 @@ from .reference.reflection import REFERENCE_MODELS, read_materials
 from .scene.camera import Camera, View
 from .scene.lights import Field
 from .scene.material import Material
-from .scene.mesh import Mesh
 
 PlaceOf = Callable[[int], str]  # from the row of an array to the words for where that is
 
 N_POINT = 96
 BUDGETS = {"float64": 1e-9, "float32": 2e-3}  # of the largest value, or of 1 where all are smaller
-PIXEL_BUDGET = 1e-6
 STEP = 1e-5  # radians and scene units, by which points are turned and moved where a bound is looked at
 SLACK, MIN_SLACK = 1e-3, 1e-6  # of a bound, and beside it: what differences of values err by
 
@@ -196,65 +194,6 @@ def _reflected(material: Material, *vectors: NDArray) -> NDArray:
     records, function = np.repeat(read_materials(scene), N_POINT), REFERENCE_MODELS[material.reflection].function
     diffuse, specular, _ = function(records, *vectors, np.zeros((N_POINT, 3)))
     return np.stack([np.broadcast_to(part, N_POINT) for part in (diffuse, specular)], axis=1)
-
-
-# ---------------------------------------------------------------- buffers
-
-
-def compare_buffer(name: str, buffer: Any) -> None:
-    """Compare a buffer's values on small meshes, open, closed and curved; one with a kernel of its own in a picture."""
-    whose = f"the buffer {name!r}"
-    if buffer.write is not None:
-        _compare_pixels(whose, name, buffer)
-        return
-    for what, mesh in make_meshes().items():
-        n_corner = 1 if buffer.is_label else 3
-
-        def place_of(k: int, what: str = what, mesh: Mesh = mesh, n_corner: int = n_corner) -> str:
-            face, corner = divmod(k, n_corner)
-            position = _numbers(mesh.vertices[mesh.faces[face, corner]])
-            return f"on {what}, face {face}" + (f", corner {corner}, at {position}" if n_corner > 1 else "")
-
-        found, expected = buffer.values_on(mesh), buffer.values_on(mesh, "reference_values")
-        found, expected = (part.reshape(n_corner * mesh.n_face, -1) for part in (found, expected))
-        check_same(whose, found, expected, BUDGETS["float64"], place_of, "values gives {}, reference_values {}")
-
-
-def _compare_pixels(whose: str, name: str, buffer: Any) -> None:
-    """Compare a buffer in a small picture."""
-    from .reference import render as render_slowly
-    from .renderer import render
-    from .scene.scene import Scene
-
-    scene = Scene([make_meshes()["a torus"]], camera=Camera.perspective((3.0, 2.0, 4.0)))
-    found = render(scene, size=(24, 18), shading="flat", outputs=(name,), samples=1, threads=1).array(name)
-    expected = np.asarray(buffer.reference_pixels(render_slowly(scene, (24, 18), shading="flat")))
-    if expected.shape != found.shape:
-        raise SceneError(f"{whose}: reference_pixels must be {found.shape}; given {expected.shape}")
-    found, expected = (part.reshape(24 * 18, -1) for part in (found, expected))
-
-    def place_of(k: int) -> str:
-        return f"at pixel ({k % 24}, {k // 24}) of a torus"
-
-    check_same(whose, found, expected, PIXEL_BUDGET, place_of, "{} by the engine, {} by the reference")
-
-
-def make_meshes() -> dict[str, Mesh]:
-    """Make the meshes that buffers are compared on: with flat faces, with a border, and closed with both curvatures."""
-    tetrahedron = Mesh([(1, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
-    m, n = 8, 6
-    i, j = (side.ravel() for side in np.mgrid[:m, :n])
-    a, b, c, d = ((i + s) % m * n + (j + t) % n for s, t in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    halves = np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)
-    u, v, is_inside = 2 * np.pi * i / m, 2 * np.pi * j / n, (i < m - 1) & (j < n - 1)
-    radius = 1.0 + 0.4 * np.cos(v)
-    torus = np.stack([radius * np.cos(u), 0.4 * np.sin(v), -radius * np.sin(u)], axis=1)
-    sheet = np.stack([i, j, 0.4 * np.sin(2 * i + j * j)], axis=1)
-    return {
-        "a tetrahedron": tetrahedron,
-        "a sheet": Mesh(sheet, np.concatenate([half[is_inside] for half in halves])),
-        "a torus": Mesh(torus, np.concatenate(halves)),
-    }
 
 
 # ---------------------------------------------------------------- what all of them use

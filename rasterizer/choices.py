@@ -25,7 +25,7 @@ EdgeType = Literal["wire", "crease", "silhouette", "all"]
 
 SHADINGS: tuple[str, ...] = get_args(Shading)
 OUTPUTS: tuple[str, ...] = get_args(Output)  # built-in
-BUFFERS: dict[str, str] = {  # all exact buffers, also those of registries.add_buffer: what they hold
+BUFFERS: dict[str, str] = {  # what they hold
     "depth": "in scene units",
     "face": "the face's index or -1",
     "normal": "in world space",

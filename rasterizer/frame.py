@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, SavedArray
+from .choices import ARRAY_SUFFIXES, SAVED_ARRAYS, SavedArray
 from .cores import Workers
 from .errors import OutputError, SceneError, counted, shown
 from .io.files import write_whole
@@ -150,11 +150,11 @@ class Frame:
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
     def array(self, name: str) -> NDArray[Any]:
-        """Return an array by name: those of the attributes, and buffers that were added (registries.py).
+        """Return an array by name.
 
         Parameters
         ----------
-        name : text, one of the attributes, or the name of such a buffer
+        name : text, one of the attributes
 
         Returns
         -------
@@ -164,9 +164,8 @@ class Frame:
         ------
         SceneError : a name that is unknown, or an array that the frame doesn't have; the message says what to ask for
         """
-        if not isinstance(name, str) or not (name in SAVED_ARRAYS or name in BUFFERS):
-            legal = dict.fromkeys((*SAVED_ARRAYS, *BUFFERS))
-            raise SceneError(f"array must be one of {', '.join(legal)}; given {shown(name)}")
+        if not isinstance(name, str) or name not in SAVED_ARRAYS:
+            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(name)}")
         if name in ("rgb", "rgba", "alpha"):
             return getattr(self, name)
         if name in self._arrays:

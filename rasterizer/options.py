@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from .choices import (
     ANTIALIASES,
-    BUFFERS,
     COLOR_RANGES,
     CULLS,
     EDGE_TYPES,
@@ -197,15 +196,14 @@ def _check_choice(name: str, value: object, legal: tuple) -> None:
 
 def _checked_outputs(outputs: object) -> tuple:
     """Return the names of outputs as a tuple; a name alone is one."""
-    legal = (*OUTPUTS, *(name for name in BUFFERS if name not in OUTPUTS))
     try:
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)  # type: ignore[arg-type]
     except TypeError:
-        raise SceneError(f"outputs must be one or several of {', '.join(legal)}; given {shown(outputs)}") from None
+        raise SceneError(f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(outputs)}") from None
     if not names:
-        raise SceneError(f"outputs must name at least one of {', '.join(legal)}; given none")
+        raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
     for name in names:
-        _check_choice("outputs", name, legal)
+        _check_choice("outputs", name, OUTPUTS)
     return names
 
 

@@ -1,9 +1,7 @@
-"""Lights, reflection models, buffers and file formats of one's own: each is one class, which one call registers.
+"""Lights and reflection models of one's own: each is one class, which one call registers.
 
     CustomLight         what it adds to a point with a normal: a direction and a strength, or an ambient share
     CustomReflection    what a point reflects of a light to the viewer
-    CustomBuffer        a number for each vertex, interpolated; or a whole number for each face
-    CustomFormat        a file becomes the parts of a model
 
     from rasterizer import registries
 
@@ -27,29 +25,23 @@ from contextlib import ExitStack
 from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from . import agreement
-from .choices import BUFFERS, SAVED_ARRAYS
 from .engine import lights as engine_lights
 from .engine import reflections as engine_reflections
-from .engine.buffers import BUFFER_TABLE, draw_custom
 from .engine.lights import LIGHT_TABLE, Beam, LightBound
 from .engine.reflections import REFLECTION_TABLE, ReflectionBound
 from .errors import SceneError, shown
-from .io.formats import FORMATS, Format, register
-from .reference.buffers import CUSTOM_BUFFERS
 from .reference.lamp import LAMP_TYPES, CustomLamp
 from .reference.reflection import REFERENCE_MODELS, ReferenceModel
 from .scene.camera import View
 from .scene.lights import LIGHT_TYPES, describe_fields
 from .scene.material import REFLECTION_MODELS, ReflectionModel
-from .scene.mesh import Mesh
 
 __all__ = [
-    "Beam", "CustomBuffer", "CustomFormat", "CustomLight", "CustomReflection", "LightBound", "ReflectionBound",
-    "Registration", "add_buffer", "add_format", "add_light", "add_reflection",
+    "Beam", "CustomLight", "CustomReflection", "LightBound", "ReflectionBound", "Registration", "add_light",
+    "add_reflection",
 ]  # fmt: skip
 
 # ---------------------------------------------------------------- what a class says
@@ -150,78 +142,6 @@ class CustomReflection:
         raise NotImplementedError(f"{type(self).__name__} has no `reference`")
 
 
-class CustomBuffer:
-    """An output buffer of one's own: one sample a pixel, at its centre, of the visible surface, never averaged.
-
-    Attributes
-    ----------
-    holds : what its numbers are, for the help text
-    dtype : of the array: of reals, which are interpolated between corners; or int32: labels of faces
-    n_component : numbers a pixel
-    empty : value where nothing is visible; labels need one, as -1
-    write : None = the buffer is made of `values`; else a kernel (surfaces, band, out) that fills a band's pixels by
-        itself, see pipeline/buffers.py
-    """
-
-    holds: ClassVar[str] = ""
-    dtype: ClassVar[DTypeLike] = np.float32
-    n_component: ClassVar[int] = 1
-    empty: ClassVar[float] = np.nan
-    write: ClassVar[Callable[..., None] | None] = None
-
-    def values(self, mesh: Mesh) -> NDArray:
-        """Return the values at the mesh's vertices, (n_vertex,) or (n_vertex, n_component), or at the corners of its
-        faces, (n_face, 3) or (n_face, 3, n_component); labels of its faces, (n_face,)."""
-        raise NotImplementedError(f"{type(self).__name__} has no `values`")
-
-    def reference_values(self, mesh: Mesh) -> NDArray:
-        """Return the same, found in another way: the judge of `values`."""
-        raise NotImplementedError(f"{type(self).__name__} has no `reference_values`")
-
-    def reference_pixels(self, picture: Any) -> NDArray:
-        """Return the buffer of a `reference.Picture`: the judge of `write`."""
-        raise NotImplementedError(f"{type(self).__name__} has no `reference_pixels`")
-
-    @property
-    def is_label(self) -> bool:
-        """It holds labels of faces."""
-        return np.issubdtype(np.dtype(self.dtype), np.integer)
-
-    def values_on(self, mesh: Mesh, name: str = "values") -> NDArray:
-        """Return `values` or `reference_values`, by name: of corners (n_face, 3, n_component) float64; labels of faces,
-        (n_face,) int32. SceneError where their shape doesn't fit."""
-        values, n_vertex, n_face = np.asarray(getattr(self, name)(mesh)), len(mesh.vertices), mesh.n_face
-        if self.n_component == 1 and not self.is_label and values.shape[-1:] == (1,):
-            values = values[..., 0]
-        tail = () if self.n_component == 1 else (self.n_component,)
-        legal = {(n_face,): "labels of faces"} if self.is_label else {
-            (n_vertex, *tail): "of vertices", (n_face, 3, *tail): "of corners"
-        }  # fmt: skip
-        if values.shape not in legal:
-            words = " or ".join(f"{shape}, {what}" for shape, what in legal.items())
-            raise SceneError(f"{type(self).__name__}.{name} must be {words}; given {values.shape}")
-        if self.is_label:
-            return values.astype(np.int32)
-        values = values.astype(np.float64)
-        at_corners = values[mesh.faces] if len(values.shape) == 1 + len(tail) else values
-        return at_corners.reshape(n_face, 3, self.n_component)
-
-
-class CustomFormat:
-    """A file format of one's own; the attributes are those of `io.formats.Format`.
-
-    read(model) : static method that takes a `ModelFile` and returns a list of parts: dicts of the arguments of `Mesh`.
-        It names the line of a fault by `model.error`
-    """
-
-    suffixes: ClassVar[tuple[str, ...] | None] = None
-    is_binary: ClassVar[bool] = False
-    companions: ClassVar[str] = ""
-    up: ClassVar[str] = "y"
-    repeats_vertices: ClassVar[bool] = True
-    read: ClassVar[Callable[..., Any]]
-
-
 # ---------------------------------------------------------------- registering it
 
 
@@ -315,55 +235,6 @@ def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:
         (REFERENCE_MODELS, ReferenceModel(reflect)),
     ]
     return _enter(word, tables, "a reflection model", lambda: agreement.compare_reflection(word, cls))
-
-
-def add_buffer(name: str, cls: type[CustomBuffer]) -> Registration:
-    """Register an output buffer.
-
-    Parameters
-    ----------
-    name : small letters, digits and hyphens: a name for `Options.outputs`, `Frame.array` and `--array`
-    cls : derives from CustomBuffer
-
-    Returns
-    -------
-    Registration
-
-    Raises
-    ------
-    SceneError : a name that is taken; labels without a value for where nothing is; engine and reference that disagree
-    """
-    _check_class(cls, CustomBuffer)
-    if name in SAVED_ARRAYS:
-        raise SceneError(f"every frame has an array {name!r}; taken are {', '.join((*SAVED_ARRAYS, *BUFFERS))}")
-    buffer = cls()
-    if buffer.write is None and buffer.is_label and np.isnan(buffer.empty):
-        raise SceneError(f"{cls.__name__} holds labels, so it needs a whole number `empty`, as -1")
-    tables = [(BUFFERS, cls.holds), (BUFFER_TABLE, draw_custom(buffer)), (CUSTOM_BUFFERS, buffer)]
-    return _enter(name, tables, "an output buffer", lambda: agreement.compare_buffer(name, buffer))
-
-
-def add_format(name: str, cls: type[CustomFormat]) -> Registration:
-    """Register a file format.
-
-    Parameters
-    ----------
-    name : text in lower case, what `format=` and messages call it; it is a suffix of its files where the class names
-        none
-    cls : derives from CustomFormat
-
-    Returns
-    -------
-    Registration
-
-    Raises
-    ------
-    SceneError : a name or suffix that is taken
-    """
-    _check_class(cls, CustomFormat)
-    settings = {each: getattr(cls, each) for each in Format._fields if hasattr(CustomFormat, each)}
-    register(Format(name=name, reader=cls.read, **settings))
-    return Registration(name, [FORMATS])
 
 
 def _enter(

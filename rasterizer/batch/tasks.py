@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from inspect import signature
 from typing import Any, Literal, get_args
 
-from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray
+from ..choices import ARRAY_SUFFIXES, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.formats import picture_format
@@ -157,9 +157,8 @@ class RenderTask:
         if isinstance(self.output, Mapping) and self.array is not None:
             raise SceneError(f"a task names its arrays in output or in array, not in both; given {shown(self.array)}")
         for name in self.output if isinstance(self.output, Mapping) else self._names:
-            if not isinstance(name, str) or name not in (*SAVED_ARRAYS, *BUFFERS):
-                legal = ", ".join(dict.fromkeys((*SAVED_ARRAYS, *BUFFERS)))
-                raise SceneError(f"array must be one of {legal}; given {shown(name)}")
+            if not isinstance(name, str) or name not in SAVED_ARRAYS:
+                raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(name)}")
 
     @property
     def _names(self) -> tuple[Any, ...]:

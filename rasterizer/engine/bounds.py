@@ -336,7 +336,7 @@ class ErrorBounds(NamedTuple):
     stated.
 
     All but `shadows` and `filters` are errors against the exact evaluation of the same faces at the same samples. A
-    buffer of one's own (registries.py) has no bound here. A polygon that is clipped, at the near plane or far beside
+    polygon that is clipped, at the near plane or far beside
     the picture, may cover samples outside of itself, by the rounding of its new corners to 1/256 px: what is seen
     edge-on has other depths there, and no bound of `depth` and `interpolated` holds.
 

@@ -28,10 +28,9 @@ from .scene_tables import SceneTables
 # Out: tables for pipeline/buffers.py. Each is made when a buffer first asks for it, and kept.
 #
 # Polygons that are drawn about their centres have triangles of an edge and the centre. Texture coordinates of the
-# centre, and values of a buffer of one's own, are the mean of the corners', as in the picture. Its barycentric
-# coordinates are those of the point in the loaded triangle that has the edge: they may be below 0, because the centre
-# may lie beside that triangle. A point of a plane polygon is the sum of the loaded triangle's corners with these
-# weights all the same.
+# centre are the mean of the corners', as in the picture. Its barycentric coordinates are those of the point in the
+# loaded triangle that has the edge: they may be below 0, because the centre may lie beside that triangle. A point of a
+# plane polygon is the sum of the loaded triangle's corners with these weights all the same.
 
 
 class BufferTables:
@@ -45,7 +44,6 @@ class BufferTables:
 
     def __init__(self, scene: SceneTables, geometry: Geometry) -> None:
         self._scene, self._geometry = scene, geometry
-        self._custom: dict[Any, Any] = {}  # by the buffer
 
     @cached_property
     def objects(self) -> NDArray[np.int32]:
@@ -76,14 +74,6 @@ class BufferTables:
     def uv(self) -> CornerTable:
         """Texture coordinates; NaN of meshes that have none."""
         return self.table_of([_corner_uv(mesh) for mesh in self._scene.meshes])
-
-    def values_of(self, custom: Any) -> CornerTable | NDArray[np.int32]:
-        """What a buffer of one's own has at corners, or of whole numbers at faces; computed once, and kept."""
-        if custom not in self._custom:
-            parts = [custom.values_on(mesh) for mesh in self._scene.meshes]
-            corners = [part.reshape(-1, custom.n_component) for part in parts]
-            self._custom[custom] = np.concatenate(parts) if custom.is_label else self.table_of(corners)
-        return self._custom[custom]
 
     def table_of(self, of_meshes: list[NDArray[np.float64]]) -> CornerTable:
         """Return the table of values (3 n_face, n_component) of the corners of each mesh as loaded."""
@@ -211,15 +201,6 @@ class OutputBuffer(NamedTuple):
         """Return room for `size` = (width, height) pixels: (height, width), with several components (height, width,
         n_component), of `dtype`; not filled, because the bands are filled one by one, while they are in the cache."""
         return np.empty(size[::-1] if self.n_component == 1 else (*size[::-1], self.n_component), self.dtype)
-
-
-def draw_custom(custom: Any) -> OutputBuffer:
-    """Return how a buffer of one's own is written, a `registries.CustomBuffer`."""
-    layout = custom.dtype, custom.n_component, custom.empty
-    if custom.write is not None:
-        return OutputBuffer(custom.write, *layout)
-    write = write_label if custom.is_label else write_mean
-    return OutputBuffer(write, *layout, table=lambda tables, _view: tables.values_of(custom))
 
 
 BUFFER_TABLE = {

@@ -2,7 +2,7 @@
 
 Loading, the command line, its help and every message ask this table. A new format is one entry:
 
-    register(Format(name="tri", reader="my_package.tri:read_tri"))
+    Format(name="tri", reader="rasterizer.io.tri:read_tri")
 
 A reader of a model takes a `ModelFile`, and returns a list of parts or `Contents`; that of a scene file is called as
 `scene_file.read_scene` is. This module imports neither numpy nor a reader, so that help is printed at once.
@@ -100,7 +100,7 @@ class Format(NamedTuple):
     Parameters
     ----------
     name : text in lower case, what `format=` and messages call it
-    reader : text "module:function", imported when a file of the format is first read; or the function
+    reader : text "module:function", imported when a file of the format is first read
     suffixes : of files, in lower case without a dot; None = the name alone
     is_scene : whether a file is a whole scene, instead of a model
     is_binary : whether it can't be given as a file object of text
@@ -114,7 +114,7 @@ class Format(NamedTuple):
     """
 
     name: str
-    reader: str | Callable
+    reader: str
     suffixes: tuple[str, ...] | None = None
     is_scene: bool = False
     is_binary: bool = False
@@ -132,8 +132,6 @@ class Format(NamedTuple):
 
     def read(self) -> Callable:
         """Return the reader."""
-        if callable(self.reader):
-            return self.reader
         module, _, function = self.reader.partition(":")
         return getattr(import_module(module), function)
 
@@ -171,14 +169,6 @@ FORMATS = {
         Format(name="toml", **_SCENE),
     )
 }
-
-
-def register(entry: Format) -> None:
-    """Add a format to the table; SceneError where its name or a suffix of it is that of another."""
-    for word in (entry.name, *(entry.suffixes or ())):
-        if find(word) is not None:
-            raise SceneError(f"the format '{entry.name}' can't be added: '{word}' is taken by '{find(word).name}'")
-    FORMATS[entry.name] = entry
 
 
 def formats() -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ ends are corners of the triangle as loaded; the centre has the mean of all corne
 coordinates of where it lies in the plane of the triangle as loaded.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,6 @@ class SurfaceBuffers(NamedTuple):
     position: NDArray[np.float64]  # (h, w, 3) world
     position_camera: NDArray[np.float64]  # (h, w, 3) x right, y up, z backwards
     normal_camera: NDArray[np.float64]  # (h, w, 3) the same axes
-    custom: dict[str, NDArray]  # (h, w) or (h, w, n_component) by name: values and labels of `registries.CustomBuffer`s
-
-
-# Buffers of one's own, by the words of choices.BUFFERS; see `registries.CustomBuffer`.
-CUSTOM_BUFFERS: dict[str, Any] = {}
 
 
 def describe_surface(
@@ -70,27 +65,7 @@ def describe_surface(
     position[at] = blend(fragments.weights, surface.corners[fragments.face])
     seen_from_camera = to_eye(position, view) * CAMERA_AXES
     axes = np.stack([view.right, view.up, -np.asarray(view.forward)])
-    custom = {
-        name: _draw_custom(buffer, scene, surface, fragments, shape)
-        for name, buffer in CUSTOM_BUFFERS.items()
-        if buffer.write is None
-    }
-    return SurfaceBuffers(mask, *labels, uv, barycentric, position, seen_from_camera, normal @ axes.T, custom)
-
-
-def _draw_custom(buffer: Any, scene: Scene, surface: Surface, fragments: Fragments, shape: tuple) -> NDArray:
-    """Return a buffer of one's own, by what its class says for the reference."""
-    of_meshes = [buffer.values_on(mesh, "reference_values") for mesh in scene.meshes]
-    seen, of_seen = np.unique(fragments.face, return_inverse=True)
-    at = fragments.rows, fragments.columns
-    if buffer.is_label:
-        found = np.full(shape, buffer.empty, buffer.dtype)
-        found[at] = np.concatenate(of_meshes)[surface.loaded_faces(fragments.face)]
-        return found
-    corners = np.array([_corner_values(scene, surface, int(face), of_meshes) for face in seen])
-    found = np.full((*shape, buffer.n_component), buffer.empty, np.float64)
-    found[at] = blend(fragments.weights, corners.reshape(len(seen), 3, buffer.n_component)[of_seen])
-    return found[..., 0] if buffer.n_component == 1 else found
+    return SurfaceBuffers(mask, *labels, uv, barycentric, position, seen_from_camera, normal @ axes.T)
 
 
 def _owner(scene: Scene, face: int) -> tuple[int, Mesh, int]:

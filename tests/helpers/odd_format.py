@@ -12,7 +12,7 @@ _to_raise: list[BaseException] = []
 def odd_format(*faults):
     """Read files that end with .odd inside the block; the first of them raise the faults, one each."""
     _to_raise[:] = faults
-    formats.register(formats.Format(name="odd", reader="helpers.odd_format:read_odd"))
+    formats.FORMATS["odd"] = formats.Format(name="odd", reader="helpers.odd_format:read_odd")
     try:
         yield
     finally:

@@ -16,7 +16,7 @@ from helpers.command import CUBE, one_error, run
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.raster import ROOT
 from helpers.toy_extensions import Minnaert, SlabLight, add_minnaert, add_slab, slab_strength
-from project.extending import curvature_buffer, hemisphere_light
+from project.extending import hemisphere_light
 
 import rasterizer as rz
 from rasterizer import reference, registries
@@ -24,10 +24,8 @@ from rasterizer.cli import main
 from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import lights as light_table
 from rasterizer.engine import reflections as reflection_table
-from rasterizer.io.obj import read_obj
 from rasterizer.io.scene_file import read_scene
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.reference.lamp import LAMP_TYPES
 from rasterizer.reference.reflection import REFERENCE_MODELS
 from rasterizer.scene.lights import LIGHT_TYPES, Attenuation, Color, Vector, describe_fields, light_type_of
@@ -320,114 +318,6 @@ def test_a_type_can_be_registered_once(toys):
     assert light_type_of(slab_light()) == "slab"
 
 
-class Box(registries.CustomFormat):
-    """OBJ files by another name."""
-
-    read = staticmethod(read_obj)
-
-
-def test_a_format_is_read_while_it_is_registered(tmp_path):
-    file = tmp_path / "cube.box"
-    file.write_bytes((ROOT / "models" / "cube.obj").read_bytes())
-
-    class WithSuffix(Box):
-        suffixes = ("stl",)
-
-    with registries.add_format("box", Box):
-        assert rz.load(file).n_face == rz.load(CUBE).n_face
-        for name, cls in (("box", Box), ("obj", Box), ("other", WithSuffix)):
-            with pytest.raises(rz.SceneError, match="is taken by"):
-                registries.add_format(name, cls)
-    with pytest.raises(rz.ModelError, match="unknown format 'box'; readable are obj, stl"):
-        rz.load(file)
-
-
-def write_seven(surfaces, band, out):
-    """A buffer of a test's own, without the compiler: 7 where something is visible."""
-    visibility = surfaces.visibility
-    for row in range(band.n_row):
-        entries = visibility.entries[row * visibility.pitch :][: visibility.width]
-        out[band.y_start + row][entries < CLEAR] = 7
-
-
-class Seven(registries.CustomBuffer):
-    """A buffer with a kernel of its own."""
-
-    holds, dtype, empty, write = "7 where something is visible", np.uint8, 1, staticmethod(write_seven)
-
-    def reference_pixels(self, picture):
-        return np.where(picture.face >= 0, 7, 1)
-
-
-def test_a_buffer_is_drawn_while_it_is_registered(tmp_path):
-    scene = rz.load(CUBE)
-    with registries.add_buffer("seven", Seven):
-        frame = rz.render(scene, (40, 30), outputs=("seven", "face", "color"), threads=2, shading="gouraud", samples=1)
-        assert not differences(frame.array("seven"), np.where(frame.face >= 0, 7, 1).astype(np.uint8))
-        assert frame.has("seven") and (frame.array("seven") == 7).sum() > 100 and "seven" in repr(frame)
-        argv = ["-s", "40x30", "--preset", "studio", "--array", "seven", "-o", str(tmp_path / "a.npy"), "-q"]
-        assert main(["render", str(CUBE), *argv]) == 0
-        assert not differences(np.load(tmp_path / "a.npy"), frame.array("seven"))
-        for taken in ("seven", "depth", "mask", "rgb"):
-            with pytest.raises(rz.SceneError, match="taken are|already"):
-                registries.add_buffer(taken, Seven)
-    with pytest.raises(rz.SceneError, match="outputs must be one of color, rgb, depth, .*; given 'seven'"):
-        rz.render(scene, 8, outputs="seven", shading="gouraud", samples=1)
-    with pytest.raises(rz.SceneError, match="array must be one of"):
-        frame.array("seven")
-
-
-class Loaded(registries.CustomBuffer):
-    """Labels of faces."""
-
-    dtype, empty = np.int32, -1
-
-    def values(self, mesh):
-        return np.arange(mesh.n_face) % 5
-
-    def reference_values(self, mesh):
-        return [k - 5 * (k // 5) for k in range(mesh.n_face)]
-
-
-class Places(registries.CustomBuffer):
-    """Two numbers a corner: all that a corner has of x and y."""
-
-    n_component, empty = 2, 0.0
-
-    def values(self, mesh):
-        return mesh.vertices[mesh.faces][..., :2]
-
-    def reference_values(self, mesh):
-        return mesh.vertices[:, :2]
-
-
-def test_numbers_of_vertices_are_interpolated_and_labels_of_faces_looked_up():
-    """Also of polygons that are drawn about their centres, and of faces that the near plane cuts."""
-    disc = rz.Mesh([(0, 0, 0), (2, 0, 0), (2.5, 1, 0.3), (1, 2, 0), (-0.5, 1, 0)], [[0, 1, 2, 3, 4]])
-    ball = rz.Mesh(*octasphere(2))
-    for mesh, camera in (
-        (ball, CAMERA),
-        (disc, rz.Camera.perspective((1, 1, 2))),
-        (ball, rz.Camera.perspective((1, 0, 0.3))),
-    ):
-        scene = rz.Scene([mesh, mesh.translated((0.3, 0, 0.1))], rz.studio(), camera)
-        with (
-            registries.add_buffer("curvature", curvature_buffer.Curvature),
-            registries.add_buffer("loaded", Loaded),
-            registries.add_buffer("places", Places),
-        ):
-            names = ("curvature", "loaded", "places")
-            frame = rz.render(scene, SIZE, outputs=(*names, "face"), samples=1, shading="gouraud")
-            custom = reference.render(scene, SIZE).surface.custom
-            found = {name: frame.array(name) for name in names}
-        assert (frame.face >= 0).sum() > 200
-        for name, expected in custom.items():
-            assert found[name].shape == expected.shape
-            assert found[name].dtype == (np.int32 if name == "loaded" else np.float32)
-            wrong = ~np.isclose(found[name], expected, rtol=0, atol=1e-6 * np.nanmax(np.abs(expected)), equal_nan=True)
-            assert not wrong.any(), f"{name}: {wrong.sum()} numbers differ"
-
-
 # ---------------------------------------------------------------- what disagrees is refused
 
 
@@ -483,7 +373,7 @@ def test_lights_that_disagree_are_refused_with_the_place():
     test_all_tables_have_the_same_words()
 
 
-def test_models_and_buffers_that_disagree_are_refused_with_the_place():
+def test_models_that_disagree_are_refused_with_the_place():
     class Brighter(Minnaert):
         def reference(self, *arguments):
             diffuse, specular = super().reference(*arguments)
@@ -492,22 +382,12 @@ def test_models_and_buffers_that_disagree_are_refused_with_the_place():
     class Flat(Minnaert):
         bound = registries.ReflectionBound(turn=0.5)
 
-    class Twice(curvature_buffer.Curvature):
-        def reference_values(self, mesh):
-            return 2 * super().reference_values(mesh)
-
-    class Eight(Seven):
-        def reference_pixels(self, picture):
-            return np.where(picture.face >= 0, 8, 1)
-
-    for add, cls, match in (
-        (registries.add_reflection, Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),
-        (registries.add_reflection, Flat, r"the bound says turn=0.5; at N = "),
-        (registries.add_buffer, Twice, r"on a tetrahedron, face 0, corner 0, at \(1, 1, 1\): values gives"),
-        (registries.add_buffer, Eight, r"disagree at pixel \(\d+, \d+\) of a torus: 7 by the engine, 8 by"),
+    for cls, match in (
+        (Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),
+        (Flat, r"the bound says turn=0.5; at N = "),
     ):
         with pytest.raises(rz.SceneError, match=match):
-            add("odd", cls)
+            registries.add_reflection("odd", cls)
     test_all_tables_have_the_same_words()
 
 
