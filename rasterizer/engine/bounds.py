@@ -138,7 +138,7 @@ def compute_brightness(tables: SceneTables, max_albedo: float) -> Brightness:
     if products is not None:
         undirected = np.abs(products.ambient).max(axis=1) * max_albedo + np.abs(products.emissive).max(axis=1)
         diffuse = np.abs(products.diffuse).max(axis=2)
-        specular = (np.abs(products.specular) + np.abs(products.grazing)).max(axis=2)
+        specular = np.maximum(np.abs(products.specular), np.abs(products.grazing)).max(axis=2)
         specular = specular + np.abs(products.metal).max(axis=2) * max_albedo
     else:  # W is 1 at most, but where F0 exceeds it
         specular = specular * np.array([brightest_weight(m, max_albedo) for m in materials])[:, None]
@@ -206,7 +206,7 @@ def rounding_errors(brightness: Brightness, distances: Distances, u: float, fade
     edges = [[edge.near for edge in entry.discontinuities(light, of_type)] for entry, light in entries]
     near = np.array([min(of_one, default=np.inf) for of_one in edges], float)
     of_light = np.where(turns + CONE * u > near / 2.0, np.inf, of_light)
-    n_term = len(lights) * (2 if any(map(reflection_table.has_two_terms, materials)) else 1)
+    n_term = len(lights) * (2 if any(reflection_table.count_terms(material) > 2 for material in materials) else 1)
     error = (u * (LIT + INTERPOLATED + n_term) + ratio + fading) * lit.of_materials + fading * fades_to
     for k, (model, material) in enumerate(models):
         rough, rounding = model.diffuse_slope(material), model.highlight_rounding(material, of_type) * u / of_type

@@ -225,9 +225,7 @@ class CookTorranceEntry(ReflectionEntry):
             word = "ggx of texture"
         elif material.is_anisotropic:
             word = "anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"
-        function = pipeline.reflection_function_of(word)
-        is_even = material.metallic > 0.0 and material.metallic_roughness is None
-        return function._replace(second_term=pipeline.metal_term) if is_even else function
+        return pipeline.reflection_function_of(word)
 
     def reason_for_float64(self, material: Any) -> str:
         """Where the tangent nearly stands upright on the surface its projection has no bound; nor is an error of a
@@ -292,7 +290,7 @@ class CookTorranceEntry(ReflectionEntry):
 
     def weight(self, material: Any, u: float) -> float:
         """Return the largest W(θ)."""
-        f0 = first_fresnel(material)
+        f0 = 1.0 if is_metallic(material) or isinstance(fresnel_of(material), tuple) else fresnel_of(material)
         return f0 + (1.0 - f0) * (1.0 - MIN_SUM[u] / 2.0) ** 5
 
     def discontinuities(self, material: Any, u: float) -> tuple[Discontinuity, ...]:
@@ -418,22 +416,25 @@ def is_metallic(material: Any) -> bool:
     return material.metallic > 0.0 or material.metallic_roughness is not None
 
 
-def has_two_terms(material: Any) -> bool:
-    """Tell whether a material's highlight is two sums, see pipeline/reflection.py: F0 is a colour, or a metal's."""
-    is_parted = (isinstance(material.fresnel, tuple) or is_metallic(material)) and has_highlight(material)
-    return is_parted and entry_of(material).function(material).second_term is not None
+def count_terms(material: Any) -> int:
+    """Return how many sums a material's light is: 1 without a highlight, 2 with one, 3 where W(θ) weights it, 4 of
+    metals; see pipeline/lighting.py."""
+    if not has_highlight(material):
+        return 1
+    entry = entry_of(material)
+    if not entry.function(material).has_fresnel or (material.fresnel is None and entry.default_fresnel == 1.0):
+        return 2
+    return 4 if is_metallic(material) else 3
 
 
-def first_fresnel(material: Any) -> float:
-    """Return F0 of a material's specular reflection function W(θ), as the pipeline's functions take it.
+def fresnel_of(material: Any) -> Any:
+    """Return F0 of a material's specular reflection function W(θ): a number, a colour or a Spectrum."""
+    return entry_of(material).default_fresnel if material.fresnel is None else material.fresnel
 
-    With 1, W is 1: also of an F0 with a colour, and of a metal's, which are part of what the sums are weighted with.
-    """
-    if is_metallic(material):
-        return 1.0
-    if material.fresnel is None:
-        return entry_of(material).default_fresnel
-    return 1.0 if isinstance(material.fresnel, tuple) else material.fresnel
+
+def has_hued_fresnel(material: Any) -> bool:
+    """Tell whether a highlight has a colour beside that of `specular`: F0 is one, or a metal's."""
+    return count_terms(material) > 2 and (is_metallic(material) or isinstance(material.fresnel, tuple))
 
 
 def blinn_scale(material: Any) -> float:

@@ -22,7 +22,7 @@ from ..pipeline.shade import Cue
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table
-from .reflections import entry_of, has_highlight, has_two_terms, is_metallic
+from .reflections import count_terms, fresnel_of, has_highlight, has_hued_fresnel, is_metallic
 
 
 class SceneTables:
@@ -193,7 +193,7 @@ def common_color(
     ----------
     ambient : (3,) float64, the sum of the ambient lights
     """
-    if any(has_two_terms(material) for material in materials):
+    if any(has_hued_fresnel(material) for material in materials):
         return None
     of_lights = [np.array(light.color) for light in lights] + [ambient]
     of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
@@ -232,9 +232,8 @@ def _direction(colors):
 #     RGB(Σ_i g_i · kd·Ip_i) = Σ_i g_i · RGB(kd·Ip_i)
 #
 # which gives what an evaluation of every sample of the spectrum at every pixel would give, for the price of three
-# channels. A specular reflection function with a spectrum F0 is no such product, but affine in F0:
-# W = F0·(1 - s) + s, s = (1 - cos θ)^5. So two products serve, ks·Ip·F0 and ks·Ip·(1 - F0): the highlight is that of
-# W = 1 with the first, and times s with the second. Of metals there is a third: pipeline/reflection.py.
+# channels. A specular reflection function with a spectrum F0 is no such product, but a sum of two, W = F0·(1 - s) + s:
+# pipeline/reflection.py. Of metals there is a third.
 
 
 class Products(NamedTuple):
@@ -244,8 +243,8 @@ class Products(NamedTuple):
     emissive: NDArray[np.float64]  # (n_material, 3)
     ambient: NDArray[np.float64]  # (n_material, 3): ka·Ia
     diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip; of an ambient share ka·Ip
-    specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
-    grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
+    specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·F0; F0 is 1 where W(θ) is
+    grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; 0 where W(θ) is 1
     metal: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·m·M; 0 where nothing is metal
 
 
@@ -297,10 +296,10 @@ def diffuse_shares(materials: Sequence[Any]) -> NDArray[np.float64]:
 
 
 def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], ...]:
-    """Return what both sums of a highlight are weighted with, and the third of metals.
+    """Return what SPECULAR, GRAZING and METAL are weighted with, beside ks·Ip.
 
-    F0, 1 - F0 and 0 of materials whose F0 is a colour; F0·(1 - m), 1 - F0·(1 - m) and m·M of metals; F0, 1 and M where
-    a texture says how much is metal, by which the sums are weighted sample by sample; 1, 0 and 0 of the others.
+    F0, 1 and 0; F0·(1 - m), 1 and m·M of metals; F0, 1 and M where a texture says how much is metal, by which the terms
+    are weighted sample by sample; 1, 0 and 0 where W(θ) is 1.
 
     Parameters
     ----------
@@ -313,15 +312,15 @@ def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArr
     first, metal = np.ones((len(materials), n or 3)), np.zeros((len(materials), n or 3))
     rest = np.zeros_like(first)
     for k, material in enumerate(materials):
-        if not has_two_terms(material):
+        if count_terms(material) < 3:
             continue
-        f0 = entry_of(material).default_fresnel if material.fresnel is None else material.fresnel
+        f0 = fresnel_of(material)
         first[k] = _channels_of(f0, n) if isinstance(f0, tuple) else f0
         if is_metallic(material):
             is_even = material.metallic_roughness is None
             metal[k] = _channels_of(material.metal_color, n) * (material.metallic if is_even else 1.0)
             first[k] *= 1.0 - material.metallic if is_even else 1.0
-        rest[k] = 1.0 if material.metallic_roughness is not None else 1.0 - first[k]
+        rest[k] = 1.0
     return first, rest, metal
 
 

@@ -30,7 +30,7 @@ DISTANCE = POSITION  # w, or depth without perspective, before it becomes a posi
 N_DOT_V = _quantity(9)
 LIGHT_DIR, N_DOT_L, STRENGTH = _quantity(10), _quantity(13), _quantity(14)  # written by a light function
 WEIGHT = STRENGTH  # 1/r, by which what planes hold is multiplied, before there is a light
-DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection function
+DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection function, and GRAZING and METAL
 DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, three channels each
 ALBEDO = _quantity(23)  # three channels; planes and texels come in fours, so a fourth quantity is written, too
 INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to ask
@@ -38,10 +38,10 @@ INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to as
 # length of its longest side, 0 of a point alone. The other three belong to shadow_lookup.py.
 FACE_NORMAL, FACE_OFFSET, FACE_SIDE = _quantity(27), _quantity(30), _quantity(31)
 FROM_LIGHT, LIMIT_SLOPES, SHADOW_COUNT = _quantity(32), _quantity(35), _quantity(40)
+GRAZING, METAL = _quantity(32), _quantity(33)  # when the light's shadow has been looked up
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
-# Of materials with a metallic-roughness texture, which are not brushed: what it multiplies both numbers by, and the
-# highlight without W, from the first of its terms to the second.
-METALLIC, ROUGHNESS, MIRRORS = _quantity(37), _quantity(38), _quantity(39)
+# Of materials with a metallic-roughness texture, which are not brushed: what it multiplies both numbers by.
+METALLIC, ROUGHNESS = _quantity(37), _quantity(38)
 TEXEL = _quantity(41)  # what a texture shows: red, green, blue, alpha
 N_QUANTITY = 45
 BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)

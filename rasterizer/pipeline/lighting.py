@@ -2,6 +2,9 @@
 
     I = ke + albedo·(ka·Ia + Σ kd·Ip·DIFFUSE) + Σ ks·Ip·SPECULAR          summed over the lights
 
+Where W(θ) weights a highlight, ks·Ip·F0·SPECULAR + ks·Ip·GRAZING stands there; metals add ks·Ip·m·M·METAL to what the
+albedo multiplies (reflection.py).
+
 In:  surface points: positions, normals, and what materials and shadows need beside (fragments.py).
 Out: linear intensities.
 
@@ -36,14 +39,14 @@ class Lighting(NamedTuple):
     light_idx: np.ndarray  # (n_material, n_light) int64: these lights, ascending, then anything
     reflection_functions: np.ndarray  # (n_material, n_light) int64, addresses of reflection functions
     materials: np.ndarray  # (n_material, N_MATERIAL_COEFFICIENT), see material_coefficients.py
-    has_highlight: np.ndarray  # (n_material,) bool
+    n_terms: np.ndarray  # (n_material,) int64: of DIFFUSE, SPECULAR, GRAZING and METAL so many are summed
     is_view_dependent: np.ndarray  # (n_material,) bool: the reflection functions read N·V and the view directions
     n_channels: np.ndarray  # (n_material,) int64: 1 or 3
     tint: np.ndarray  # (3,) float32, the colour of what has one channel, where a band has three
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a position
     has_albedo: np.ndarray  # (n_material,) bool: colours are given with the model
-    colors: np.ndarray  # (1 or n_material, n_light, 6): factors of DIFFUSE, then of SPECULAR, three channels each
+    colors: np.ndarray  # (1 or n_material, n_light, 12): factors of these four, three channels each
     shadows: ShadowMaps | None  # None where no light casts any: then shadows are not compiled
 
 
@@ -148,12 +151,16 @@ def add_reflected(batch, n, lighting, material, light, is_first):
         lighting.reflection_functions[material, light],
         batch.ctypes.data, n, lighting.materials[material].ctypes.data,
     )  # fmt: skip
+    colors, n_term = lighting.colors[color_set, light], lighting.n_terms[material]
     for channel in range(index(lighting.n_channels[material])):
-        diffuse = lighting.colors[color_set, light, channel]
-        add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, is_first)
-        if lighting.has_highlight[material]:
-            specular = lighting.colors[color_set, light, index(3) + channel]
-            add_light(batch, n, f.SPECULAR_SUM + channel * f.NEXT, f.SPECULAR, specular, is_first)
+        diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
+        add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel], is_first)
+        if n_term > 1:
+            add_light(batch, n, specular_sums, f.SPECULAR, colors[index(3) + channel], is_first)
+        if n_term > 2:
+            add_light(batch, n, specular_sums, f.GRAZING, colors[index(6) + channel], False)
+        if n_term > 3:
+            add_light(batch, n, diffuse_sums, f.METAL, colors[index(9) + channel], False)
 
 
 @helper
@@ -165,7 +172,7 @@ def cast_shadow(batch, n, shadows, light):
 
 @helper
 def add_light(batch, n, sums, reflected, color, is_first):
-    """Add one light's reflection to the sums of one channel; the first one starts them."""
+    """Add a term of one light's reflection to the sums of one channel; the first one starts them."""
     zero = batch.dtype.type(0)
     for k in range(index(n)):
         before = zero if is_first else batch[sums + k]
@@ -183,7 +190,7 @@ def combine_channel(batch, n, channel, lighting, material):
     kd, ks = materials[material, index(m.DIFFUSE) + channel], materials[material, index(m.SPECULAR) + channel]
     diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
     albedo, out = f.ALBEDO + channel * f.NEXT, f.INTENSITY + channel * f.NEXT
-    has_albedo, has_highlight = lighting.has_albedo[material], lighting.has_highlight[material]
+    has_albedo, has_highlight = lighting.has_albedo[material], lighting.n_terms[material] > 1
     for k in range(index(n)):
         diffuse = ambient + kd * batch[diffuse_sums + k]
         if has_albedo:

@@ -74,10 +74,6 @@ def shaped_spot(batch, n, light):
     weaken_off_axis(batch, n, light)
 
 
-def same_light_again(batch, n, light):
-    """The light before once more: what it wrote still stands, and a second term of its highlight has another colour."""
-
-
 LIGHT_FUNCTIONS = {
     "directional": LightFunction(directional, needs_position=False),
     "point": LightFunction(point, needs_position=True),

@@ -6,7 +6,7 @@ it qualified: `from . import material_coefficients as m`, then `material[m.SHINI
 
 SHININESS = 0
 ROUGHNESS = 1  # of anisotropic materials: along the tangent
-FRESNEL = 2  # F0 of the specular reflection function; 1 where there is none
+HAS_FRESNEL = 2  # 1 where a highlight is weighted by W(θ), else 0
 HIGHLIGHT_SCALE = 3  # of a normalised highlight, beside N·L; 0 for a classic one
 TOON_LEVELS = 4
 ROUGHNESS_ACROSS = 5  # of anisotropic materials: across the tangent

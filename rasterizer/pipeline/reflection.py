@@ -2,7 +2,9 @@
 
 In:  NORMAL, LIGHT_DIR, VIEW_DIR, N_DOT_L, N_DOT_V and STRENGTH of the batch (fragments.py), and the coefficients of one
      material (material_coefficients.py).
-Out: DIFFUSE and SPECULAR, which lighting.py multiplies by colours and sums over the lights.
+Out: DIFFUSE, D; and of a highlight S the part SPECULAR = S·(1 - s), with s = 0 where W(θ) is 1, and else also GRAZING =
+     S·s; of Cook-Torrance's also METAL, that of SPECULAR which is metal. lighting.py multiplies them by colours and
+     sums them over the lights.
 
     N  unit normal      L  unit vector to the light      V  unit vector to the viewer
     R  L mirrored at N, 2 (N·L) N - L                    H  half vector, (L + V) / |L + V|
@@ -37,7 +39,7 @@ class ReflectionFunction(NamedTuple):
     evaluate: Callable
     needs_view: bool  # it reads N_DOT_V and VIEW_DIR
     has_highlight: bool  # it writes SPECULAR
-    second_term: Callable | None = None  # follows `evaluate` where F0 is a colour
+    has_fresnel: bool = False  # and GRAZING
 
 
 def lambert(batch, n, material):
@@ -105,7 +107,7 @@ def ambient_share(batch, n, material):
     zero = batch.dtype.type(0)
     for k in range(index(n)):
         batch[f.DIFFUSE + k] = batch[f.STRENGTH + k]
-        batch[f.SPECULAR + k] = zero
+        batch[f.SPECULAR + k] = batch[f.GRAZING + k] = batch[f.METAL + k] = zero
 
 
 # ---------------------------------------------------------------- Phong's and Blinn's highlights
@@ -117,7 +119,7 @@ SMALLEST_SQUARED = 28.0  # results of that below 2^-28 become 0: invisible, and 
 def phong(batch, n, material):
     """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975).
 
-    The highlight is times W(θ), normalised, or both, where the material asks for it.
+    The highlight is normalised, or parted by W(θ), cos θ = N·L, where the material asks for it.
     """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_r_dot_v(batch, n)
@@ -188,15 +190,14 @@ def finish_highlights(batch, n, material):
 
 @helper
 def weight_highlights(batch, n, material):
-    """Multiply SPECULAR by W(θ), cos θ = N·L, if that isn't 1, and by HIGHLIGHT_SCALE·N·L if that isn't 0."""
-    zero, one = batch.dtype.type(0), batch.dtype.type(1)
-    fresnel, highlight_scale = material[m.FRESNEL], material[m.HIGHLIGHT_SCALE]
-    if fresnel != one:
-        for k in range(index(n)):
-            batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * schlick(fresnel, max(batch[f.N_DOT_L + k], zero))
+    """Multiply SPECULAR by HIGHLIGHT_SCALE·N·L if that isn't 0, and part it where W(θ), cos θ = N·L, isn't 1."""
+    zero, highlight_scale = batch.dtype.type(0), material[m.HIGHLIGHT_SCALE]
     if highlight_scale > zero:
         for k in range(index(n)):
             batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * (highlight_scale * max(batch[f.N_DOT_L + k], zero))
+    if material[m.HAS_FRESNEL] > zero:
+        for k in range(index(n)):
+            part_highlight(batch, k, batch[f.SPECULAR + k], max(batch[f.N_DOT_L + k], zero))
 
 
 @helper
@@ -225,10 +226,10 @@ def square_and_multiply(batch, n, exponent):
 
 # ---------------------------------------------------------------- microscopic mirrors, tilted at random
 
-# SPECULAR = strength · N·L · π D F G / (4 (N·L) (N·V))       DIFFUSE = strength · N·L
+# SPECULAR / (1 - s) = GRAZING / s = strength · N·L · π D G / (4 (N·L) (N·V))       DIFFUSE = strength · N·L
 #
-# D says how many mirrors look along the half vector, G how many of these see both light and viewer, F = W(θ) what a
-# mirror reflects, cos θ = |L + V|/2. An N·V below 0 is taken for 0: the formula has a finite limit there.
+# D says how many mirrors look along the half vector, G how many of these see both light and viewer. What a mirror
+# reflects is W(θ), cos θ = |L + V|/2. An N·V below 0 is taken for 0: the formula has a finite limit there.
 #
 # Sources: Cook & Torrance 1981, Proc. SIGGRAPH, 307-316; Walter, Marschner, Li & Torrance 2007, EGSR, 195-206.
 
@@ -248,12 +249,12 @@ def ggx(batch, n, material):
     two, alpha_square = batch.dtype.type(2), material[m.ROUGHNESS] * material[m.ROUGHNESS]
     for k in range(index(n)):
         n_dot_l, reflected, half_square = ggx_mirrors(batch, k, alpha_square)
-        set_reflection(batch, k, n_dot_l, reflected * schlick(material[m.FRESNEL], np.sqrt(half_square) / two))
+        set_reflection(batch, k, n_dot_l, reflected, np.sqrt(half_square) / two)
 
 
 @helper
 def ggx_mirrors(batch, k, alpha_square):
-    """Return N·L, what fragment k reflects but for W, and |L + V|²; see `ggx`."""
+    """Return N·L, what fragment k reflects where W is 1, and |L + V|²; see `ggx`."""
     zero, one = batch.dtype.type(0), batch.dtype.type(1)
     rest = one - alpha_square
     half_square, along, across_square = half_vector_parts(batch, k)
@@ -284,16 +285,17 @@ def beckmann(batch, n, material):
         ratio = half_square * inverse  # 1 / cos²θh
         mirrors = exponential(-scale * across_square * inverse) * scale * ratio * ratio
         masked = n_dot_l * beckmann_visible(n_dot_l, roughness) * beckmann_visible(n_dot_v, roughness) / four
-        reflected = mirrors * masked * schlick(material[m.FRESNEL], np.sqrt(half_square) / two)
-        set_reflection(batch, k, n_dot_l, reflected)
+        set_reflection(batch, k, n_dot_l, mirrors * masked, np.sqrt(half_square) / two)
 
 
 @helper
-def set_reflection(batch, k, n_dot_l, reflected):
-    """Write what fragment k reflects; nothing where the light is behind the surface, also of infinite strength."""
+def set_reflection(batch, k, n_dot_l, reflected, cosine):
+    """Write what fragment k reflects; nothing where the light is behind the surface, also of infinite strength. All of
+    SPECULAR may be metal: how much is, is in its colour."""
     zero, strength = batch.dtype.type(0), batch[f.STRENGTH + k]
     batch[f.DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
-    batch[f.SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
+    part_highlight(batch, k, strength * reflected if n_dot_l > zero else zero, cosine)
+    batch[f.METAL + k] = batch[f.SPECULAR + k]
 
 
 @helper
@@ -357,18 +359,17 @@ def anisotropic_ggx_by_axis(batch, n, material):
 
 @helper
 def reflect_anisotropically(batch, n, material):
-    """Fill DIFFUSE and SPECULAR."""
+    """Fill what is reflected."""
     two, roughnesses = batch.dtype.type(2), (material[m.ROUGHNESS], material[m.ROUGHNESS_ACROSS])
     for k in range(index(n)):
         half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
         reflected = anisotropic_mirrors(batch, k, half, roughnesses)
-        reflected = reflected * schlick(material[m.FRESNEL], length(half) / two)
-        set_reflection(batch, k, batch[f.N_DOT_L + k], reflected)
+        set_reflection(batch, k, batch[f.N_DOT_L + k], reflected, length(half) / two)
 
 
 @helper
 def anisotropic_mirrors(batch, k, half, roughnesses):
-    """Return N·L · π D G / (4 (N·L) (N·V)) of fragment k, without W; `half` is L + V, `roughnesses` are αx and αy."""
+    """Return N·L · π D G / (4 (N·L) (N·V)) of fragment k; `half` is L + V, `roughnesses` are αx and αy."""
     zero, (roughness_along, roughness_across) = batch.dtype.type(0), roughnesses
     normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
     view_dir = get_vector(batch, f.VIEW_DIR, k)
@@ -423,15 +424,22 @@ def masking(cosine, along, across, alpha_x, alpha_y):
     return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
 
 
-# ---------------------------------------------------------------- the specular reflection function W(θ)
+# ---------------------------------------------------------------- the specular reflection function W(θ), and metals
 
-# Where F0 is a colour or a spectrum: W = F0 + (1 - F0)·s with s = (1 - cos θ)^5 is affine in F0, so
+# W = F0 + (1 - F0)·s with s = (1 - cos θ)^5 is F0·(1 - s) + s. So of a highlight S
 #
-#     ks·Ip·W·h = (ks·Ip·F0)·h + (ks·Ip·(1 - F0))·(s·h)
+#     ks·Ip·W·S = (ks·Ip·F0)·(S·(1 - s)) + (ks·Ip)·(S·s)
 #
-# in every channel and for every wavelength: two sums whose colours geometry has no part in. The first is what the
-# material's reflection function writes with W = 1. The functions here follow it, as if the light were there once more,
-# and make s·h of the h that still stands in SPECULAR. With F0 within 0..1 neither term is negative, so nothing cancels.
+# in every channel and for every wavelength: two sums whose colours geometry has no part in, whether F0 is a number, a
+# colour or a spectrum. With F0 within 0..1 neither term is negative, so nothing cancels.
+#
+# The share m of the surface is metal, whose F0 is M times the albedo a: colours of vertices, and what a texture shows.
+# With F0 = (1 - m)·F + m·M·a
+#
+#     W = (1 - m)·F·(1 - s) + s + m·M·a·(1 - s)
+#
+# and the last term belongs to the sum that the albedo multiplies, beside (1 - m)·kd·Ip·N·L. So F0 follows the albedo
+# wherever that is looked up, by every method of shading.
 #
 # Source: Schlick 1994, Computer Graphics Forum 13(3), 233-246.
 
@@ -439,124 +447,49 @@ MIN_SINK = 2.0**-12  # the fifth power of less is taken for 0: invisible, and ne
 
 
 @helper
-def schlick(fresnel, cosine):
-    """Return the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5."""
-    real = type(cosine)
-    sink = real(1) - cosine
-    sink = sink if sink > real(MIN_SINK) else real(0)
-    square = sink * sink
-    return fresnel + (real(1) - fresnel) * (square * square * sink)
-
-
-def grazing_term(batch, n, material):
-    """The second term of Phong's and Blinn's highlights: times s with cos θ = N·L."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    zero = batch.dtype.type(0)
-    for k in range(index(n)):
-        share = schlick(zero, max(batch[f.N_DOT_L + k], zero))
-        # No product where nothing is left: the highlight may be infinite in the light itself.
-        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
-        batch[f.DIFFUSE + k] = zero
-
-
-def grazing_term_of_mirrors(batch, n, material):
-    """The second term of Cook-Torrance's: θ is the angle of incidence on the mirrors, cos θ = |L + V|/2."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    zero, two = batch.dtype.type(0), batch.dtype.type(2)
-    for k in range(index(n)):
-        half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
-        share = schlick(zero, length(half) / two)
-        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * share if share > zero else zero
-        batch[f.DIFFUSE + k] = zero
-
-
-def no_second_term(batch, n, material):
-    """The second term of a material whose F0 is grey, in a scene where another one's is a colour: 0."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    zero = batch.dtype.type(0)
-    for k in range(index(n)):
-        batch[f.DIFFUSE + k] = batch[f.SPECULAR + k] = zero
-
-
-# ---------------------------------------------------------------- metals
-
-# The share m of the surface is metal, whose F0 is M times the albedo a: colours of vertices, and what a texture shows.
-# With F0 = (1 - m)·F + m·M·a
-#
-#     W = (1 - m)·F·(1 - s) + s + m·M·a·(1 - s)
-#
-# and the last term belongs to the sum that the albedo multiplies, beside (1 - m)·kd·Ip·N·L: in its colours stand ks·Ip
-# times m·M. So F0 follows the albedo wherever that is looked up, by every method of shading. None of the terms is
-# negative.
-
-
-def metal_term(batch, n, material):
-    """The second term of metals: that of `grazing_term_of_mirrors`, and what the albedo multiplies."""
-    batch = as_array(batch, f.BATCH_SHAPE)
-    for k in range(index(n)):
-        part_highlight(batch, k, batch[f.SPECULAR + k])
-
-
-@helper
-def part_highlight(batch, k, highlight):
-    """Part a highlight: s of it goes to SPECULAR, 1 - s of it to DIFFUSE; return the latter."""
-    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
-    half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
-    share = schlick(zero, length(half) / two)
+def part_highlight(batch, k, highlight, cosine):
+    """Part a highlight of fragment k: s = (1 - cos θ)^5 of it goes to GRAZING, 1 - s of it to SPECULAR."""
+    zero, one, least = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(MIN_SINK)
+    sink = one - cosine
+    sink = sink if sink > least else zero
+    share = sink * sink * (sink * sink) * sink
     # No products where nothing is left: the highlight may be infinite in the light itself.
-    straight = highlight * (one - share) if share < one else zero
-    batch[f.SPECULAR + k] = highlight * share if share > zero else zero
-    batch[f.DIFFUSE + k] = straight
-    return straight
+    batch[f.GRAZING + k] = highlight * share if share > zero else zero
+    batch[f.SPECULAR + k] = highlight * (one - share) if share < one else zero
 
 
 def ggx_of_texture(batch, n, material):
     """GGX whose α, and the share m, a texture multiplies at every fragment: METALLIC and ROUGHNESS, α by its square.
 
-    The first term: (1 - m)·N·L, and in SPECULAR (1 - m)·(1 - s) of the highlight, whose colour has F.
+    So 1 - m of DIFFUSE and SPECULAR, and m of METAL is left.
     """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     real = batch.dtype.type
-    zero, one, least = real(0), real(1), real(MIN_ALPHA)
+    zero, one, two, least = real(0), real(1), real(2), real(MIN_ALPHA)
     for k in range(index(n)):
-        rest = one - material[m.METALLIC] * batch[f.METALLIC + k]
+        metallic = material[m.METALLIC] * batch[f.METALLIC + k]
+        rest = one - metallic
         alpha = max(material[m.ROUGHNESS] * batch[f.ROUGHNESS + k] * batch[f.ROUGHNESS + k], least)
-        n_dot_l, reflected, _ = ggx_mirrors(batch, k, alpha * alpha)
-        set_reflection(batch, k, n_dot_l, reflected)
-        diffuse, highlight = batch[f.DIFFUSE + k], batch[f.SPECULAR + k]
-        batch[f.MIRRORS + k] = highlight
-        straight = part_highlight(batch, k, highlight)
-        batch[f.SPECULAR + k] = straight * rest if rest > zero else zero
-        batch[f.DIFFUSE + k] = diffuse * rest if rest > zero else zero
-
-
-def metal_term_of_texture(batch, n, material):
-    """The second term of `ggx_of_texture`: s of the highlight, and in DIFFUSE m·(1 - s) of it."""
-    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
-    zero = batch.dtype.type(0)
-    for k in range(index(n)):
-        share = material[m.METALLIC] * batch[f.METALLIC + k]
-        straight = part_highlight(batch, k, batch[f.MIRRORS + k])
-        batch[f.DIFFUSE + k] = straight * share if share > zero else zero
+        n_dot_l, reflected, half_square = ggx_mirrors(batch, k, alpha * alpha)
+        set_reflection(batch, k, n_dot_l, reflected, np.sqrt(half_square) / two)
+        batch[f.METAL + k] = batch[f.METAL + k] * metallic if metallic > zero else zero
+        batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * rest if rest > zero else zero
+        batch[f.DIFFUSE + k] = batch[f.DIFFUSE + k] * rest if rest > zero else zero
 
 
 # ---------------------------------------------------------------- the table of all models, and models of one's own
 
 REFLECTION_FUNCTIONS = {
     "lambert": ReflectionFunction(lambert, needs_view=False, has_highlight=False),
-    "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, second_term=grazing_term),
-    "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, second_term=grazing_term),
+    "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, has_fresnel=True),
+    "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, has_fresnel=True),
     "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
-    "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
-    "ggx of texture": ReflectionFunction(
-        ggx_of_texture, needs_view=True, has_highlight=True, second_term=metal_term_of_texture
-    ),
-    "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors),
-    "anisotropic ggx": ReflectionFunction(
-        anisotropic_ggx, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors
-    ),
+    "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, has_fresnel=True),
+    "ggx of texture": ReflectionFunction(ggx_of_texture, needs_view=True, has_highlight=True, has_fresnel=True),
+    "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, has_fresnel=True),
+    "anisotropic ggx": ReflectionFunction(anisotropic_ggx, needs_view=True, has_highlight=True, has_fresnel=True),
     "anisotropic ggx by axis": ReflectionFunction(
-        anisotropic_ggx_by_axis, needs_view=True, has_highlight=True, second_term=grazing_term_of_mirrors
+        anisotropic_ggx_by_axis, needs_view=True, has_highlight=True, has_fresnel=True
     ),
     "toon": ReflectionFunction(toon, needs_view=True, has_highlight=True),
 }

@@ -14,10 +14,11 @@ from rasterizer.engine.reflections import (
     MIN_SUM,
     REFLECTION_TABLE,
     blinn_scale,
+    count_terms,
     entry_of,
-    first_fresnel,
+    fresnel_of,
     has_highlight,
-    has_two_terms,
+    has_hued_fresnel,
     power_slope,
 )
 from rasterizer.engine.rounding import DOUBLE, SINGLE, times
@@ -198,14 +199,13 @@ def test_models_say_why_they_need_float64():
         assert found == reason, f"{material}: {found!r} != {reason!r}"
 
 
-def test_fresnel_as_the_pipeline_takes_it():
-    assert first_fresnel(made("phong")) == 1.0 and first_fresnel(made("cook-torrance")) == 0.04
-    assert first_fresnel(made("blinn", fresnel=0.3)) == 0.3
+def test_only_what_has_a_weight_is_parted():
+    assert count_terms(made("phong")) == 2 and count_terms(made("cook-torrance")) == 3
+    assert count_terms(made("cook-torrance", metallic=0.5)) == 4 and fresnel_of(made("cook-torrance")) == 0.04
     for word in REFLECTION_MODELS:
         colored = made(word, fresnel=(0.9, 0.5, 0.1))
-        assert first_fresnel(colored) == 1.0
-        assert has_two_terms(colored) == (word in ("phong", "blinn", "cook-torrance"))
-        assert not has_two_terms(made(word, fresnel=(0.9, 0.5, 0.1), specular=0))
+        assert (count_terms(colored) == 3) == has_hued_fresnel(colored) == (word in ("phong", "blinn", "cook-torrance"))
+        assert count_terms(made(word, fresnel=(0.9, 0.5, 0.1), specular=0)) == 1
     assert blinn_scale(made("blinn", shininess=10, normalized=True)) == pytest.approx(12 * 14 / (8 * (2**-5 + 10)))
 
 

@@ -92,14 +92,14 @@ def test_beside_a_coloured_material_a_grey_one_has_one_channel():
     grey, clay = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2), rz.Material(diffuse=(0.6, 0.4, 0.2))
     lighting, plan = lighting_of((rz.AmbientLight(0.5), rz.PointLight((1, 2, 3), 0.7)), grey, clay)
     assert lighting.n_channels.tolist() == [1, 3] and not differences(plan.tint, 1)
-    assert lighting.colors.shape == (1, 1, 6) and not differences(lighting.colors, 0.7)
+    assert lighting.colors.shape == (1, 1, 12) and not differences(lighting.colors, 0.7)
     assert lighting.materials[0, m.DIFFUSE] == 0.6 and lighting.materials[1, m.DIFFUSE : m.DIFFUSE + 3].tolist() == [
         0.6, 0.4, 0.2,
     ]  # fmt: skip
     # Coloured light leaves nothing grey.
     lighting, _ = lighting_of((rz.DirectionalLight((0, 0, -1), (0.5, 0.2, 0.1)),), grey, clay)
     assert lighting.n_channels.tolist() in ([3, 3], [1, 3])
-    assert not deviations(lighting.colors[-1], [[0.5, 0.2, 0.1] * 2])
+    assert not deviations(lighting.colors[-1, :, :6], [[0.5, 0.2, 0.1] * 2])
 
 
 def test_only_the_materials_of_a_type_have_functions_in_it():
@@ -119,9 +119,9 @@ def test_with_spectra_every_material_has_sums_of_its_own():
     materials.append(rz.Material(diffuse=(0.2, 0.6, 0.4), specular=0, emissive=0.1))
     lights = (rz.AmbientLight(0.4), rz.PointLight((1, 2, 3), 0.5), rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, *materials, exposure=1)
-    assert lighting.n_channels.tolist() == [3, 3] and lighting.colors.shape == (2, 2, 6)
-    assert not deviations(lighting.colors[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-09)
-    assert not deviations(lighting.colors[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-09)
+    assert lighting.n_channels.tolist() == [3, 3] and lighting.colors.shape == (2, 2, 12)
+    assert not deviations(lighting.colors[0, :, :6], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-09)
+    assert not deviations(lighting.colors[1, :, :6], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-09)
     assert not differences(lighting.materials[:, m.DIFFUSE : m.DIFFUSE + 3], 1)
     assert not differences(lighting.materials[:, m.SPECULAR : m.SPECULAR + 3], 1)
     assert not deviations(lighting.materials[1, m.EMISSION : m.EMISSION + 3], 0.2)

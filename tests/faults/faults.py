@@ -162,8 +162,8 @@ FAULTS = (
     Fault(
         "Fresnel: Schlick's fifth power is a third one",
         "pipeline/reflection.py",
-        "square * square * sink",
-        "square * sink",
+        "sink * sink * (sink * sink) * sink",
+        "sink * sink * sink",
         "pictures pipeline engine",
     ),
     Fault("Oren-Nayar: 0.9 for 0.09", "pipeline/reflection.py", "real(0.09)", "real(0.9)", "pictures pipeline engine"),
@@ -184,15 +184,15 @@ FAULTS = (
     Fault(
         "metals: F0 doesn't follow the base colour, but is that of the material",
         "pipeline/reflection.py",
-        "batch[f.DIFFUSE + k] = straight\n",
-        "batch[f.DIFFUSE + k] = zero\n    batch[f.SPECULAR + k] += straight\n",
+        "batch[f.METAL + k] * metallic if metallic > zero else zero",
+        "zero",
         "pictures/test_metals.py pictures",
     ),
     Fault(
         "metals: the share that a texture says leaves the diffuse part as it is",
         "pipeline/reflection.py",
-        "diffuse * rest if",
-        "diffuse if",
+        "batch[f.DIFFUSE + k] * rest if",
+        "batch[f.DIFFUSE + k] if",
         "pictures/test_metals.py pictures",
     ),
     Fault(
@@ -828,8 +828,8 @@ HELD_OUT = (
     Fault(
         "coloured Fresnel: what grows towards grazing is F0 once more",
         "engine/uniforms.py",
-        "of_lights * rest[:, None]",
-        "of_lights * first[:, None]",
+        "(diffuse, first, rest, metal)], is_colored",
+        "(diffuse, first, first, metal)], is_colored",
         "engine pictures",
     ),
     # Normals and polygons

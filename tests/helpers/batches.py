@@ -8,16 +8,15 @@ from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import reflection_function_of
 
 DTYPES = [np.float32, np.float64]
-WRITTEN = (f.DIFFUSE, f.SPECULAR)
 COEFFICIENTS = {
     m.ROUGHNESS: 0.3,
     m.ROUGHNESS_ACROSS: 0.5,
     m.TANGENT_AXIS: 1.0,
-    m.FRESNEL: 0.04,
+    m.HAS_FRESNEL: 1.0,
     m.HIGHLIGHT_SCALE: 0.0,
     m.TOON_LEVELS: 3.0,
 }
-CLASSIC = COEFFICIENTS | {m.FRESNEL: 1.0}  # Phong's and Blinn's highlights, which nothing weighs
+CLASSIC = COEFFICIENTS | {m.HAS_FRESNEL: 0.0}  # Phong's and Blinn's highlights, which nothing weighs
 
 
 def call(function, batch, n, coefficients):
@@ -51,8 +50,10 @@ def directions_of(dtype, *vectors):
     return [np.atleast_2d(v).astype(dtype) for v in np.broadcast_arrays(*np.atleast_2d(*vectors))]
 
 
-def reflect(model, normal, light_dir, view_dir, strength=1.0, shininess=8.0, has_kernels_cosines=False, given=None):
-    """Evaluate a reflection model in the directions' type; return DIFFUSE and SPECULAR (2, n) float64.
+def reflect(
+    model, normal, light_dir, view_dir, strength=1.0, shininess=8.0, has_kernels_cosines=False, given=None, fresnel=0.04
+):
+    """Evaluate a reflection model in the directions' type; return D and S (2, n) float64, S with W(θ) where it has one.
 
     Directions (n, 3) have been rounded by `directions_of`. N·L and N·V are rounded once, so that what is
     measured is the model's own error, or come about as the lights and the kernels find them. `given` takes the place of
@@ -66,6 +67,7 @@ def reflect(model, normal, light_dir, view_dir, strength=1.0, shininess=8.0, has
     if given is None:
         given = CLASSIC if model in ("phong", "blinn") else COEFFICIENTS
     material[list(given)] = list(given.values())
+    has_fresnel = reflection_function_of(model).has_fresnel and material[m.HAS_FRESNEL] > 0.0
     quantities = [*axes_of(f.NORMAL), *axes_of(f.LIGHT_DIR), *axes_of(f.VIEW_DIR), f.N_DOT_L, f.N_DOT_V, f.STRENGTH]
     rows = [*normal.T, *light_dir.T, *view_dir.T, *cosines, np.full(n, strength)]
     for start in range(0, n, f.BATCH_SIZE):
@@ -75,7 +77,8 @@ def reflect(model, normal, light_dir, view_dir, strength=1.0, shininess=8.0, has
         write(batch, quantities, [row[start : start + f.BATCH_SIZE] for row in rows])
         n_fragment = min(f.BATCH_SIZE, n - start)
         call(reflection_function_of(model).evaluate, batch, n_fragment, material)
-        results.append(read(batch, WRITTEN, n_fragment))
+        diffuse, specular, grazing = read(batch, (f.DIFFUSE, f.SPECULAR, f.GRAZING), n_fragment)
+        results.append(np.stack([diffuse, fresnel * specular + grazing if has_fresnel else specular]))
     return np.concatenate(results, axis=1)
 
 

@@ -88,12 +88,14 @@ def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
         m.ROUGHNESS: along,
         m.ROUGHNESS_ACROSS: across,
         **dict(zip(range(m.TANGENT_AXIS, m.TANGENT_AXIS + 3), axis_of(material), strict=True)),
-        m.FRESNEL: reflection_table.first_fresnel(material),
+        m.HAS_FRESNEL: reflection_table.count_terms(material) > 2,
         m.HIGHLIGHT_SCALE: highlight_scale(material),
         m.TOON_LEVELS: material.levels,
     }
     model = model_of(material)
-    found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, coefficients)
+    fresnel = reflection_table.fresnel_of(material)
+    sides = normal, to_light, to_viewer
+    found = reflect(model, *sides, 1.0, material.shininess, has_kernels_cosines, coefficients, fresnel)
     if not REFLECTION_FUNCTIONS[model].has_highlight:
         found[1] = 0.0  # nobody reads it
     assert not differences(np.isfinite(found), True)
@@ -315,7 +317,7 @@ def test_every_name_has_a_reflection_function_and_options_choose_another():
 def test_only_what_needs_the_viewer_pays_for_it():
     names = ("lambert", "phong", "oren-nayar", "toon", "cook-torrance")
     _, lighting = planned(*(rz.Material(reflection=name) for name in names))
-    assert lighting.has_highlight.tolist() == [False, True, False, True, True]
+    assert lighting.n_terms.tolist() == [1, 2, 1, 2, 3]
     assert lighting.is_view_dependent.tolist() == [False, True, True, True, True]
     assert not planned(rz.Material(reflection="lambert"))[1].needs_view
     assert planned(rz.Material(reflection="oren-nayar"))[1].needs_view

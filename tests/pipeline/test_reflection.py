@@ -264,8 +264,7 @@ def test_an_unknown_model_is_an_error_that_lists_the_known_ones():
         reflection_function_of("velvet")
 
 
-def test_only_highlights_have_second_terms():
-    """Where F0 has a colour, every highlight whose formula has F0 is two sums."""
+def test_only_highlights_are_parted():
     for model, function in REFLECTION_FUNCTIONS.items():
-        assert (function.second_term is not None) == (function.has_highlight and model != "toon"), model
+        assert function.has_fresnel == (function.has_highlight and model != "toon"), model
         assert function.needs_view or not function.has_highlight, model
