@@ -37,7 +37,9 @@ for _ in sys.stdin:
     renderer.render()
     print(1000 * (time.perf_counter() - start), flush=True)
 """
-KINDS = (("gouraud", "mono"), ("gouraud", "rgb"), ("phong", "mono"))
+# Triangles of all sizes: below a pixel, some pixels, tens and hundreds of them, as large as the picture; and quads.
+CASES = ["dense", "confetti", "teapot", "gear", "quad-torus", "quads-front"]
+KINDS = (("flat", "mono"), ("gouraud", "mono"), ("gouraud", "rgb"), ("phong", "mono"))
 OWN = (("phong", "own"),)  # of scenes with lights and materials of their own
 
 
@@ -70,7 +72,7 @@ def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("before", type=Path, metavar="FOLDER", help="a checkout of the other version")
-    parser.add_argument("cases", nargs="*", default=["dense", "quads-front"], metavar="CASE")
+    parser.add_argument("cases", nargs="*", default=CASES, metavar="CASE")
     parser.add_argument("--size", default="1080p")
     parser.add_argument("--cull", choices=("none", "back"), default="back")
     parser.add_argument("--threads", type=int, default=1)

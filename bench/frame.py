@@ -25,7 +25,7 @@ from rasterizer import Options, Renderer
 from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import SHADINGS
 
-CASES = (*scenes.MODEL_NAMES, "dense", "quads-front", "quads-back")
+CASES = (*scenes.MODEL_NAMES, "confetti", "dense", "quad-torus", "quads-front", "quads-back")
 HUGE_LIMIT_MIB = 3000
 
 

@@ -62,6 +62,7 @@ PATHS = (
         (("engine/scene_tables.py", "(self.products is not None and self.products.is_spectral) or", "True or"),),
     ),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
+    Variant("spans: by hand", (("pipeline/scan.py", '@spelled_out("build_fill_span")', "@helper"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
     Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_row")', "@helper"),)),
     Variant(
@@ -190,7 +191,7 @@ for line in sys.stdin:
     milliseconds = 1000 * (time.perf_counter() - start)
     print(milliseconds, paths.digest(frame), flush=True)
 """
-SCENES = ("scan", "dense", "textured", "room", "look", "quads", "buffers")
+SCENES = ("scan", "dense", "confetti", "teapot", "gear", "quad-torus", "textured", "room", "look", "quads", "buffers")
 SIZE = (1920, 1080)
 MAX_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
 
@@ -210,6 +211,10 @@ def make_renderer(name, scan, threads):
         scene = scenes.build(scan, SIZE, "one", "mono")
     elif name == "dense":  # small triangles, by Gouraud's
         scene, options["shading"] = scenes.build("dense", SIZE, "one", "mono"), "gouraud"
+    elif name in ("confetti", "teapot", "quad-torus"):  # triangles of middle size, and quads
+        scene, options["shading"] = scenes.build(name, SIZE, "one", "mono"), "gouraud"
+    elif name == "gear":
+        scene, options["shading"] = scenes.build(name, SIZE, "one", "mono"), "flat"
     elif name == "textured":
         scene = scenes.build("textured", SIZE)
     elif name == "room":  # lamps with shadows, glass, a texture

@@ -19,6 +19,7 @@ MODEL_NAMES = ("teapot", "sphere", "torus", "gear", "knot", "still_life", "floor
 FOV = 40.0  # degrees
 MARGIN = 0.025  # on each side: the object fits 95 % of the picture's height, or of its width where that is tighter
 N_QUAD = 32
+BEFORE_CAMERA = ("quads-", "confetti")  # how the names of what is made for one camera begin
 SIZES = {"1080p": (1920, 1080), "4k": (3840, 2160)}
 
 
@@ -51,8 +52,8 @@ def build(name: str, size: tuple[int, int], lights="one", channels="mono") -> rz
 
     Parameters
     ----------
-    name : one of GENERATED or WHOLE, "quads-front" or "quads-back" (the order in which 32 of them come), the name of a
-        file in models/, or the path of any model file
+    name : one of GENERATED or WHOLE, "quads-front" or "quads-back" (the order in which 32 of them come), "confetti"
+        (ten thousand triangles of middle size), the name of a file in models/, or the path of any model file
     size : (width, height) in pixels: the camera depends on their ratio
     lights, channels : as on the command line
     """
@@ -60,7 +61,7 @@ def build(name: str, size: tuple[int, int], lights="one", channels="mono") -> rz
         return WHOLE[name](size)
     meshes, up = _meshes(name, channels, size[0] / size[1])
     lit = rz.studio() if lights == "studio" else rz.DirectionalLight((0.4, -0.5, -1.0), 1.0, "camera")
-    if name.startswith("quads-"):
+    if name.startswith(BEFORE_CAMERA):
         camera = rz.Camera.perspective((0, 0, 0), target=(0, 0, -1), fov=FOV)
         return rz.Scene(meshes, lit, camera)
     scene = rz.Scene(meshes, lit, up=up)
@@ -80,8 +81,9 @@ def _meshes(name: str, channels: str, aspect: float):
     paint = material(channels)
     if name in GENERATED:
         return rz.Mesh(*GENERATED[name](), material=paint), "y"
-    if name.startswith("quads-"):
-        vertices, faces, normals = stacked_quads(N_QUAD, aspect, name == "quads-front")
+    if name.startswith(BEFORE_CAMERA):
+        shape = confetti(aspect) if name == "confetti" else stacked_quads(N_QUAD, aspect, name == "quads-front")
+        vertices, faces, normals = shape
         return rz.Mesh(vertices, faces, normals=normals, material=paint), "y"
     scene = rz.load(find_file(name))
     if channels == "own":
@@ -103,7 +105,7 @@ def find_file(name: str) -> Path:
 def all_names() -> list[str]:
     """Names of all scenes that `build` knows without a path."""
     models = {path.stem for path in MODELS.iterdir() if path.suffix in SUFFIXES}
-    return [*sorted(models), "quads-front", "quads-back", *GENERATED, *WHOLE]
+    return [*sorted(models), "quads-front", "quads-back", "confetti", *GENERATED, *WHOLE]
 
 
 # ── generated shapes ──────────────────────────────────────────────────────────────────────────────────────
@@ -193,9 +195,39 @@ def stacked_quads(n_quad: int, aspect: float, is_front_first: bool):
     return points.reshape(-1, 3), faces.reshape(-1, 3).astype(np.uint32), normals
 
 
+def quad_torus(n_ring: int, n_tube: int):
+    """Make the same torus of quads: n_ring * n_tube faces (n, 4) uint32."""
+    vertices, faces = torus(n_ring, n_tube)
+    triangles = faces.reshape(-1, 2, 3)
+    return vertices, np.column_stack([triangles[:, 0], triangles[:, 1, 2]])
+
+
+def confetti(aspect: float, n=10_000, areas=(30.0, 300.0)):
+    """Scatter triangles before a camera in the origin that looks down -z, facing it: vertices, faces, normals.
+
+    At a height of 1080 pixels each covers between `areas` pixels, all magnitudes alike; shapes and turns are random.
+    """
+    rng = np.random.default_rng(1971)
+    depth = rng.uniform(2.0, 4.0, n)
+    half = np.tan(np.radians(FOV) / 2)
+    corners = rng.normal(size=(n, 3, 2))
+    (ax, ay), (bx, by) = (corners[:, k].T - corners[:, 0].T for k in (1, 2))
+    area = 0.5 * (ax * by - ay * bx)
+    corners[area < 0, 1:] = corners[area < 0, :0:-1]
+    wanted = np.exp(rng.uniform(*np.log(areas), n))
+    corners *= np.sqrt(wanted / np.abs(area))[:, None, None] * 2 / 1080
+    corners += (rng.uniform(-1, 1, (n, 2)) * (aspect, 1.0))[:, None]
+    points = np.empty((n, 3, 3))
+    points[..., :2] = corners * (half * depth)[:, None, None]
+    points[..., 2] = -depth[:, None]
+    normals = rng.normal(size=(3 * n, 3)) * 0.3 + (0.0, 0.0, 1.0)
+    return points.reshape(-1, 3), np.arange(3 * n, dtype=np.uint32).reshape(-1, 3), normals
+
+
 GENERATED = {
     "dense": lambda: icosphere(8),  # 1 310 720 triangles
     "dense-torus": lambda: torus(1024, 640),  # 1 310 720
+    "quad-torus": lambda: quad_torus(800, 640),  # 512 000 quads
     "huge": lambda: uv_sphere(1582, 3162),  # 9 998 244
 }
 

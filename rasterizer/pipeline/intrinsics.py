@@ -43,31 +43,63 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
 
     def generate(context, builder, signature, arguments):
         data = data_of(context, builder, signature.args[0], arguments[0])
-        value, dx, dy = cgutils.unpack_tuple(builder, arguments[4])
-        states = [_Ramp(builder, _ENTRIES, value, dx, dy)]
+        entries = _Ramp(builder, _ENTRIES, *cgutils.unpack_tuple(builder, arguments[4]))
         edges = [builder.trunc(edge, ir.IntType(32)) for edge in cgutils.unpack_tuple(builder, arguments[5])]
-        states += [_Ramp(builder, _EDGES, *edges[k : k + 3]) for k in (0, 3, 6)]
+        edges = [_Ramp(builder, _EDGES, *edges[k : k + 3]) for k in (0, 3, 6)]
         position = cgutils.alloca_once_value(builder, arguments[1])
         mask = splat(builder, _ENTRIES, arguments[6])
         with cgutils.for_range(builder, arguments[3]):
             here = builder.load(position)
-            address = builder.bitcast(builder.gep(data, [here]), _ENTRIES.as_pointer())
-            new, e0, e1, e2 = (state.next(builder) for state in states)
-            old = freeze(builder, builder.load(address, align=8))
+            new, e0, e1, e2 = (ramp.next(builder) for ramp in (entries, *edges))
             is_inside = builder.icmp_signed(
                 ">=", builder.or_(e0, builder.or_(e1, e2)), ir.Constant(_EDGES, [0] * LANES)
             )
-            is_nearer = builder.icmp_signed("<", new, builder.and_(old, mask))
-            builder.store(builder.select(builder.and_(is_inside, is_nearer), new, old), address, align=8)
+            _merge(builder, builder.gep(data, [here]), new, is_inside, mask)
             builder.store(builder.add(here, arguments[2]), position)
         return context.get_dummy_value()
 
     return signature, generate
 
 
-def build_settled(typing_context, entry):
-    """Build `scan.settled`."""
-    return entry(entry), lambda context, builder, signature, arguments: freeze(builder, arguments[0])
+def build_fill_span(typing_context, span, entry, step, depth_mask):
+    """Build `fill_span`: LANES samples at a time. A sample is inside while some of the span are left."""
+    if not (isinstance(span, types.Array) and span.dtype == types.int64 and span.layout == "C"):
+        return None
+
+    def generate(context, builder, signature, arguments):
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        n, (entry, step, depth_mask) = array.nitems, arguments[1:]
+        n_before = builder.and_(builder.sub(n, n.type(1)), n.type(-LANES))  # up to the last LANES, or fewer
+        ramp = _Ramp(builder, _ENTRIES, entry, step, builder.mul(step, step.type(LANES)))
+        mask = splat(builder, _ENTRIES, depth_mask)
+        with cgutils.for_range_slice(builder, n.type(0), n_before, n.type(LANES), n.type) as (first, _):
+            _merge(builder, builder.gep(array.data, [first]), ramp.next(builder), None, mask)
+        left = builder.trunc(builder.sub(n, n_before), ir.IntType(32))
+        lanes = ir.Constant(_EDGES, list(range(LANES)))
+        is_inside = builder.icmp_signed("<", lanes, splat(builder, _EDGES, left))
+        _merge(builder, builder.gep(array.data, [n_before]), ramp.next(builder), is_inside, mask)
+        return context.get_dummy_value()
+
+    return types.void(span, types.uint64, types.uint64, types.int64), generate
+
+
+def _merge(builder, address, new, is_inside, mask):
+    """Write LANES entries to an address, where they are inside and nearer than what is there.
+
+    What is written back as it was may not become a masked store: on processors with AVX2 that takes several times as
+    long, and what is read next from there waits for it.
+
+    Parameters
+    ----------
+    is_inside : vector of booleans; None where all are inside
+    mask : the bits of entries that are compared, in all lanes
+    """
+    address = builder.bitcast(address, _ENTRIES.as_pointer())
+    old = freeze(builder, builder.load(address, align=8))
+    is_written = builder.icmp_signed("<", new, builder.and_(old, mask))
+    if is_inside is not None:
+        is_written = builder.and_(is_inside, is_written)
+    builder.store(builder.select(is_written, new, old), address, align=8)
 
 
 class _Ramp:

@@ -393,16 +393,6 @@ def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
                 entries[first + k] = new
 
 
-@spelled_out("build_settled")
-def settled(entry):
-    """Return an entry that is chosen again or replaced, and written either way.
-
-    Told so, the compiler writes whole vectors. Else it masks what is chosen again, and on processors with AVX2 a masked
-    store takes several times as long; what is read next from there waits for it.
-    """
-    return entry
-
-
 # ---------------------------------------------------------------- spans
 
 
@@ -441,7 +431,7 @@ def fill_spans(visibility, y_start, box, surface, lists):
                 elif surface.is_sliver:
                     fill_sliver_span(span, x_start, y, surface)
                 else:
-                    fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx)
+                    fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx, DEPTH_MASK)
             left, right = advance(left), advance(right)
 
 
@@ -487,12 +477,22 @@ def advance(edge):
     return Edge(edge.x + edge.dx + carry, rest, edge.dx, edge.d_rest, edge.divisor)
 
 
-@helper
-def fill_span(span, entry, step):
-    """Advance depth and intensity by one addition a sample; the nearer entry stays, at equal depth the earlier one."""
+@spelled_out("build_fill_span")
+def fill_span(span, entry, step, depth_mask):
+    """Advance depth and intensity by one addition a sample; the nearer entry stays, at equal depth the earlier one.
+
+    LANES samples side by side, the last ones beyond the span's end: entries there are written back as they are. The
+    compiler's own loop takes many more at a time, and the rest, which is most of a span of middle size, one by one.
+
+    Parameters
+    ----------
+    span : (n,) int64, a row's entries, changed
+    entry, step : uint64, the first entry, and what a sample adds to it
+    depth_mask : int64, the bits of an entry that are compared
+    """
     for k in range(index(len(span))):
-        new, old = np.int64(entry), settled(span[k])
-        span[k] = new if new < (old & DEPTH_MASK) else old
+        new = np.int64(entry)
+        span[k] = new if new < (span[k] & depth_mask) else span[k]
         entry += step
 
 

@@ -29,6 +29,13 @@ FAULTS = (
         "carry = rest > edge.divisor",
         "pipeline/test_scan.py pipeline pictures",
     ),
+    Fault(
+        "spans: the last sample of a span is left out",
+        "pipeline/intrinsics.py",
+        "left = builder.trunc(builder.sub(n, n_before), ir.IntType(32))",
+        "left = builder.trunc(builder.sub(builder.sub(n, n_before), n.type(1)), ir.IntType(32))",
+        "pipeline/test_samples.py pipeline/test_scan.py pipeline pictures",
+    ),
     # Transform, clip, cull
     Fault(
         "far plane: vertices beyond it count as inside",

@@ -16,7 +16,7 @@ from rasterizer.pipeline.samples import (
     evaluate_values,
     evaluate_with_slopes,
 )
-from rasterizer.pipeline.scan import merge_box
+from rasterizer.pipeline.scan import fill_span, merge_box
 from rasterizer.pipeline.visibility import LANES
 
 PITCH, ROWS = 21, 6
@@ -95,6 +95,29 @@ def test_the_nearer_entry_stays_at_equal_depth_the_earlier_and_a_sample_on_an_ed
             edges = [5, 0, 0] * 3
             edges[3 * e] = value
             assert assert_same(entries, 4, ROWS, (1, 0, 0), edges, -1) == expected, f"edge {e} is {value}"
+
+
+@kernel
+def fill(entries, start, end, entry, step, depth_mask):
+    """Call fill_span from a kernel, as the scan stage does."""
+    fill_span(entries[start:end], entry, step, depth_mask)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data(), st.integers(0, LANES), st.integers(1, 5 * LANES + 1), masks)
+def test_spans_of_any_length_are_merged_as_plain_python_does_and_nothing_beside_them(data, start, n, mask):
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    entries = rng.integers(-(2**63), 2**63 - 1, start + n + 2 * LANES).tolist()
+    entry, step = data.draw(whole), data.draw(st.one_of(whole, st.integers(-3, 3)))
+    expected = list(entries)
+    for k in range(n):
+        new = signed(entry + k * step, 64)
+        expected[start + k] = new if new < entries[start + k] & mask else entries[start + k]
+    for way in (fill, as_plain(fill, over="ignore")):
+        array = np.array(entries, np.int64)
+        first, end = np.uint64(start), np.uint64(start + n)
+        way(array, first, end, np.uint64(entry % 2**64), np.uint64(step % 2**64), np.int64(mask))
+        assert array.tolist() == expected
 
 
 # ---------------------------------------------------------------- planes
