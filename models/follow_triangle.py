@@ -254,8 +254,19 @@ def describe_resolve(followed: Followed) -> list[str]:
 def describe_explanation(_way: Followed) -> list[str]:
     """What the reference says of the same pixel, without what stands above."""
     explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading, samples=1)
-    known = ("reflection", "depth", "position", "opacity", "emission", "background")
-    return [line for line in str(explanation).splitlines() if not line.strip().startswith(known)]
+    known = {
+        "reflection",
+        "depth",
+        "weights",
+        "position",
+        "normal",
+        "opacity",
+        "visible",
+        "texel",
+        "emission",
+        "background",
+    }
+    return [line for line in str(explanation).splitlines() if line.split()[0] not in known]
 
 
 # ---------------------------------------------------------------- reading the block

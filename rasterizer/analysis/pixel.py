@@ -1,4 +1,4 @@
-"""Why a pixel is what it is: the reference's account of it, and the path by which the renderer draws it."""
+"""Why a pixel is what it is: the reference's account of it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..engine.prepared import PreparedScene
-from ..engine.scene_tables import SceneTables
 from ..io.loader import FileLike
 from ..keywords import divided, takes_words
 from ..look import Look
@@ -43,8 +41,8 @@ def explain(
     x, y : column and row of the pixel, from the upper left, whole numbers
     size, options, words : those of the picture, as for `render`, but edges and the ground. Of several samples each is
         explained, and the pixel's value is their mean. `color_range` "global" takes the largest value of the whole
-        picture, which is then drawn, slowly. `tolerance` decides the path that the renderer takes; the values are the
-        reference's, which has no tolerance. `outputs` and `threads` are of no effect
+        picture, which is then drawn, slowly. The values are the reference's: `tolerance`, `outputs` and `threads`
+        are of no effect
 
     Returns
     -------
@@ -61,7 +59,4 @@ def explain(
     viewpoint = Viewpoint(**side)
     scene, options, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
     scene = replace(scene, camera=viewpoint.over(framing).camera_of(scene, options.size))
-    found = explaining.explain(scene, x, y, options)
-    prepared = PreparedScene(SceneTables(scene, options), options)
-    paths = prepared.paths_at(scene.camera_for(options.size), (found.x, found.y))
-    return replace(found, path=" and ".join(paths) or None)
+    return explaining.explain(scene, x, y, options)

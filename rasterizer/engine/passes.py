@@ -4,7 +4,6 @@
     LitPass            Phong's method: normals are interpolated, and every visible sample is lit
     BufferPass         exact buffers: depth, face, normal
     ShadowMapPass      what a light sees: depth alone
-    ProbePass          which path the samples of one pixel took
 
 A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `shade`, then
 `finish`.
@@ -33,7 +32,6 @@ from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen
-from ..pipeline.visibility import CLEAR, IS_EXACT, IS_ID
 from ..pipeline.workspace import Workspace, WorkspaceShape
 from .attributes import NONE
 from .buffers import BUFFER_TABLE
@@ -382,28 +380,3 @@ def shadow_map_pass(coding, screen, texels, hidden_sides=None) -> ShadowMapPass:
         texels=texels,
         is_filled=True,
     )
-
-
-@dataclass(**AS_PASS)
-class ProbePass(Pass):
-    """Look at the visibility entries of one pixel: which path its samples took. Nothing is shaded or written."""
-
-    pixel: tuple[int, int]  # column and row
-    paths: set[str]  # filled
-
-    def finish(self, workspace, band, counts, translucent, drawn):
-        """Note the paths of the pixel's samples in this band."""
-        visibility, (x, y), factor = workspace.visibility, self.pixel, self.factor
-        for row in range(max(y * factor, band.y_start), min((y + 1) * factor, band.y_end)):
-            start = (row - band.y_start) * visibility.pitch + x * factor
-            self.paths.update(filter(None, map(path_of, visibility.entries[start : start + factor].tolist())))
-        return clear_band(visibility, band.n_row)
-
-
-def path_of(entry: int) -> str | None:
-    """Return the path that a visibility entry tells of; None where nothing is visible."""
-    if entry >= CLEAR:
-        return None
-    if not entry & int(IS_ID):
-        return "packed entry"
-    return "exact record" if entry & int(IS_EXACT) else "plane record"

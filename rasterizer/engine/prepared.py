@@ -36,8 +36,8 @@ from .attributes import (
 from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, depths_of_boxes, screen_of
-from .draw import NO_CLOCK, Counts, draw
-from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, ProbePass
+from .draw import Counts, draw
+from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
 from .plan import Plan, ViewPlan, ViewPlans, keep
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
@@ -260,32 +260,6 @@ class PreparedScene:
         n_side = 1 if self.options.is_flat or is_never_flipped else 2
         normal_offsets = self._shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
-
-    def paths_at(self, camera: Camera, pixel: tuple[int, int]) -> list[str]:
-        """Return the paths that the samples of a pixel took from the vertices, sorted; none where nothing is visible.
-
-        Its band is drawn once more, and its visibility entries are looked at; transparent surfaces as if they were
-        opaque.
-
-        Parameters
-        ----------
-        pixel : (column, row), within the picture
-        """
-        options, view = self.options, camera.view()
-        screen = self.screen_for(camera, view, options.factor)
-        plan = self._plan_on(view, screen).plan
-        of_picture = self.color_pass(view, screen, plan, make_picture(options.size, False), NO_CLOCK)
-        probe = ProbePass(
-            attributes=of_picture.attributes,
-            coding=of_picture.coding,
-            size=options.size,
-            factor=options.factor,
-            hidden_sides=of_picture.hidden_sides,
-            pixel=pixel,
-            paths=set(),
-        )
-        draw(self.geometry, probe, screen, self.workspaces, self.threads, NO_CLOCK)
-        return sorted(probe.paths)
 
     # ------------------------------------------------ exact buffers
 

@@ -1,11 +1,33 @@
-"""One pixel, explained: which surfaces its samples see, and what each light adds to them.
+"""One pixel, explained: which surfaces its samples see, and what each light adds to them, as rows of label and value.
 
 It does what picture.py does, with the same functions, for the samples of one pixel alone. Only the sum is taken apart:
 the illumination equation is evaluated at the same points, and its terms are kept one by one.
 
 Every share of light is linear RGB, as it comes out of its layer: textures, vertex colours, exposure and depth cue are
-in it. So a layer's colour is the sum of its shares, and a sample's colour the sum of its layers' colours, each times
-`visible`.
+in it. So a layer's sum is that of its shares, and a sample's colour the sum of its layers' sums, each times `visible`.
+
+The rows of a layer, which is a surface that the sample sees:
+
+    layer K       the face as loaded, as in `Frame.face`; its mesh, its index there, and the material in the palette
+    reflection    the numbers of the material that its reflection model uses, with what its textures say there
+    depth         distance along the viewing axis, scene units
+    weights       barycentric, perspective-correct, on the corners of the drawn triangle: of a convex polygon with more
+                  than three corners, two of them and its centre
+    position, normal    world; the normal is a unit vector and looks to the viewer
+    opacity       of the material, times that of the texel
+    visible       part of this layer's colour that is seen: its opacity, times what the layers before it let through
+    texel         linear RGB of the texture, 1 without one
+    lit           where the illumination equation is evaluated
+    I_A, I_B, I_C, I_Q, I_R, I_P    what Gouraud's method interpolates: linear RGB at the three corners; where the row
+                  of the sample meets the left and the right edge; at the sample. Texel, exposure and depth cue are
+                  those of the sample. Gouraud 1971, IEEE Trans. Comput. C-20(6), 623-629
+    ambient, emission   linear RGB
+    N point, N diffuse, N specular    what the light N of the scene adds, and how. Where the equation is evaluated at
+                  several points (corners, the cells of an area light) these are means, weighted as the shares are:
+                  the unit vector to the light; N.L, up to 0 where the light is behind the surface; what distance and
+                  cone leave of it; and the part that nothing keeps from a surface that faces it, 0 = in shadow
+    depth cue     linear RGB that the depth cue puts in the place of light, which it weakens by as much
+    sum           linear RGB of all of these
 """
 
 from dataclasses import dataclass
@@ -39,195 +61,39 @@ from .surface import Surface
 from .visibility import NO_KEY, Window, find_visible
 
 Vector = tuple[float, float, float]
+Row = tuple[str, str | float | tuple[float, ...]]
 
 
 @dataclass(frozen=True)
-class LightShare:
-    """What one light adds to a layer.
-
-    Where the equation is evaluated at several points (the corners of a face with Gouraud's method, the cells of an area
-    light), direction, n_dot_l, attenuation and unshadowed are means over them, weighted as the shares are.
+class Rows:
+    """Rows of label and value; `str` writes them for a person, a line each.
 
     Attributes
     ----------
-    index : number of the light in the scene
-    kind : its type, as "point"
-    direction : unit vector to the light, world
-    n_dot_l : cosine of the angle between normal and direction; up to 0 the light is behind the surface and adds nothing
-    attenuation : what distance and cone leave of the light, 1 = all
-    unshadowed : part of the light that nothing keeps from a surface that faces it, 0 = in shadow
-    diffuse, specular : linear RGB
+    rows : pairs of text, and a number, several numbers, or words
     """
 
-    index: int
-    kind: str
-    direction: Vector
-    n_dot_l: float
-    attenuation: float
-    unshadowed: float
-    diffuse: Vector
-    specular: Vector
-
-
-class EdgePoint(NamedTuple):
-    """Where the row of a sample meets an edge of its triangle: Q on the left, R on the right.
-
-    Attributes
-    ----------
-    edge : its two corners, out of 0, 1, 2
-    share : how far the point lies from the first corner to the second, 0 to 1, in space
-    intensity : linear RGB there: share times that of the second corner, and the rest times that of the first
-    """
-
-    edge: tuple[int, int]
-    share: float
-    intensity: Vector
-
-
-class ScanLine(NamedTuple):
-    """Two edges and a row, along which Gouraud's method comes to the intensity of a sample, I_P = v I_R + (1 - v) I_Q.
-
-    Attributes
-    ----------
-    left, right : Q and R
-    share : v, how far the sample lies from Q to R, 0 to 1, in space
-
-    Source: Gouraud 1971, IEEE Trans. Comput. C-20(6), 623-629.
-    """
-
-    left: EdgePoint
-    right: EdgePoint
-    share: float
-
-
-@dataclass(frozen=True)
-class Layer:
-    """A surface that a sample sees, and how it is lit.
-
-    Attributes
-    ----------
-    face : index into the faces as loaded, as in `Frame.face`
-    mesh, mesh_face, mesh_name : number of the mesh in the scene, index of the face in it, and the mesh's name
-    material_index, material : number of the material in the mesh's palette, and the material
-    depth : distance along the viewing axis, scene units
-    weights : barycentric, perspective-correct, on the corners of the drawn triangle: of a convex polygon with more than
-        three corners, two of them and its centre
-    position, normal : world; the normal is a unit vector and looks to the viewer
-    lit_at : where the illumination equation is evaluated, in words
-    corners : with Gouraud's method linear RGB at the three corners; else empty. Texel, exposure and depth cue are those
-        of the sample, so that their sum, each times its weight, and the depth cue are `color`
-    scan_line : how they are interpolated along the row; None without corners, or where one lies behind the eye
-    opacity : of the material, times that of the texel
-    visible : part of this layer's colour that is seen: its opacity, times what the layers before it let through
-    texel : linear RGB of the texture, 1 without one
-    metallic, roughness : of the material, times what its textures say there; roughness along the tangent and across it
-    ambient, emission : linear RGB
-    lights : what each light adds; ambient lights are in `ambient`
-    depth_cue : linear RGB that the depth cue puts in the place of light, which it weakens by as much
-    color : linear RGB, the sum of all of these
-    """
-
-    face: int
-    mesh: int
-    mesh_face: int
-    mesh_name: str
-    material_index: int
-    material: Material
-    depth: float
-    weights: Vector
-    position: Vector
-    normal: Vector
-    lit_at: str
-    corners: tuple[Vector, ...]
-    scan_line: ScanLine | None
-    opacity: float
-    visible: float
-    texel: Vector
-    metallic: float
-    roughness: tuple[float, float]
-    ambient: Vector
-    emission: Vector
-    lights: tuple[LightShare, ...]
-    depth_cue: Vector
-    color: Vector
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One sample of a pixel; `str` writes it for a person.
-
-    Attributes
-    ----------
-    x, y : where it lies, in px from the left and upper borders of the picture
-    layers : the surfaces that it sees, the nearest first; empty where it sees none
-    color : linear RGB, premultiplied: the sum of the layers' colours, each times `visible`
-    alpha : the sum of the layers' `visible`
-    """
-
-    x: float
-    y: float
-    layers: tuple[Layer, ...]
-    color: Vector
-    alpha: float
+    rows: tuple[Row, ...]
 
     def __str__(self) -> str:
-        return "\n".join(_describe_sample(self))
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """Why a pixel is what it is; `str` writes it for a person: of several samples the one that is nearest to the
-    pixel's centre, of equally near ones the first.
-
-    Attributes
-    ----------
-    x, y : column and row of the pixel
-    size : (width, height) of the picture
-    shading : "flat", "gouraud" or "phong"
-    samples : the samples of the pixel, row by row
-    background : linear RGB, or None = transparent
-    linear : linear RGB of the pixel: the mean over its samples, over the background; without one not premultiplied
-    alpha : of the pixel
-    rgb : its 8-bit sRGB values
-    path : how the renderer draws the nearest surface; None where nobody asked
-    """
-
-    x: int
-    y: int
-    size: tuple[int, int]
-    shading: str
-    samples: tuple[Sample, ...]
-    background: Vector | None
-    linear: Vector
-    alpha: float
-    rgb: tuple[int, int, int]
-    path: str | None = None
-
-    @property
-    def layers(self) -> tuple[Layer, ...]:
-        """The layers of the sample nearest to the pixel's centre; of equally near ones the first."""
-        return self._nearest.layers
-
-    @property
-    def _nearest(self) -> Sample:
-        return min(self.samples, key=lambda s: (s.x - self.x - 0.5) ** 2 + (s.y - self.y - 0.5) ** 2)
-
-    def __str__(self) -> str:
-        n = len(self.samples)
-        width, height = self.size
-        lines = [f"pixel ({self.x}, {self.y}) of {width} x {height}, {self.shading} shading, {counted(n, 'sample')}"]
-        if self.path is not None:
-            lines.append(f"drawn by: {self.path}")
-        lines += _describe_sample(self._nearest)
-        if n > 1:
-            lines.append(f"the pixel's other samples: print(explanation.samples[k]), k from 0 to {n - 1}")
-        lines.append("background: " + ("transparent" if self.background is None else _numbers(self.background)))
-        mean = " (mean of the samples)" if n > 1 else ""
-        code = "".join(f"{value:02x}" for value in self.rgb)
-        lines.append(f"linear {_numbers(self.linear)}, alpha {self.alpha:.6g}{mean}; sRGB {self.rgb}, #{code}")
-        return "\n".join(lines)
+        return "\n".join(f"{label:<24}{_shown(value)}" for label, value in self.rows)
 
     __repr__ = __str__
+
+
+@dataclass(frozen=True, repr=False)
+class Explanation(Rows):
+    """Why a pixel is what it is; `str` writes it for a person.
+
+    Attributes
+    ----------
+    rows : the pixel; all about the sample that is nearest to its centre, of equally near ones the first; a row about
+        each other sample; and the pixel's value: "linear" over the background, without one not premultiplied, "alpha",
+        "sRGB" and "code"
+    samples : all about each sample of the pixel, row by row
+    """
+
+    samples: tuple[Rows, ...]
 
 
 def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
@@ -252,29 +118,76 @@ def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
     width, height = options.size
     x, y = _checked_index(x, "x", width, "columns"), _checked_index(y, "y", height, "rows")
     look = look_at(scene, options.size, options)
-    found = _explain_samples(look, x, y, options.factor)
-    return _sum_up(look, x, y, found)
+    return _sum_up(look, x, y, _explain_samples(look, x, y, options.factor))
 
 
 # --- what its samples see ------------------------------------------------------------------------------------
 
 
-def _sum_up(look: Look, x: int, y: int, samples: list[Sample]) -> Explanation:
+class _Layer(NamedTuple):
+    """A surface that a sample sees, and how it is lit."""
+
+    rows: list[Row]
+    visible: float
+    color: NDArray[np.float64]  # (3,) linear RGB
+
+
+class _Sample(NamedTuple):
+    """What one sample sees."""
+
+    x: float  # px from the left and upper borders of the picture
+    y: float
+    layers: list[_Layer]  # the nearest first
+
+
+def _sum_up(look: Look, x: int, y: int, samples: list[_Sample]) -> Explanation:
     """Average the samples of a pixel, and bring the mean to 8 bits."""
     scene, options = look.scene, look.options
     square = options.factor, options.factor
-    color = np.array([sample.color for sample in samples]).reshape(*square, 3)
-    alpha = np.array([sample.alpha for sample in samples]).reshape(square)
+    color = np.array([_color_of(sample) for sample in samples]).reshape(*square, 3)
+    alpha = np.array([sum(layer.visible for layer in sample.layers) for sample in samples]).reshape(square)
     color, alpha = resolve(color, alpha, options.factor, scene.background)
     largest = None
     if options.color_range == "global":
         names = "shading", "samples", "antialias", "cull", "exposure", "spectral"
         settings = {name: getattr(options, name) for name in names}
         largest = float(render(scene, options.size, **settings).color.max())
-    red, green, blue = (int(value) for value in encode(in_range(color, options.color_range, largest))[0, 0])
-    background = None if scene.background is None else _vector(scene.background)
-    linear, opaque = _vector(color[0, 0]), float(alpha[0, 0])
-    return Explanation(x, y, options.size, look.shading, tuple(samples), background, linear, opaque, (red, green, blue))
+    code = encode(in_range(color, options.color_range, largest))[0, 0].tolist()
+    of_samples = [_rows_of(sample) for sample in samples]
+    nearest = min(range(len(samples)), key=lambda k: (samples[k].x - x - 0.5) ** 2 + (samples[k].y - y - 0.5) ** 2)
+    (width, height), n = options.size, len(samples)
+    what = f"of {width} x {height}, {look.shading} shading, " + (f"the mean of {n} samples" if n > 1 else "1 sample")
+    rows = [
+        (f"pixel ({x}, {y})", what),
+        *of_samples[nearest],
+        *(rows[0] for k, rows in enumerate(of_samples) if k != nearest),
+        ("background", "transparent" if scene.background is None else _vector(scene.background)),
+        ("linear", _vector(color[0, 0])),
+        ("alpha", float(alpha[0, 0])),
+        ("sRGB", tuple(code)),
+        ("code", "#" + "".join(f"{value:02x}" for value in code)),
+    ]
+    return Explanation(tuple(rows), tuple(Rows(tuple(each)) for each in of_samples))
+
+
+def _rows_of(sample: _Sample) -> list[Row]:
+    """Return the rows of a sample: one about itself, and those of its layers."""
+    where, layers = f"at {sample.x:g}, {sample.y:g} px", sample.layers
+    if not layers:
+        return [("sample", f"{where}: nothing is seen here but the background")]
+    alpha, color = sum(layer.visible for layer in layers), _vector(_color_of(sample))
+    what = f"{where}: {counted(len(layers), 'layer')}, alpha {alpha:.6g}, premultiplied {_shown(color)}"
+    numbered = [
+        (f"layer {k}" if label == "layer" else label, value)
+        for k, layer in enumerate(layers, 1)
+        for label, value in layer.rows
+    ]
+    return [("sample", what), *numbered]
+
+
+def _color_of(sample: _Sample) -> NDArray[np.float64]:
+    """Put the layers of a sample on each other: linear RGB (3,), premultiplied."""
+    return sum((layer.visible * layer.color for layer in sample.layers), np.zeros(3))
 
 
 def _checked_index(value: SupportsIndex, name: str, limit: int, what: str) -> int:
@@ -285,73 +198,88 @@ def _checked_index(value: SupportsIndex, name: str, limit: int, what: str) -> in
     return int(value)
 
 
-def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
+def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]:
     """Explain the per_axis² samples of a pixel, row by row."""
     raster, lighting = spread_samples(look, per_axis)
     window = Window(x * per_axis, y * per_axis, per_axis, per_axis)
     raster = raster.within(window)
-    layers: list[list[list[Layer]]] = [[[] for _ in range(per_axis)] for _ in range(per_axis)]
+    layers: dict[tuple[int, int], list[_Layer]] = {at: [] for at in np.ndindex(per_axis, per_axis)}
     through = np.ones(window.shape)
     visible = find_visible(raster)
     points = shared_points(look, raster, lighting, per_axis)
     while len((fragments := lit_fragments(visible, raster, points)).face):
         for k in range(len(fragments.face)):
             one = fragments.part(slice(k, k + 1))
-            at = one.rows[0] - window.top, one.columns[0] - window.left
-            layer = _explain_layer(look, one, lighting, float(through[at]))
-            layers[at[0]][at[1]].append(layer)
-            through[at] *= 1.0 - layer.opacity
+            at = int(one.rows[0]) - window.top, int(one.columns[0]) - window.left
+            opacity = _opacity(look.surface, one, lighting)
+            layers[at].append(_explain_layer(look, one, lighting, opacity, float(through[at]) * opacity))
+            through[at] *= 1.0 - opacity
         is_open = (visible.piece >= 0) & (through > 0)
         visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
     return [
-        _sample((window.left + column + 0.5) / per_axis, (window.top + row + 0.5) / per_axis, layers[row][column])
-        for row, column in np.ndindex(window.shape)
+        _Sample((window.left + column + 0.5) / per_axis, (window.top + row + 0.5) / per_axis, layers[row, column])
+        for row, column in layers
     ]
 
 
-def _sample(x: float, y: float, layers: list[Layer]) -> Sample:
-    """Put the layers of a sample on each other."""
-    color = sum((layer.visible * np.array(layer.color) for layer in layers), np.zeros(3))
-    return Sample(x, y, tuple(layers), _vector(color), sum(layer.visible for layer in layers))
-
-
-def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through: float) -> Layer:
-    """Explain what one sample sees: `fragment` has one row, and the layers before it let `through` of it pass."""
-    surface, scene = look.surface, look.scene
-    face = int(surface.loaded_faces(fragment.face)[0])
-    mesh_idx = int(np.searchsorted(scene.face_offsets, face, side="right")) - 1
-    mesh, mesh_face = scene.meshes[mesh_idx], face - int(scene.face_offsets[mesh_idx])
-    material_idx = 0 if mesh.face_material is None else int(mesh.face_material[mesh_face])
+def _opacity(surface: Surface, fragment: Fragments, lighting: Lighting) -> float:
+    """Return the opacity of what one sample sees: that of the material, times that of the texel."""
     texel = sample_textures(surface, fragment, lighting)[0]
-    opacity = float(lighting.materials["opacity"][surface.material[fragment.face[0]]] * texel[3])
+    return float(lighting.materials["opacity"][surface.material[fragment.face[0]]] * texel[3])
+
+
+def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity: float, visible: float) -> _Layer:
+    """Explain what one sample sees: `fragment` has one row, and `visible` of its colour is seen."""
+    surface = look.surface
+    texel = sample_textures(surface, fragment, lighting)[0, :3]
     points, weights, lit_at = _evaluation_points(surface, fragment, lighting)
     cue = float(cue_factors(fragment.depth, lighting)[0])
     gain = 2.0**lighting.exposure * cue
-    ambients = as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo * texel[:3] * gain
+    ambients = as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo * texel * gain
     emissions = as_rgb(lighting.materials["emissive"][points.material], lighting) * gain
-    ambient, emission = _blend(ambients, weights), _blend(emissions, weights)
+    ambient, emission = weights @ ambients, weights @ emissions
     arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
     lit = list(contributions(*arguments, points.metals))
-    lights = _explain_lights(points, weights, lighting, lit, texel[:3] * gain, gain)
-    corners, scan_line = (), None
+    lights, light = _explain_lights(points, weights, lighting, lit, texel * gain, gain)
+    corners: list[Row] = []
     if lighting.shading == "gouraud":
-        corners = _corner_intensities(points, lighting, lit, texel[:3] * gain, gain, ambients + emissions)
-        scan_line = _scan_line(fragment.weights[0], surface.corners[fragment.face[0]], np.array(corners), lighting)
+        at_corners = _corner_intensities(points, lighting, lit, texel * gain, gain, ambients + emissions)
+        corners = _explain_corners(fragment.weights[0], surface.corners[fragment.face[0]], at_corners, lighting)
     depth_cue = (1.0 - cue) * np.array(lighting.cue.color) if lighting.cue is not None else np.zeros(3)
-    color = ambient + emission + depth_cue
-    for light in lights:
-        color = color + np.array(light.diffuse) + np.array(light.specular)
-    brush = materials_at(points.material, lighting, points.metals)[0]
+    color = ambient + emission + depth_cue + light
     normal = points.normals[0] if lighting.shading == "flat" else sample_normals(surface, fragment)[0]
-    return Layer(
-        face=face, mesh=mesh_idx, mesh_face=mesh_face, mesh_name=mesh.name, material_index=material_idx,
-        material=mesh.palette[material_idx], depth=float(fragment.depth[0]), weights=_vector(fragment.weights[0]),
-        position=_vector(world_positions(fragment, lighting)[0]), normal=_vector(normal), lit_at=lit_at,
-        corners=corners, scan_line=scan_line, opacity=opacity, visible=through * opacity, texel=_vector(texel[:3]),
-        metallic=float(brush["metallic"]),
-        roughness=(float(brush["roughness"]), float(brush["across"])), ambient=_vector(ambient),
-        emission=_vector(emission), lights=lights, depth_cue=_vector(depth_cue), color=_vector(color),
-    )  # fmt: skip
+    face, material = _names_of(look.scene, int(surface.loaded_faces(fragment.face)[0]))
+    brush = materials_at(points.material, lighting, points.metals)[0]
+    rows: list[Row] = [
+        ("layer", face),
+        ("reflection", _describe_material(material, brush)),
+        ("depth", float(fragment.depth[0])),
+        ("weights", _vector(fragment.weights[0])),
+        ("position", _vector(world_positions(fragment, lighting)[0])),
+        ("normal", _vector(normal)),
+        ("opacity", opacity),
+        ("visible", visible),
+        ("texel", _vector(texel)),
+        ("lit", lit_at),
+        *corners,
+        ("ambient", _vector(ambient)),
+        ("emission", _vector(emission)),
+        *lights,
+        *([("depth cue", _vector(depth_cue))] if depth_cue.any() else []),
+        ("sum", _vector(color)),
+    ]
+    return _Layer(rows, visible, color)
+
+
+def _names_of(scene: Scene, face: int) -> tuple[str, Material]:
+    """Return in words which face of which mesh a face as loaded is, and its material."""
+    mesh_idx = int(np.searchsorted(scene.face_offsets, face, side="right")) - 1
+    mesh, mesh_face = scene.meshes[mesh_idx], face - int(scene.face_offsets[mesh_idx])
+    material_idx = 0 if mesh.face_material is None else int(mesh.face_material[mesh_face])
+    material = mesh.palette[material_idx]
+    names = [f" {name!r}" if name else "" for name in (mesh.name, material.name)]
+    of_mesh = f"face {mesh_face} of mesh {mesh_idx}{names[0]}"
+    return f"face {face}: {of_mesh}, material {material_idx}{names[1]}", material
 
 
 def _evaluation_points(
@@ -401,28 +329,37 @@ def _join(a: Points, b: Points) -> Points:
 
 def _corner_intensities(
     points: Points, lighting: Lighting, lit: list[Contribution], diffuse_gain: NDArray, gain: float, unlit: NDArray
-) -> tuple[Vector, ...]:
-    """Return the intensities at the three corners of a drawn triangle: of its points, the third and those behind it are
-    those round a polygon, whose mean is the centre's; `unlit` (n, 3) is what needs no light."""
+) -> NDArray[np.float64]:
+    """Return the intensities (3, 3) at the corners of a drawn triangle.
+
+    Of its points the third, and those behind it, are those round a polygon, whose mean is the centre's; `unlit` (n, 3)
+    is what needs no light.
+    """
     total = unlit
     for each in lit:
         diffuse, specular = as_rgb(each.diffuse, lighting), as_rgb(each.specular, lighting)
         total = total + diffuse * points.albedo * diffuse_gain + specular * gain
-    return _vector(total[0]), _vector(total[1]), _vector(total[2:].mean(axis=0))
+    return np.stack([total[0], total[1], total[2:].mean(axis=0)])
 
 
-def _scan_line(weights: NDArray, corners: NDArray, intensities: NDArray, lighting: Lighting) -> ScanLine | None:
-    """Return how the row of a sample runs through its triangle.
+def _explain_corners(weights: NDArray, corners: NDArray, intensities: NDArray, lighting: Lighting) -> list[Row]:
+    """Return how Gouraud's method comes to the intensity of a sample, in the letters of the textbooks: from the corners
+    (3, 3) of its triangle, world space, and along its row, I_P = v I_R + (1 - v) I_Q.
 
     A row shows what lies in one plane through the eye, y/w constant, or without perspective y constant. So of a point
     in space y - k w, or y - k, is affine in its weights on the corners, k that of the sample; on an edge it is 0 at a
-    share that the corners' values tell.
+    share that the corners' values tell. Without the rows of Q and R where a corner lies behind the eye.
     """
+    names = "I_A", "I_B", "I_C"
+    color = _light(weights @ intensities)
+    total = " + ".join(f"{weight:.6g} {name}" for name, weight in zip(names, weights, strict=True))
+    rows: list[Row] = [(name, _vector(at)) for name, at in zip(names, intensities, strict=True)]
+    rows.append(("I_P", f"{total} = {color}"))
     x, y, w = to_eye(corners, lighting.view).T
     if not lighting.projection.is_perspective:
         w = np.ones(3)
     if min(w) <= 0.0:
-        return None
+        return rows
     off = y - weights @ y / (weights @ w) * w
     met = []
     for a, b in ((0, 1), (1, 2), (2, 0)):
@@ -430,51 +367,48 @@ def _scan_line(weights: NDArray, corners: NDArray, intensities: NDArray, lightin
             point = np.zeros(3)
             point[b] = off[a] / (off[a] - off[b])
             point[a] = 1.0 - point[b]
-            met.append((point, EdgePoint((a, b), float(point[b]), _vector(point @ intensities))))
+            sum_of = f"{point[b]:.6g} {names[b]} + {point[a]:.6g} {names[a]}"
+            met.append((point, f"{sum_of} = {_light(point @ intensities)}"))
     if len(met) < 2:  # the sample lies on a corner, or outside by a rounding
-        return None
+        return rows
     (q, left), (r, right) = sorted(met, key=lambda each: each[0] @ x / (each[0] @ w))
     along = r - q
     length = float(along @ along)
-    return ScanLine(left, right, float((weights - q) @ along) / length if length > 0.0 else 0.0)
+    v = float((weights - q) @ along) / length if length > 0.0 else 0.0
+    in_row = f"{v:.6g} I_R + {1 - v:.6g} I_Q = {color}"
+    return [*rows, ("I_Q, left in the row", left), ("I_R, right in the row", right), ("I_P, between them", in_row)]
 
 
 def _explain_lights(
     points: Points, weights: NDArray, lighting: Lighting, lit: list[Contribution], diffuse_gain: NDArray, gain: float
-) -> tuple[LightShare, ...]:
-    """Return what each light adds, of what they add to the points; `diffuse_gain` (3,) and `gain` are what both parts
-    of its light are multiplied by."""
+) -> tuple[list[Row], NDArray[np.float64]]:
+    """Return what each light adds, of what they add to the points, and the sum (3,); `diffuse_gain` (3,) and `gain` are
+    what both parts of its light are multiplied by."""
     found: dict[int, list[Contribution]] = {}
     for each in lit:
         found.setdefault(each.lamp.index, []).append(each)
-    shares = []
+    rows: list[Row] = []
+    total = np.zeros(3)
     for index, cells in found.items():
         # What is known of the light at (cell, point), weighted: the cells of an area light count alike.
         share = np.tile(weights / len(cells), len(cells))
         n_dot_l = np.concatenate([cell.n_dot_l for cell in cells])
         facing = float(share[n_dot_l > 0].sum())
         lit = float(share[np.concatenate([cell.is_lit for cell in cells])].sum())
-        direction = _blend(np.concatenate([cell.light_dirs for cell in cells]), share)
-        diffuse = sum(_blend(as_rgb(cell.diffuse, lighting) * points.albedo, weights) for cell in cells) * diffuse_gain
-        specular = sum(_blend(as_rgb(cell.specular, lighting), weights) for cell in cells) * gain
-        shares.append(
-            LightShare(
-                index=index,
-                kind=light_type_of(lighting.lights[index]),
-                direction=_vector(direction / max(float(np.linalg.norm(direction)), np.finfo(np.float64).tiny)),
-                n_dot_l=float(share @ n_dot_l),
-                attenuation=float(share @ np.concatenate([cell.attenuation for cell in cells])),
-                unshadowed=lit / facing if facing > 0 else 1.0,
-                diffuse=_vector(diffuse),
-                specular=_vector(specular),
-            )
-        )
-    return tuple(shares)
-
-
-def _blend(values: NDArray, weights: NDArray) -> NDArray[np.float64]:
-    """Return the weighted sum (k,) of values (n, k)."""
-    return weights @ values
+        to_light = share @ np.concatenate([cell.light_dirs for cell in cells])
+        to_light /= max(float(np.linalg.norm(to_light)), np.finfo(np.float64).tiny)
+        attenuation = share @ np.concatenate([cell.attenuation for cell in cells])
+        diffuse = sum(weights @ (as_rgb(cell.diffuse, lighting) * points.albedo) for cell in cells) * diffuse_gain
+        specular = sum(weights @ as_rgb(cell.specular, lighting) for cell in cells) * gain
+        how = f"N.L {share @ n_dot_l:.6g}, attenuation {attenuation:.6g}"
+        how += f", unshadowed {lit / facing if facing > 0 else 1.0:.6g}"
+        rows += [
+            (f"{index} {light_type_of(lighting.lights[index])}", f"to {_shown(_vector(to_light))}, {how}"),
+            (f"{index} diffuse", _vector(diffuse)),
+            (f"{index} specular", _vector(specular)),
+        ]
+        total += diffuse + specular
+    return rows, total
 
 
 def _vector(values) -> Vector:
@@ -486,96 +420,32 @@ def _vector(values) -> Vector:
 # --- the text that a person reads ----------------------------------------------------------------------------
 
 
-def _describe_sample(sample: Sample) -> list[str]:
-    """Return the lines about one sample."""
-    where = f"sample at {sample.x:g}, {sample.y:g} px"
-    if not sample.layers:
-        return [f"{where}: nothing is seen here but the background"]
-    n_layer = counted(len(sample.layers), "layer")
-    lines = [f"{where}: {n_layer}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"]
-    for number, layer in enumerate(sample.layers, 1):
-        lines += [f"  {line}" for line in _describe_layer(number, layer)]
-    return lines
-
-
-def _describe_layer(number: int, layer: Layer) -> list[str]:
-    """Return the lines about one layer: what is seen, where it is, and what each light adds."""
-    name = f" {layer.mesh_name!r}" if layer.mesh_name else ""
-    material = f" {layer.material.name!r}" if layer.material.name else ""
-    mesh = f"mesh {layer.mesh}{name}"
-    lines = [
-        f"{number}. face {layer.face}: face {layer.mesh_face} of {mesh}, material {layer.material_index}{material}",
-        f"   {_describe_material(layer)}",
-        f"   depth {layer.depth:.9g}, weights {_numbers(layer.weights)}",
-        f"   position {_numbers(layer.position)}, normal {_numbers(layer.normal)}",
-        f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}",
-        f"   lit {layer.lit_at}",
-        *_describe_corners(layer),
-        f"   {'ambient':<22}{_numbers(layer.ambient)}",
-        f"   {'emission':<22}{_numbers(layer.emission)}",
-    ]
-    for light in layer.lights:
-        lines += [
-            f"   {f'{light.index} {light.kind}':<22}to {_numbers(light.direction)}, N.L {light.n_dot_l:.6g}, "
-            f"attenuation {light.attenuation:.6g}, unshadowed {light.unshadowed:.6g}",
-            f"   {'':<22}diffuse {_numbers(light.diffuse)}, specular {_numbers(light.specular)}",
-        ]
-    if any(layer.depth_cue):
-        lines.append(f"   {'depth cue':<22}{_numbers(layer.depth_cue)}")
-    return [*lines, f"   {'sum':<22}{_numbers(layer.color)}"]
-
-
-def _describe_corners(layer: Layer) -> list[str]:
-    """Return the lines about what Gouraud's method interpolates, in the letters of the textbooks."""
-    if not layer.corners:
-        return []
-    names = "ABC"
-    at = ", ".join(f"I_{name} {_light(corner)}" for name, corner in zip(names, layer.corners, strict=True))
-    sum_of = " + ".join(f"{weight:.6g} I_{name}" for name, weight in zip(names, layer.weights, strict=True))
-    color = _vector(np.array(layer.weights) @ np.array(layer.corners))
-    lines = [f"   {'corners':<22}{at}", f"   {'':<22}I_P = {sum_of} = {_light(color)}"]
-    if layer.scan_line is not None:
-        ends = []
-        for name, (edge, share, intensity) in zip("QR", layer.scan_line[:2], strict=True):
-            a, b = (names[corner] for corner in edge)
-            ends.append(f"I_{name} = {share:.6g} I_{b} + {1 - share:.6g} I_{a} = {_light(intensity)}")
-        v = layer.scan_line.share
-        lines += [f"   {'along the row':<22}{ends[0]}", f"   {'':<22}{ends[1]}"]
-        lines.append(f"   {'':<22}I_P = {v:.6g} I_R + {1 - v:.6g} I_Q = {_light(color)}")
-    return lines
-
-
-def _light(color: Vector) -> str:
-    """Return a colour, or one number where it is grey."""
-    return f"{color[0]:.6g}" if color[0] == color[1] == color[2] else _numbers(color)
-
-
-def _describe_material(layer: Layer) -> str:
-    """Return the numbers of a layer's material that its reflection model uses, as they are there."""
-    material = layer.material
-    along, across = layer.roughness
+def _describe_material(material: Material, brush: np.void) -> str:
+    """Return the numbers of a material that its reflection model uses, as they are there; `brush` is the reference's
+    record of it, with what its textures say."""
+    along, across = float(brush["roughness"]), float(brush["across"])  # along the tangent, and across it
     numbers = {key: getattr(material, key) for key in ("ambient", "diffuse", "specular", "emissive")}
     numbers |= {
         "lambert": {},
         "oren-nayar": {"roughness": along},
         "cook-torrance": {
-            "roughness": along if along == across else layer.roughness,
+            "roughness": along if along == across else (along, across),
             "fresnel": material.fresnel,
-            "metallic": layer.metallic,
+            "metallic": float(brush["metallic"]),
             "metal": material.metal_color,
         },
         "toon": {"shininess": material.shininess, "levels": material.levels},
     }.get(material.reflection, {"shininess": material.shininess})
-    return f"reflection {material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
+    return f"{material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
+
+
+def _light(color: NDArray) -> str:
+    """Return a colour, or one number where it is grey."""
+    return f"{color[0]:.6g}" if color[0] == color[1] == color[2] else _shown(_vector(color))
 
 
 def _shown(value: object) -> str:
-    """Return a number, three of them, or anything else as short text."""
+    """Return a number, several in brackets, or anything else as text; six digits, or nine of one number alone."""
     if isinstance(value, tuple):
-        return _numbers(value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _numbers(values: tuple[float, ...]) -> str:
-    """Return numbers in brackets, six digits each."""
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+        return "(" + ", ".join(f"{part:.6g}" for part in value) + ")"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)

@@ -325,7 +325,9 @@ def test_every_entry_takes_the_words():
                            rz.render(TORUS, SIZE, **words, eye=(3, 2, 4)).rgba)  # fmt: skip
     drawn = rz.render(TORUS, SIZE, **words, **side, samples=1).color
     y, x = np.argwhere(drawn.any(axis=2))[0]
-    assert np.allclose(rz.explain(TORUS, x, y, SIZE, **words, **side, samples=1).linear, drawn[y, x], atol=1e-3)
+    assert np.allclose(
+        dict(rz.explain(TORUS, x, y, SIZE, **words, **side, samples=1).rows)["linear"], drawn[y, x], atol=1e-3
+    )
     task = {"color": "orange", "shadows": True, "lights": SUN, "size": SIZE, "zoom": 1.5}
     with rz.render_many(
         [rz.RenderTask(TORUS, "many.png", "left", options=task, load={"crease_angle": 10})], n_process=1

@@ -995,17 +995,10 @@ HELD_OUT = (
         "pictures cli",
     ),
     Fault(
-        "explain: planes and exact records are exchanged in what drew a pixel",
-        "engine/passes.py",
-        '"exact record" if entry & int(IS_EXACT) else "plane record"',
-        '"plane record" if entry & int(IS_EXACT) else "exact record"',
-        "analysis pictures reference",
-    ),
-    Fault(
         "explain: a clear layer hides what lies behind it",
         "reference/explain.py",
-        "*= 1.0 - layer.opacity",
-        "*= layer.opacity",
+        "*= 1.0 - opacity",
+        "*= opacity",
         "reference analysis",
     ),
     # Readers

@@ -169,5 +169,5 @@ def test_explain_tells_where_a_pixel_is_lit():
     scene, options = SCENES["coloured"], {"shading": "phong", "samples": 4, **ONCE}
     colors = draw_colors(scene, **options)
     found = rz.explain(scene, 18, 14, SIZE, **{"samples": 1} | options)
-    assert np.abs(np.array(found.linear) - colors[14, 18]).max() <= DEFAULT_TOLERANCE
-    assert "lit at a point that the pixel's samples share" in str(found)
+    assert np.abs(np.array(dict(found.rows)["linear"]) - colors[14, 18]).max() <= DEFAULT_TOLERANCE
+    assert dict(found.rows)["lit"] == "at a point that the pixel's samples share"

@@ -75,7 +75,7 @@ def test_an_editor_completes_the_names_and_what_they_return():
         ("rz.Options(shad", {"shading="}),
         ("rz.Camera.framing(scene, azi", {"azimuth="}),
         ("rz.Material(diff", {"diffuse="}),
-        ("rz.explain('x.obj', 1, 2).", {"samples", "layers", "linear"}),
+        ("rz.explain('x.obj', 1, 2).", {"samples", "rows"}),
     ):
         editor = jedi.Script(f"import rasterizer as rz\n{line}", project=jedi.Project(PACKAGE.parent))
         assert {each.name for each in editor.complete(2, len(line))} >= expected, line

@@ -16,43 +16,69 @@ SEED = 23
 QUAD = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
 
 
+def layers_of(rows):
+    """The rows of each layer of a sample, or of a pixel's first one, by their labels."""
+    layers = []
+    for label, value in rows.rows:
+        if label.startswith("layer "):
+            layers.append({"face": value})
+        elif layers and label.startswith(("sample", "background")):
+            break
+        elif layers:
+            layers[-1][label] = value
+    return layers
+
+
+def light_of(layer, index):
+    """The words and the numbers of a light: its cosine N.L, attenuation, and unshadowed part."""
+    (text,) = [value for label, value in layer.items() if re.fullmatch(f"{index} (?!diffuse|specular).*", label)]
+    return [
+        float(number) for number in re.fullmatch(r"to .*, N.L (.*), attenuation (.*), unshadowed (.*)", text).groups()
+    ]
+
+
 def summed(explanation):
     """The linear value and the alpha of a pixel, from the shares alone."""
     colors, alphas = [], []
     for sample in explanation.samples:
-        color = np.zeros(3)
-        for layer in sample.layers:
-            shares = [layer.ambient, layer.emission, layer.depth_cue]
-            shares += [share for light in layer.lights for share in (light.diffuse, light.specular)]
-            color += layer.visible * np.sum(shares, axis=0)
+        color, alpha = np.zeros(3), 0.0
+        for layer in layers_of(sample):
+            shares = [
+                value
+                for label, value in layer.items()
+                if label in ("ambient", "emission", "depth cue") or label.endswith((" diffuse", " specular"))
+            ]
+            assert np.allclose(layer["sum"], np.sum(shares, axis=0), rtol=1e-14, atol=1e-14)
+            color += layer["visible"] * np.sum(shares, axis=0)
+            alpha += layer["visible"]
         colors.append(color)
-        alphas.append(sum(layer.visible for layer in sample.layers))
-    alpha = np.mean(alphas)
+        alphas.append(alpha)
+    alpha, background = np.mean(alphas), dict(explanation.rows)["background"]
     color = np.sum(colors, axis=0) / (sum(alphas) or 1.0)
-    if explanation.background is None:
+    if background == "transparent":
         return color, alpha
-    return color * alpha + np.array(explanation.background) * (1 - alpha), 1.0
+    return color * alpha + np.array(background) * (1 - alpha), 1.0
 
 
 def check(scene, x, y, size, picture, **options):
     """Hold an explanation against the picture that the reference draws."""
     found = rz.explain(scene, x, y, size, **{"samples": 1} | options)
-    color, alpha = summed(found)
+    (color, alpha), said = summed(found), dict(found.rows)
     limit = EXACT * max(1.0, float(np.abs(picture.color[y, x]).max()))
     for error, what in (
         (np.abs(color - picture.color[y, x]).max(), "sum of the shares"),
-        (np.abs(np.array(found.linear) - picture.color[y, x]).max(), "linear value"),
+        (np.abs(np.array(said["linear"]) - picture.color[y, x]).max(), "linear value"),
         (abs(alpha - picture.alpha[y, x]), "alpha of the layers"),
-        (abs(found.alpha - picture.alpha[y, x]), "alpha"),
+        (abs(said["alpha"] - picture.alpha[y, x]), "alpha"),
     ):
         assert error <= limit, f"{what} at ({x}, {y}): {error:.3g} > {limit:.3g}\n{found}"
-    assert found.rgb == tuple(picture.rgb[y, x])
+    assert said["sRGB"] == tuple(picture.rgb[y, x])
     if len(found.samples) == 1:
-        layers = found.layers
-        assert (layers[0].face if layers else -1) == picture.face[y, x]
+        layers = layers_of(found)
+        assert (int(re.match(r"face (\d+):", layers[0]["face"])[1]) if layers else -1) == picture.face[y, x]
         if layers:
-            assert layers[0].depth == pytest.approx(picture.depth[y, x], rel=1e-14)
-            assert np.abs(np.array(layers[0].normal) - picture.normal[y, x]).max() <= EXACT
+            assert layers[0]["depth"] == pytest.approx(picture.depth[y, x], rel=1e-14)
+            assert np.abs(np.array(layers[0]["normal"]) - picture.normal[y, x]).max() <= EXACT
     return found
 
 
@@ -115,10 +141,10 @@ def test_layers_lights_and_samples_are_explained(shading, options):
     for x, y in ((12, 9), (16, 12), (0, 0)):
         found = check(scene, x, y, size, picture, shading=shading, **options)
         assert len(found.samples) == options.get("samples", 1)
-    layers = rz.explain(scene, 12, 9, size, shading=shading, **{"samples": 1} | options).layers
-    assert [layer.mesh_name for layer in layers] == ["quad 0", "quad 1", "quad 2"]
-    assert [light.kind for light in layers[0].lights] == ["directional", "point", "spot", "area"]
-    assert [light.index for light in layers[0].lights] == [1, 2, 3, 4]
+    layers = layers_of(rz.explain(scene, 12, 9, size, shading=shading, **{"samples": 1} | options))
+    assert [re.search(r"'quad \d'", layer["face"])[0] for layer in layers] == ["'quad 0'", "'quad 1'", "'quad 2'"]
+    lights = [label for label in layers[0] if label[0].isdigit() and not label.endswith(("diffuse", "specular"))]
+    assert lights == ["1 directional", "2 point", "3 spot", "4 area"]
 
 
 def test_a_shadow_is_told():
@@ -127,10 +153,10 @@ def test_a_shadow_is_told():
     lid = rz.Mesh(QUAD * 0.5 + (0, 0, 1), [(0, 1, 2, 3)])
     light = rz.PointLight((0, 0, 2.0), 1.0, shadow=rz.Shadow())
     scene = rz.Scene([floor, lid], [light], rz.Camera.perspective((0, -6, 0.4), (0, 0, 0), (0, 0, 1), fov=20))
-    found = [rz.explain(scene, x, 24, (64, 48), shading="phong", samples=1).layers[0] for x in (32, 2)]
-    assert [layer.mesh_name for layer in found] == ["floor", "floor"]
-    assert [layer.lights[0].unshadowed for layer in found] == [0.0, 1.0]
-    assert found[0].lights[0].n_dot_l > 0 and not any(found[0].lights[0].diffuse) and all(found[1].lights[0].diffuse)
+    found = [layers_of(rz.explain(scene, x, 24, (64, 48), shading="phong", samples=1))[0] for x in (32, 2)]
+    assert ["'floor'" in layer["face"] for layer in found] == [True, True]
+    assert [light_of(layer, 0)[2] for layer in found] == [0.0, 1.0]
+    assert light_of(found[0], 0)[0] > 0 and not any(found[0]["0 diffuse"]) and all(found[1]["0 diffuse"])
 
 
 def test_what_faces_away_at_a_corner_is_in_no_shadow():
@@ -138,8 +164,9 @@ def test_what_faces_away_at_a_corner_is_in_no_shadow():
     normals = np.array([(0, 0, 1.0), (0, 0, 1.0), (1.0, 0, 0.1), (0, 0, 1.0)])
     light = rz.DirectionalLight((1, 0, -1), shadow=rz.Shadow())
     scene = rz.Scene(rz.Mesh(QUAD, [(0, 1, 2), (0, 2, 3)], normals=normals), light, rz.Camera.perspective((0, 0, 4)))
-    (layer,) = rz.explain(scene, 10, 8, 16, shading="gouraud", samples=1).layers
-    assert layer.lights[0].unshadowed == pytest.approx(1.0) and 0.0 < layer.lights[0].n_dot_l < 0.7
+    (layer,) = layers_of(rz.explain(scene, 10, 8, 16, shading="gouraud", samples=1))
+    n_dot_l, _, unshadowed = light_of(layer, 0)
+    assert unshadowed == pytest.approx(1.0) and 0.0 < n_dot_l < 0.7
 
 
 def test_faces_meshes_and_materials_are_those_that_were_loaded():
@@ -151,15 +178,13 @@ def test_faces_meshes_and_materials_are_those_that_were_loaded():
     scene = rz.Scene(
         [left, right], [rz.DirectionalLight((0, 0, -1))], rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4)
     )
-    (layer,) = rz.explain(scene, 44, 20, (64, 32), samples=1).layers
-    assert (layer.face, layer.mesh, layer.mesh_face, layer.material_index) == (2, 1, 0, 0)
-    (other,) = rz.explain(scene, 40, 12, (64, 32), samples=1).layers
-    assert (other.face, other.mesh, other.mesh_face, other.material) == (3, 1, 1, blue)
-    assert (
-        layer.lights[0].direction == (0, 0, 1)
-        and layer.lights[0].n_dot_l == pytest.approx(1)
-        and layer.position[2] == 0
-    )
+    (layer,) = layers_of(rz.explain(scene, 44, 20, (64, 32), samples=1))
+    assert layer["face"] == "face 2: face 0 of mesh 1 'right', material 0 'red'"
+    assert "diffuse (1, 0, 0)" in layer["reflection"]
+    (other,) = layers_of(rz.explain(scene, 40, 12, (64, 32), samples=1))
+    assert other["face"] == "face 3: face 1 of mesh 1 'right', material 1 'blue'"
+    assert "diffuse (0, 0, 1)" in other["reflection"]
+    assert layer["0 directional"].startswith("to (0, 0, 1), N.L 1,") and layer["position"][2] == 0
 
 
 def test_the_text_says_what_is_seen():
@@ -167,16 +192,16 @@ def test_the_text_says_what_is_seen():
     text = str(rz.explain(scene, 12, 9, (24, 18), shading="phong", samples=1))
     assert text == repr(rz.explain(scene, 12, 9, (24, 18), shading="phong", samples=1))
     for words in (
-        "pixel (12, 9) of 24 x 18, phong shading, 1 sample",
-        "1. face 0: face 0 of mesh 0 'quad 0', material 0 'glass'",
+        "pixel (12, 9)           of 24 x 18, phong shading, 1 sample",
+        "layer 1                 face 0: face 0 of mesh 0 'quad 0', material 0 'glass'",
         "1 directional",
         "N.L",
         "attenuation",
         "unshadowed",
-        "background: transparent",
+        "background              transparent",
     ):
         assert words in text, f"{words!r} is missing:\n{text}"
-    assert re.search(r"sRGB \(\d+, \d+, \d+\), #[0-9a-f]{6}$", text)
+    assert re.search(r"sRGB +\(\d+, \d+, \d+\)\ncode +#[0-9a-f]{6}$", text)
     assert len(max(text.splitlines(), key=len)) <= 160
 
 
@@ -187,42 +212,44 @@ def test_what_gouraud_interpolates_is_told_as_the_textbooks_write_it():
     flat = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4)
     for camera in (flat, rz.Camera.perspective((0, 0, 2), (0, 0, 0), (0, 1, 0), 90)):
         found = rz.explain(rz.Scene(mesh, rz.AmbientLight(1.0), camera), 0, 1, 4, shading="gouraud", samples=1)
-        (layer,) = found.layers
-        assert np.allclose(layer.corners, colors) and np.allclose(layer.color, 0.625)
-        left, right, share = layer.scan_line
-        assert left.edge == (2, 0) and right.edge == (1, 2) and share == pytest.approx(1 / 3)
-        assert (left.share, right.share) == pytest.approx((3 / 8, 5 / 8))
-        assert (left.intensity[0], right.intensity[0]) == pytest.approx((0.6, 0.675))
-    for words in ("I_A 0.1, I_B 0.3, I_C 0.9", "I_Q = 0.375 I_A + 0.625 I_C = 0.6", "I_R + 0.666667 I_Q = 0.625"):
-        assert words in str(found), f"{words!r} is missing:\n{found}"
+        (layer,) = layers_of(found)
+        assert np.allclose([layer[f"I_{name}"] for name in "ABC"], colors) and np.allclose(layer["sum"], 0.625)
+        assert layer["I_P"].endswith(" = 0.625") and layer["I_P"].count(" I_") == 3
+        assert layer["I_Q, left in the row"] == "0.375 I_A + 0.625 I_C = 0.6"
+        assert layer["I_R, right in the row"] == "0.625 I_C + 0.375 I_B = 0.675"
+        assert layer["I_P, between them"] == "0.333333 I_R + 0.666667 I_Q = 0.625"
 
 
 def test_one_of_several_samples_is_shown_and_reflection_is_called_so():
     found = rz.explain(lit_quads(), 12, 9, (24, 18), shading="gouraud", samples=4)
-    assert str(found).count("sample at") == 1 and str(found.samples[0]) in str(found)
-    assert "samples[k]), k from 0 to 3" in str(found) and str(found.samples[3]).startswith("sample at 12.75, 9.75 px")
-    assert "gouraud shading" in str(found) and "\n     reflection phong: ambient" in str(found)
-    cued = found.samples[0].layers[0]
-    expected = np.array(cued.weights) @ np.array(cued.corners) + cued.depth_cue
-    assert np.allclose(expected, cued.color, atol=1e-12)
+    text = str(found)
+    assert str(found.samples[0]) in text and "the mean of 4 samples" in text and "gouraud shading" in text
+    for sample in found.samples[1:]:  # a line each
+        assert str(sample) not in text and str(sample).splitlines()[0] in text.splitlines()
+    assert str(found.samples[3]).startswith("sample                  at 12.75, 9.75 px: 3 layers, alpha")
+    assert "\nreflection              phong: ambient" in text
+    cued = layers_of(found.samples[0])[0]
+    expected = np.array(cued["weights"]) @ np.array([cued[f"I_{name}"] for name in "ABC"]) + cued.get("depth cue", 0.0)
+    assert np.allclose(expected, cued["sum"], atol=1e-12)
 
 
 def test_a_pixel_with_nothing_says_so():
     empty = rz.explain(lit_quads(background=(1, 0, 0)), 0, 0, (24, 18), samples=1)
-    assert empty.layers == () and "nothing is seen here" in str(empty) and "background: (1, 0, 0)" in str(empty)
-    assert empty.linear == (1, 0, 0) and empty.alpha == 1 and empty.rgb == (255, 0, 0)
-    clear = rz.explain(lit_quads(), 0, 0, (24, 18), samples=1)
-    assert clear.background is None and clear.alpha == 0 and "transparent" in str(clear)
+    assert "nothing is seen here" in str(empty) and "background              (1, 0, 0)" in str(empty)
+    said = dict(empty.rows)
+    assert (said["linear"], said["alpha"], said["sRGB"], said["code"]) == ((1, 0, 0), 1, (255, 0, 0), "#ff0000")
+    clear = dict(rz.explain(lit_quads(), 0, 0, (24, 18), samples=1).rows)
+    assert (clear["background"], clear["alpha"]) == ("transparent", 0)
 
 
 def test_another_camera_and_anything_that_is_a_scene():
     mesh = rz.Mesh(QUAD, [(0, 1, 2, 3)])
     camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4)
     found = rz.explain(mesh, 8, 8, 16, camera=camera, tolerance=0, outputs=("rgb",), threads=2, samples=1)
-    assert found.size == (16, 16) and found.layers[0].depth == 5 and found.path == "exact record"
-    assert rz.explain(mesh, 0, 0, 16, camera=camera, samples=1).layers == ()
+    assert "of 16 x 16" in str(found) and layers_of(found)[0]["depth"] == 5
+    assert not layers_of(rz.explain(mesh, 0, 0, 16, camera=camera, samples=1))
     with pytest.raises(FrozenInstanceError):
-        found.path = "exact record"
+        found.rows = ()
 
 
 def test_a_pixel_outside_is_refused():
