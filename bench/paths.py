@@ -170,10 +170,6 @@ PATHS = (
             ),
         ),
     ),
-    Variant(
-        "buffers from a picture's entries",
-        (("engine/draw.py", "render_pass.opacity is None and found.n_level == 0", "False"),),
-    ),
 )
 
 CHILD = """

@@ -318,23 +318,23 @@ class Renderer:
             raise SceneError("this Renderer is closed; make a new one")
 
     def _render(self, camera: Camera, out: NDArray[np.uint32] | None) -> Frame:
-        """Draw the picture if one is wanted, and the buffers: together where both have one sample a pixel.
+        """Draw the picture if one is wanted, and then the buffers.
 
         `out` is what `PreparedScene.draw_picture` takes.
         """
         self._check_open()
         check_memory(self.options, has_out=out is not None)
         prepared, outputs, clock, arrays = self._prepared, self.options.outputs, Clock(), {}
-        picture, buffers, counts, screen = None, None, None, None
+        picture, counts, screen = None, None, None
         if "color" in outputs or "rgb" in outputs:
             picture = self._draw_picture(camera, clock, out)
-            buffers, counts, screen = picture.buffers, picture.counts, picture.screen
+            counts, screen = picture.counts, picture.screen
             if "color" in outputs:
                 arrays.update(color=picture.color, alpha=picture.alpha)
-        if buffers is None and prepared.buffer_names:
+        if prepared.buffer_names:
             buffers, counts_of_buffers, screen = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
-        arrays.update(buffers or {})
+            arrays.update(buffers)
         view_plan = None if picture is None else picture.view_plan
         bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
         # What a frame picks with draws the surfaces that it shows, and no colours.

@@ -15,14 +15,8 @@ from ..cores import MIN_PART
 from ..geometry.polygons import fill_means
 from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import (
-    DOUBLE_PRECISION,
     HAS_ALBEDO,
     HAS_COLORS,
-    HAS_CORNERS,
-    IN_ENTRIES,
-    IN_PLANES,
-    SINGLE_PRECISION,
-    BufferCoding,
     Coding,
     DepthScale,
     LevelCoding,
@@ -263,24 +257,6 @@ def sampled_in_double(plan: Plan, coding: Coding) -> NDArray[np.int64]:
         if looked_up is None
         else np.where(looked_up.is_exact_looked_up, -1, plan.textures.of_materials)
     )
-
-
-def make_buffer_coding(screen, n_attribute) -> BufferCoding:
-    """Say that entries hold indices of triangles, as for buffers; with attributes all have exact records, too."""
-    features = DOUBLE_PRECISION | (HAS_CORNERS if n_attribute > 0 else 0)
-    return _plain_coding(BufferCoding, IN_PLANES, features, n_attribute, None, screen)
-
-
-def make_map_coding(screen) -> Coding:
-    """Say that entries hold depths and nothing else, as for shadow maps."""
-    return _plain_coding(LevelCoding, IN_ENTRIES, SINGLE_PRECISION, 0, 1.0, screen)
-
-
-def _plain_coding(coding_type, path, features, n_attribute, level_scale, screen) -> Coding:
-    """The coding of passes in which all is of one material."""
-    is_double = features & DOUBLE_PRECISION != 0
-    rows = np.array([path], np.uint8), np.array([features], np.uint8), np.array([is_double]), np.array([n_attribute])
-    return coding_type(*rows, np.full(1, np.inf), level_scale, 0.0, False, None, scale_depths(screen))
 
 
 def scale_depths(screen) -> DepthScale:

@@ -178,8 +178,6 @@ def _weights_in(corners: NDArray, points: NDArray) -> NDArray[np.float64]:
 class OutputBuffer(NamedTuple):
     """How a buffer is written: one sample a pixel, at its centre, never averaged.
 
-    The entries of a band may be those of a picture: what holds for every record is told by `face_of` (records.py).
-
     Parameters
     ----------
     write : function of VisibleSurfaces, Band, array and table, which fills the pixels of a band where something is

@@ -5,7 +5,7 @@
 
 Every stage hands plain arrays to the next; `draw` is the path from transform on. What is drawn, how it is shaded and
 what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
-Buffers of the same samples are drawn beside a picture, band by band.
+Exact buffers beside a picture are a pass of their own.
 """
 
 from time import perf_counter
@@ -17,11 +17,11 @@ import numpy as np
 from ..errors import SceneError
 from ..pipeline.clip import NO_PLANES, clip
 from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
-from ..pipeline.scan import ScanCounts, make_deferred, scan
+from ..pipeline.scan import make_deferred
 from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
-from .passes import BufferPass, FaceTable, Pass
+from .passes import FaceTable, Pass
 from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
 
@@ -32,9 +32,7 @@ MAX_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
 
 
-def draw(
-    geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads, clock, buffers: BufferPass | None = None
-) -> "Counts":
+def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads, clock) -> "Counts":
     """Send every triangle of the scene through the stages.
 
     Parameters
@@ -45,7 +43,6 @@ def draw(
     workspaces : from which each band takes the memory that it is drawn in
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
-    buffers : BufferPass of the same samples, which is drawn beside the picture; None for none
 
     Raises SceneError where the scene has more triangles than records can number.
     """
@@ -60,11 +57,9 @@ def draw(
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
     shape = render_pass.workspace_shape(n_row)
-    if buffers is not None:
-        shape = shape._replace(n_attribute=max(shape.n_attribute, buffers.n_attribute))
 
     def scan_shade_resolve(band: Band) -> BandCounts:
-        return draw_band(band, drawn, render_pass, buffers, workspaces, shape)
+        return draw_band(band, drawn, render_pass, workspaces, shape)
 
     counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass))
     clock.lap("scan, shade, resolve")
@@ -72,18 +67,16 @@ def draw(
 
 
 def draw_band(
-    band: Band, drawn: "Drawn", render_pass: Pass, buffers: BufferPass | None, workspaces: WorkspacePool,
-    shape: WorkspaceShape,
-) -> "BandCounts":  # fmt: skip
+    band: Band, drawn: "Drawn", render_pass: Pass, workspaces: WorkspacePool, shape: WorkspaceShape
+) -> "BandCounts":
     """Draw the rows of one band: find what is visible, shade it, write it."""
     workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
     if workspace.records.clipped_planes is not drawn.clipped_planes:
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
-    block, visibility, records = workspace.block, workspace.visibility, workspace.records
 
     # Scan: the nearest opaque triangle of each sample goes into the visibility buffer, transparent ones are deferred.
     deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
-    found = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, block, visibility, records, deferred))
+    found = render_pass.scan(workspace, band, drawn, deferred)
 
     # Shade: the radiance of the visible samples.
     translucent = None
@@ -93,14 +86,8 @@ def draw_band(
         task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
         found, translucent = draw_transparent_band(task, found, deferred.listed())
 
-    # Resolve: the rows of the picture; those of buffers come from the same entries where these hold the indices of all
-    # triangles, else the band is scanned once more.
-    is_shared = buffers is not None and render_pass.opacity is None and found.n_level == 0
-    if is_shared:
-        buffers.share(workspace, band, drawn)
+    # Resolve: the rows of the picture.
     n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
-    if buffers is not None and not is_shared:
-        buffers.draw(workspace, band, drawn)
     workspaces.release(shape, workspace)
     return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 

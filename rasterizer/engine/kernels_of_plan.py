@@ -26,7 +26,7 @@ from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import ShadowMaps, SurfacePoints, light_points
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.resolve import encode_picture
-from ..pipeline.scan import ScanCounts, make_deferred, scan
+from ..pipeline.scan import ScanCounts, make_deferred, scan, scan_index
 from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.texturing import Texturing, shade_textured
@@ -36,7 +36,7 @@ from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_w
 from ..scene.camera import Camera
 from ..scene.mesh import Mesh
 from . import lights as light_table
-from .attributes import make_buffer_coding, make_coding, make_encoding, make_map_coding, sampled_in_double, scale_depths
+from .attributes import make_coding, make_encoding, sampled_in_double, scale_depths
 from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
 from .plan import Plan, make_plan
@@ -82,9 +82,7 @@ def list_kernels(tables: SceneTables, options: Options, camera: Camera, plan: Pl
     if len(names) < len(options.outputs):
         found.add_picture()
     if names:
-        # Entries of normals hold what buffers look for: no triangles are drawn for these.
-        is_shared = len(names) < len(options.outputs) and options.factor == 1 and plan.is_lit_per_sample
-        found.add_buffers(names, is_shared and plan.opacity is None)
+        found.add_buffers(names)
     if options.edges:
         found.add_edges()
     return list(found.jobs)
@@ -144,7 +142,7 @@ class Parts(NamedTuple):
     """What the kernels of a pass are called with, without room."""
 
     screen: Screen
-    coding: Coding
+    coding: Coding | None  # None where entries hold the places of triangles alone
     workspace: Workspace
     textures: packing.Textures | None = None  # as that of ColorPass
 
@@ -216,6 +214,9 @@ class PictureKernels(KernelList):
         self.add(cull.find_visible_in, 0, 0, triangles.vertex_idx, vertices, grid, SIDES, cull.make_cull_scratch(),
                  visible)  # fmt: skip
         self.add(scatter, FACES, bands, bands, NUMBERS, FACES)
+        if parts.coding is None:
+            self.add(scan_index, Band(FACES, 0, 0), NO_TRIANGLES, workspace.block, workspace.visibility)
+            return
         deferred = make_deferred(0, workspace.extents) if with_deferred else None
         self.add(scan, Band(FACES, 0, 0), NO_TRIANGLES, parts.coding, workspace.block, workspace.visibility,
                  workspace.records, deferred)  # fmt: skip
@@ -292,7 +293,7 @@ class PictureKernels(KernelList):
     def add_shadow_map(self, dtype: np.dtype) -> None:
         """Add what draws the map of a light."""
         screen, workspace = self.screen(1), make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, 0, False), 1)
-        self.add_stages(Parts(screen, make_map_coding(screen), workspace))
+        self.add_stages(Parts(screen, None, workspace))
         self.add(shadow_lookup.write_map, workspace.visibility, 0, 0, 0.0, 0.0, np.empty((0, 0), dtype))
 
     def add_lit(self, parts: Parts) -> None:
@@ -398,18 +399,14 @@ class PictureKernels(KernelList):
 
     # ------------------------------------------------ exact buffers
 
-    def add_buffers(self, names: Collection[str], is_shared: bool) -> None:
-        """Add what draws exact buffers; of their triangles only where they don't share those of a picture."""
-        screen = self.screen(1)
-        n_attribute = 3 if any(BUFFER_TABLE[name].needs_normals for name in names) else 0
-        workspace = make_workspace(WorkspaceShape(1, 1, 0, n_attribute, SINGLE, 0, False), 1)
-        parts = Parts(screen, make_buffer_coding(screen, n_attribute), workspace)
-        if not is_shared:
-            self.add_stages(parts)
-            self.add_clipping(screen)
-            self.add(buffers.clear_band, workspace.visibility, 0)
+    def add_buffers(self, names: Collection[str]) -> None:
+        """Add what draws exact buffers."""
+        screen, workspace = self.screen(1), make_workspace(WorkspaceShape(1, 1, 0, 0, SINGLE, 0, False), 1)
+        self.add_stages(Parts(screen, None, workspace))
+        self.add_clipping(screen)
+        self.add(buffers.clear_band, workspace.visibility, 0)
         visible = buffers.VisibleSurfaces(
-            workspace.visibility, workspace.records, NO_TRIANGLES, FACES, parts.coding.depths, False, False, False,
+            workspace.visibility, FACES, NO_TRIANGLES, FACES, FACES, clip.NO_PLANES, scale_depths(screen), False,
             workspace.batch,
         )  # fmt: skip
         for name in names:
@@ -434,6 +431,6 @@ class PictureKernels(KernelList):
     def add_edges(self) -> None:
         """Add what draws edges over a picture, and the depths that hide them."""
         self.add_equal_rows()
-        self.add_buffers(("depth",), is_shared=False)
+        self.add_buffers(("depth",))
         samples = np.empty((0, 0), np.float32)
         self.add(draw_edges, np.empty((0, 6)), ROWS, float(self.options.edge_width), True, (0, 0), samples, samples)

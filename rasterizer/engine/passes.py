@@ -5,8 +5,8 @@
     BufferPass         exact buffers: depth, face, normal
     ShadowMapPass      what a light sees: depth alone
 
-A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `shade`, then
-`finish`.
+A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `scan`, then
+`shade`, then `finish`.
 """
 
 from dataclasses import dataclass
@@ -24,14 +24,15 @@ from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import max_units
 from ..pipeline.resolve import Encoding, Picture, resolve, resolve_averages
-from ..pipeline.scan import ScanCounts, scan
+from ..pipeline.scan import Deferred, ScanCounts, scan, scan_index
+from ..pipeline.setup import DepthScale
 from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.shade_once import SampleGrid, list_points, make_grid, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing, shade_textured
-from ..pipeline.transform import Drawables, Screen
+from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceShape
 from .attributes import NONE
 from .buffers import BUFFER_TABLE
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from .draw import Drawn
 
 NO_TABLE = FaceTable(np.empty((0, 5)))
-NO_MATERIALS = np.empty(0, np.uint32)  # of triangles that all have one
+NOTHING_FOUND = ScanCounts(0, 0, 0, 0, -1)
 
 
 # Methods that nobody calls are not made: making them is most of what a dataclass costs when it is imported.
@@ -53,7 +54,6 @@ class Pass:
     """What is drawn by the stages, and what becomes of it."""
 
     attributes: np.ndarray  # (n_side, n_point, n_attribute) float64: interpolated over the triangles
-    coding: Coding
     size: tuple[int, int]  # (width, height) in pixels
     face_table: FaceTable = NO_TABLE
     factor: int = 1  # samples a pixel along each axis
@@ -91,14 +91,16 @@ class Pass:
             self.n_texel, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
-    @cached_property
-    def units_per_record(self) -> int:
-        """At most."""
-        return max_units(self.coding)
-
     def max_records(self, n_triangle: int) -> int:
-        """How many units the records of so many triangles have at most."""
-        return n_triangle * self.units_per_record
+        """How many units the records of so many triangles have at most; where there are none, how many numbers entries
+        hold."""
+        return n_triangle
+
+    def scan(self, workspace: Workspace, band: Band, drawn: "Drawn", deferred: Deferred | None) -> ScanCounts:
+        """Draw the band's triangles into the clear visibility buffer; `deferred` takes the transparent ones, None where
+        all are opaque."""
+        scan_index(band, drawn.drawables, workspace.block, workspace.visibility)
+        return NOTHING_FOUND
 
     def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
@@ -120,6 +122,7 @@ class Pass:
 class ColorPass(Pass):
     """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
 
+    coding: Coding
     plan: Plan
     screen: Screen
     encoding: Encoding
@@ -127,6 +130,22 @@ class ColorPass(Pass):
     textures: Textures | None  # those that are looked up in float64; None where the scene has no textures
     is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
     is_filled: bool = True
+
+    @cached_property
+    def units_per_record(self) -> int:
+        """At most."""
+        return max_units(self.coding)
+
+    def max_records(self, n_triangle):
+        """As that of `Pass`."""
+        return n_triangle * self.units_per_record
+
+    def scan(self, workspace, band, drawn, deferred):
+        """As that of `Pass`, with records."""
+        found = scan(
+            band, drawn.drawables, self.coding, workspace.block, workspace.visibility, workspace.records, deferred
+        )
+        return ScanCounts(*found)
 
     @property
     def n_channel(self) -> int:
@@ -303,49 +322,24 @@ class LitPass(ColorPass):
 
 @dataclass(**AS_PASS)
 class BufferPass(Pass):
-    """Exact buffers: one sample a pixel, at its centre.
+    """Exact buffers: one sample a pixel, at its centre."""
 
-    It may go alone, or beside a picture of one sample a pixel. Then it takes the picture's entries where these show
-    what it looks for, and its own elsewhere; the bytes are the same.
-    """
-
-    screen: Screen
+    depths: DepthScale
+    is_perspective: bool
     buffers: dict[str, np.ndarray]  # by name, see buffers.py; written
     tables: dict[str, tuple]  # by name: what those look up that need a table
     is_filled: bool = True
 
     def finish(self, workspace, band, counts, translucent, drawn):
-        """Write what is visible into each buffer."""
-        self._write(workspace, band, drawn, is_own=True)
-        return clear_band(workspace.visibility, band.n_row)
-
-    def share(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
-        """Write what the entries of a picture show; they stay."""
-        self._write(workspace, band, drawn, is_own=False)
-
-    def draw(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
-        """Scan a band of a picture once more and write what the entries show; the visibility buffer is clear, before
-        and after."""
-        drawables = self.drawables_of(drawn)
-        counts = scan(
-            band, drawables, self.coding, workspace.block, workspace.visibility, workspace.records, None,
-        )  # fmt: skip
-        self.finish(workspace, band, ScanCounts(*counts), None, drawn)
-
-    def drawables_of(self, drawn: "Drawn") -> Drawables:
-        """The triangles of any pass with the attributes of this one; all have one material."""
-        triangles = drawn.drawables.triangles._replace(material=NO_MATERIALS)
-        return Drawables(triangles, drawn.drawables.vertices, self.attributes)
-
-    def _write(self, workspace, band, drawn, is_own) -> None:
-        """Write what the band's entries show, this pass' own or those of a picture; the rest of its rows is empty."""
+        """Write what is visible into each buffer; the rest of the band's rows is empty."""
         surfaces = VisibleSurfaces(
-            workspace.visibility, workspace.records, self.drawables_of(drawn), drawn.loaded_face, self.coding.depths,
-            is_own, is_own and self.n_attribute > 0, self.screen.is_perspective, workspace.batch, drawn.source,
+            workspace.visibility, band.faces, drawn.drawables, drawn.loaded_face, drawn.source, drawn.clipped_planes,
+            self.depths, self.is_perspective, workspace.batch,
         )  # fmt: skip
         for name, buffer in self.buffers.items():
             buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty
             BUFFER_TABLE[name].write(surfaces, band, buffer, *self.tables.get(name, ()))
+        return clear_band(workspace.visibility, band.n_row)
 
 
 @dataclass(**AS_PASS)
@@ -364,16 +358,14 @@ class ShadowMapPass(Pass):
         return 0
 
 
-def shadow_map_pass(coding, screen, texels, hidden_sides=None) -> ShadowMapPass:
+def shadow_map_pass(depths: DepthScale, texels, hidden_sides=None) -> ShadowMapPass:
     """Return the pass that draws a shadow map; `texels` is (n, n) float32 or float64, written; `hidden_sides` are those
     of `Pass`."""
-    depths = coding.depths
     depth = (depths.inv_w_offset, depths.inv_w_scale)
-    if not screen.is_perspective:
+    if not depths.is_perspective:
         depth = (-depths.depth_offset, -depths.depth_scale)
     return ShadowMapPass(
         attributes=NONE,
-        coding=coding,
         size=texels.shape[::-1],
         hidden_sides=hidden_sides,
         depth=depth,

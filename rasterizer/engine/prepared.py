@@ -27,7 +27,6 @@ from .attributes import (
     NormalAttributes,
     light_all,
     lookup_step,
-    make_buffer_coding,
     make_coding,
     make_encoding,
     sampled_in_double,
@@ -37,7 +36,7 @@ from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import Counts, draw
-from .passes import NO_MATERIALS, NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
+from .passes import NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
 from .plan import Plan, ViewPlan, ViewPlans, keep
 from .plan_summary import PathCounts, PlanSummary, summarize
 from .scene_tables import SceneTables
@@ -53,7 +52,6 @@ class DrawnPicture(NamedTuple):
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
     view_plan: ViewPlan
-    buffers: dict[str, NDArray] | None  # that were drawn beside it, by name; None where none were
     screen: Screen
 
 
@@ -195,17 +193,14 @@ class PreparedScene:
         screen = self.screen_for(camera, view, options.factor)
         view_plan = self._plan_on(view, screen)
         render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
-        is_beside = bool(self.buffer_names) and options.factor == 1  # buffers have one sample a pixel
-        buffers = self.buffer_pass(camera, view, screen, self.buffer_names) if is_beside else None
-        counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock, buffers)
+        counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         if is_global:
             scale = 1.0 / max(1.0, float(picture.color.max()))
             encoding = render_pass.encoding._replace(scale=scale)
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        beside = buffers.buffers if buffers else None
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, beside, screen)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, screen)
 
     def color_pass(self, view: View, screen, plan: Plan, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
@@ -281,10 +276,10 @@ class PreparedScene:
             normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.normals()
         return BufferPass(
             attributes=normals,
-            coding=make_buffer_coding(screen, normals.shape[2]),
             size=size,
             hidden_sides=self._hidden_sides(view, screen, factor),
-            screen=screen,
+            depths=scale_depths(screen),
+            is_perspective=screen.is_perspective,
             buffers={name: BUFFER_TABLE[name].make(size) for name in names},
             tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
         )
@@ -305,8 +300,7 @@ class PreparedScene:
         screen = self.screen_for(camera, view, factor)
         render_pass = self.buffer_pass(camera, view, screen, self.buffer_names if names is None else names, factor)
         render_pass.rows = rows
-        geometry = self.geometry._replace(face_material=NO_MATERIALS)
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         return render_pass.buffers, counts, screen
 
     # ------------------------------------------------ bounds

@@ -29,7 +29,7 @@ from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
 from ..scene.lights import light_type_of
-from .attributes import make_map_coding
+from .attributes import scale_depths
 from .bounds import NORMALS, ShadowBound
 from .depth_range import NEAREST, are_seen_from_outside, fit_screen
 from .draw import NO_CLOCK, draw
@@ -233,13 +233,13 @@ def draw_shadow_map(
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry, sides = _some_faces(geometry, seen), None if sides is None else sides[seen]
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
-        coding = make_map_coding(screen)
+        depths = scale_depths(screen)
         is_finite = np.isfinite(projection[:4]).all()  # else the map is narrower than a number can say
         if not (is_finite and are_seen_from_outside(light_view, screen, (size, size), casters.bounds).all()):
             sides = None
-        render_pass = shadow_map_pass(coding, screen, texels[layer], sides)
+        render_pass = shadow_map_pass(depths, texels[layer], sides)
         draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
-        _write_view(row, light_view, projection, _value_rounding(screen, coding, size))
+        _write_view(row, light_view, projection, _value_rounding(depths, size))
         row[lookup.SLACK] = _slack(projection, size, dtype)
         row[lookup.LAYER] = layer
         layer += 1
@@ -310,14 +310,13 @@ def _fit_screen(view, projection, corners, geometry, size):
     return fit_screen(view, projection, (near, furthest), np.inf, geometry, (size, size))
 
 
-def _value_rounding(screen, coding, side) -> float:
+def _value_rounding(depths, side) -> float:
     """How far the values of a map of `side` texels a side, 1/w or depth, are off by the rounding of planes of depth.
 
     From the sample where such a plane has its value, it is less than `side` steps to any texel, along both axes: half a
     unit of the z-buffer each, and DEPTH_PLANE_ROUNDING.
     """
-    depths = coding.depths
-    unit = abs(depths.inv_w_scale if screen.is_perspective else depths.depth_scale)
+    unit = abs(depths.inv_w_scale if depths.is_perspective else depths.depth_scale)
     return (side + DEPTH_PLANE_ROUNDING) * unit
 
 

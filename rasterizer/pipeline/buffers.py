@@ -1,13 +1,14 @@
 """Stage 7 for buffers: what is visible at each pixel's centre, one kernel for each buffer.
 
-In:  the band's visibility buffer, all of its entries indices of records, and the triangles that these show; for labels
-     and means a table: a label for each face, or values for the corners of each triangle.
+In:  the band's visibility buffer, whose entries hold places in the band's list of triangles (`scan_index`), and the
+     triangles; for labels and means a table: a label for each face, or values for the corners of each triangle.
 Out: the band's rows of a buffer. `clear_band` comes last: it leaves the visibility buffer clear for the next band.
 
-Every number is that of exact interpolation (interpolate.py) in float64, rounded once to float32, so it doesn't matter
-which pass the entries come from. Depth is interpolated so at few samples only. An entry's z gives a depth d, and exact
-interpolation one that differs from it by at most s; where d - s and d + s round to the same float32, that is what both
-round to. The other samples are those whose depth is next to the middle of two numbers of float32.
+Every number is that of exact interpolation (interpolate.py) in float64, rounded once to float32. Of small triangles
+depth is interpolated so at few samples. An entry's z gives a depth d, and exact interpolation one that differs from it
+by at most s; where d - s and d + s round to the same float32, that is what both round to. The other samples are those
+whose depth is next to the middle of two numbers of float32. Entries of large triangles are marked as exact: their z is
+off by more, and their runs of samples are long.
 
 How large s is. A plane of z is off by half a unit for each column and row of its triangle's box, and by
 DEPTH_PLANE_ROUNDING (setup.py). Both depths come from lines in z, offset + step·z, within S = |offset| + 2^38 |step|.
@@ -25,14 +26,12 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
+from .clip import FACE_DEPTH, MAX_SUM, MIN_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .fragments import BATCH_SIZE, NEXT, NORMAL
-from .gradients import MAX_EXTENT
 from .interpolate import (
     ExactTriangle,
     corner_values,
-    corner_vectors,
     corner_weights,
-    exact_triangle,
     inverse_range,
     mean,
     mean_depth,
@@ -42,9 +41,9 @@ from .interpolate import (
     run_end,
     weight_steps,
 )
-from .records import DEPTH, SIDE, Records, face_of
+from .scan import MAX_EXTENT
 from .setup import DEPTH_PLANE_ROUNDING, DepthScale, depth_at_corner, rotate_to_first
-from .transform import DEPTH_BITS, SUBPIXEL, Drawables, depths_on_plane
+from .transform import DEPTH_BITS, Drawables, depths_on_plane
 from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
 
 
@@ -52,15 +51,20 @@ class VisibleSurfaces(NamedTuple):
     """What is visible in a band, one sample a pixel."""
 
     visibility: VisibilityBuffer
-    records: Records
+    faces: np.ndarray  # (n,) uint32: the band's triangles; entries hold places in it
     drawables: Drawables  # attributes 0-2 are the normals, where a buffer needs them
     loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
+    sources: np.ndarray  # (n_face,) which of all triangles each is a part of; empty as loaded_faces
+    clipped_planes: np.ndarray  # (n_clipped, 14) float64, see clip.Clipped
     depths: DepthScale
-    is_own: bool  # the pass that drew them is a buffer's: triangles without an exact record are small
-    has_corners: bool  # all triangles have exact records, with the normals as attributes 0-2
     is_perspective: bool
     batch: np.ndarray  # scratch, see fragments.py, float32
-    sources: np.ndarray = np.empty(0, np.uint32)  # (n,) which of all triangles each is a part of; empty as loaded_faces
+
+
+@helper
+def face_at(entry, surfaces):
+    """Return the triangle that an entry shows, an `index`."""
+    return index(surfaces.faces[record_of(entry)])
 
 
 # ---------------------------------------------------------------- masks, faces and labels
@@ -85,7 +89,7 @@ def write_mask(surfaces, band, out):
 @kernel
 def write_face(surfaces, band, out):
     """Write the index of the visible face as loaded: out is (height, width) int32."""
-    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
+    visibility, loaded_faces = surfaces.visibility, surfaces.loaded_faces
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         if left >= right:
@@ -95,20 +99,20 @@ def write_face(surfaces, band, out):
         here = out[index(y), index(left) : index(right)]
         for k in range(index(len(entries))):
             if entries[k] < CLEAR:
-                face = face_of(entries[k], records)
+                face = face_at(entries[k], surfaces)
                 here[k] = loaded_faces[face] if len(loaded_faces) > 0 else face
 
 
 @kernel
 def write_label(surfaces, band, out, labels):
     """Write the label of the visible face: out is (height, width) int32, `labels` (n_face,) int32 of loaded faces."""
-    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
+    visibility, loaded_faces = surfaces.visibility, surfaces.loaded_faces
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
             entry = visibility.entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
-                face = face_of(entry, records)
+                face = face_at(entry, surfaces)
                 loaded = index(loaded_faces[face]) if len(loaded_faces) > 0 else face
                 out[index(y), index(x)] = labels[loaded]
 
@@ -131,8 +135,7 @@ class DepthLine(NamedTuple):
 @kernel
 def write_depth(surfaces, band, out):
     """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
-    largest = MAX_EXTENT if surfaces.is_own else find_largest(band.faces, surfaces.drawables)
-    visibility, line = surfaces.visibility, depth_line(0.5 * float(largest) + DEPTH_PLANE_ROUNDING, surfaces)
+    visibility, line = surfaces.visibility, depth_line(0.5 * float(MAX_EXTENT) + DEPTH_PLANE_ROUNDING, surfaces)
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for first in range(left, right, BATCH_SIZE):
@@ -151,28 +154,13 @@ def write_depth(surfaces, band, out):
 
 
 @helper
-def find_largest(faces, drawables):
-    """Return how many columns and rows together the box of any of these triangles has at most, int64.
-
-    Parts of clipped faces don't count: they have exact records. `faces` is (n,) uint32.
-    """
-    triangles, largest = drawables.triangles, np.int64(0)
-    for k in range(index(len(faces))):
-        (xa, xb, xc), (ya, yb, yc) = fetch_positions(faces[k], drawables)
-        is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[faces[k]] < 0
-        extent = max(xa, xb, xc) - min(xa, xb, xc) + max(ya, yb, yc) - min(ya, yb, yc)
-        largest = max(largest, extent if is_whole else np.int64(0))
-    return largest // SUBPIXEL + 2
-
-
-@helper
 def put_runs_of_depths(entries, surfaces, x, y, out):
-    """Interpolate the depths of exact records, run by run; the first sample is at (x, y)."""
+    """Interpolate depths run by run; the first sample is at (x, y)."""
     start = index(0)
     while start < index(len(entries)):
         end = run_end(entries, start)
         if entries[start] < CLEAR:
-            triangle, depths = triangle_of(entries[start], surfaces)
+            triangle, depths = fetch_triangle(face_at(entries[start], surfaces), surfaces)
             put_run_of_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
         start = end
 
@@ -234,7 +222,7 @@ def put_exact_depths(entries, surfaces, is_many, x, y, out):
             start += index(1)
             continue
         end = run_end(entries, start) if is_many else start + index(1)
-        triangle, depths = triangle_of(entries[start], surfaces)
+        triangle, depths = fetch_triangle(face_at(entries[start], surfaces), surfaces)
         put_run_of_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
         start = end
 
@@ -334,8 +322,9 @@ def put_normals(entries, surfaces, x, y, batch):
     while start < index(len(entries)):
         end = run_end(entries, start)
         if entries[start] < CLEAR:
-            triangle, _ = triangle_of(entries[start], surfaces)
-            normals, side = normals_of(entries[start], surfaces)
+            face = face_at(entries[start], surfaces)
+            triangle, _ = fetch_triangle(face, surfaces)
+            normals, side = fetch_normals(face, surfaces.drawables)
             run = batch[NORMAL + start : NORMAL + NEXT + NEXT + end]
             fill_normals(triangle, normals, side, x + np.int64(start), y, end - start, run)
         start = end
@@ -368,7 +357,7 @@ def interleave(entries, batch, out):
 
 # ---------------------------------------------------------------- means of what the corners of faces have
 
-# A mean is Σ p_i·a_i with the perspective weights p_i of interpolate.py. The weights come in the order of the record,
+# A mean is Σ p_i·a_i with the perspective weights p_i of interpolate.py. The weights come in the order of setup.py,
 # which begins at the topmost vertex; the table is in the order of the file. `corner_order` tells which is which.
 
 
@@ -400,15 +389,16 @@ def write_means(surfaces, band, out, table):
         while start < index(len(entries)):
             end = run_end(entries, start)
             if entries[start] < CLEAR:
-                triangle, _ = triangle_of(entries[start], surfaces)
-                corners = table_rows(face_of(entries[start], surfaces.records), surfaces, table)
+                face = face_at(entries[start], surfaces)
+                triangle, _ = fetch_triangle(face, surfaces)
+                corners = table_rows(face, surfaces, table)
                 fill_means(triangle, corners, table.values, left + np.int64(start), y, here[start:end])
             start = end
 
 
 @helper
 def table_rows(face, surfaces, table):
-    """Return the rows of a table for the corners of a triangle of the picture, in the order of its record."""
+    """Return the rows of a table for the corners of a triangle, in the order of its weights."""
     sources = surfaces.sources
     source = index(sources[face]) if len(sources) > 0 else face
     i, j, k = corner_order(face, surfaces.drawables)
@@ -417,7 +407,7 @@ def table_rows(face, surfaces, table):
 
 @helper
 def corner_order(face, drawables):
-    """Return which corner of a triangle each corner of its record is; parts of clipped faces have those of the face."""
+    """Return which corner of a triangle each weight belongs to; parts of clipped faces have those of the face."""
     i, j, k = index(0), index(1), index(2)
     clipped_idx = drawables.triangles.clipped_idx
     is_whole = len(clipped_idx) == 0 or clipped_idx[face] < 0
@@ -441,31 +431,12 @@ def fill_means(triangle, corners, values, x, y, out):
 
 # ---------------------------------------------------------------- triangles of visible samples
 
-# Those whose records don't hold their corners are fetched once more, from the picture's drawables: the same numbers in
-# the same order as in an exact record, so that what is interpolated has the same bits. A part of a clipped face always
-# has an exact record: its weights come from planes.
-
-
-@helper
-def triangle_of(entry, surfaces):
-    """Return the triangle that an entry shows, and the depths of its vertices."""
-    records, record = surfaces.records, record_of(entry)
-    if is_exact(entry) or surfaces.has_corners:
-        return exact_triangle(records, record), corner_values(records.reals, record, index(DEPTH))
-    return fetch_triangle(face_of(entry, records), surfaces.drawables, surfaces.depths)
-
-
-@helper
-def normals_of(entry, surfaces):
-    """Return the normals of the triangle that an entry shows, an axis a row, and the side of it that is seen."""
-    records, record = surfaces.records, record_of(entry)
-    if surfaces.has_corners:
-        return corner_vectors(records, record, index(0)), np.int64(records.integers[record, index(SIDE)])
-    return fetch_normals(face_of(entry, records), surfaces.drawables)
+# The numbers that exact records hold (records.py), fetched from the picture's drawables. The weights of a part of a
+# clipped face come from the planes of the face.
 
 
 class VertexOrder(NamedTuple):
-    """How a record orders the vertices of a triangle: clockwise on the screen, the topmost (then leftmost) first."""
+    """How setup.py orders the vertices of a triangle: clockwise on the screen, the topmost (then leftmost) first."""
 
     is_b_first: bool
     is_c_first: bool
@@ -473,11 +444,30 @@ class VertexOrder(NamedTuple):
 
 
 @helper
-def fetch_triangle(face, drawables, depths):
-    """Return a whole triangle, and the depths of its vertices, as an exact record holds them.
+def fetch_triangle(face, surfaces):
+    """Return a triangle, and the depths of its vertices, as an exact record holds them."""
+    triangles = surfaces.drawables.triangles
+    clipped = np.int64(triangles.clipped_idx[face]) if len(triangles.clipped_idx) > 0 else np.int64(-1)
+    if clipped >= 0:
+        return fetch_part(index(clipped), surfaces)
+    return fetch_whole(face, surfaces.drawables, surfaces.depths)
 
-    `face` is its index in the picture, `depths` the DepthScale.
-    """
+
+@helper
+def fetch_part(clipped, surfaces):
+    """Return the planes of the weights of a part of a clipped face, and the depths of the face's corners; `clipped` is
+    the row of the planes."""
+    planes, zeros, zero = surfaces.clipped_planes, (0.0, 0.0, 0.0), np.int64(0)
+    q, q_x = corner_values(planes, clipped, index(WEIGHT)), corner_values(planes, clipped, index(WEIGHT_X))
+    q_y, depths = corner_values(planes, clipped, index(WEIGHT_Y)), corner_values(planes, clipped, index(FACE_DEPTH))
+    sums = (planes[clipped, index(MIN_SUM)], planes[clipped, index(MAX_SUM)])
+    triangle = ExactTriangle(True, zero, zero, zero, zero, zero, zero, zeros, q, q_x, q_y, sums, 1.0)
+    return triangle, (1.0, 1.0, 1.0) if surfaces.is_perspective else depths
+
+
+@helper
+def fetch_whole(face, drawables, depths):
+    """Return a triangle that is not clipped, and the depths of its vertices; `depths` is the DepthScale."""
     xs, ys = fetch_positions(face, drawables)
     order, vertices = order_of(xs, ys), drawables.vertices
     a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)

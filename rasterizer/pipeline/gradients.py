@@ -45,7 +45,6 @@ SINGLE_PRECISION, DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, IS_TRANSPARENT, IS_
 # Colours that are given with the model; an exact record beside the planes.
 HAS_ALBEDO, HAS_CORNERS = 64, 128
 MAX_CHANNELS = 3
-MAX_EXTENT = 128  # columns and rows together of the box of a triangle whose entries tell its depths, see buffers.py
 
 
 class Coding(NamedTuple):
@@ -71,10 +70,6 @@ class NormalCoding(Coding):
     """Normals, and what stands behind them, in planes where they are good enough."""
 
 
-class BufferCoding(Coding):
-    """Nothing in planes: small triangles leave their index alone, unless corners are asked for; see buffers.py."""
-
-
 @choice
 def compute_gradients(n_attribute, coding, block):
     """Compute the planes of a block's attributes; clear HAS_LEVELS and HAS_PLANES where they aren't good enough."""
@@ -82,8 +77,6 @@ def compute_gradients(n_attribute, coding, block):
         return compute_levels
     if class_of(coding) is NormalCoding:
         return compute_normals
-    if class_of(coding) is BufferCoding:
-        return find_small
     return compute_none
 
 
@@ -93,15 +86,6 @@ def compute_none(n_attribute, coding, block):
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = 0
-
-
-@helper
-def find_small(n_attribute, coding, block):
-    """Let the records of small triangles hold their index alone, those of others be exact."""
-    ints = block.ints
-    for k in range(index(s.BLOCK)):
-        ints[s.HAS_LEVELS + k] = ints[s.IS_WEIGHTED + k] = 0
-        ints[s.HAS_PLANES + k] &= ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k] <= MAX_EXTENT
 
 
 # ---------------------------------------------------------------- levels, in entries

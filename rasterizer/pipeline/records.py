@@ -152,13 +152,6 @@ def write_normals(records, n_record, k, face, coding, block):
 
 
 @helper
-def write_index(records, n_record, k, face, coding, block):
-    """Write record number `n_record`, the index of the triangle alone; return its length in units."""
-    records.int_planes[(index(n_record) << index(UNIT_SHIFT)) + index(PLANES_FACE)] = face
-    return np.int64(1)
-
-
-@helper
 def write_textured(planes, target, k, textures, block):
     """Write the planes of texture coordinates, and of what the surface gives off as a whole; `textures` is None where
     none stand in planes."""

@@ -27,8 +27,8 @@ import numpy as np
 from ..compiler.kernels import choice, class_of, helper, index, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
-from .gradients import HAS_CORNERS, IS_INVISIBLE, IS_TRANSPARENT, BufferCoding, NormalCoding, compute_gradients
-from .records import write_exact, write_index, write_normals, write_values
+from .gradients import HAS_CORNERS, IS_INVISIBLE, IS_TRANSPARENT, NormalCoding, compute_gradients
+from .records import write_exact, write_normals, write_values
 from .transform import HALF, SUBPIXEL
 from .visibility import (
     DEPTH_MASK,
@@ -43,6 +43,8 @@ from .visibility import (
     note_material,
     pack,
 )
+
+MAX_EXTENT = 128  # columns and rows together of the box of a triangle whose entries tell its depths, see buffers.py
 
 
 class ScanCounts(NamedTuple):
@@ -149,6 +151,37 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
     return n_level, n_plane, n_exact, features, material
 
 
+@kernel
+def scan_index(band, drawables, block, visibility):
+    """Draw a band's triangles; entries hold the place of each in the band's list, for exact buffers.
+
+    Those of triangles whose depths the entries don't tell well enough are marked as exact, see buffers.py.
+
+    Parameters
+    ----------
+    band : Band
+    drawables : Drawables, all of the picture
+    block : Block, scratch
+    visibility : VisibilityBuffer, clear; written
+    """
+    faces = band.faces
+    for first in range(0, len(faces), s.BLOCK):
+        some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
+        s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
+        s.order_vertices(drawables.vertices.pixel, block)
+        s.compute_boxes(band, visibility.width, block)
+        s.compute_depth_planes(block)
+        for k in range(index(len(some))):
+            box = box_of(k, block)
+            if box.left >= box.right or box.top >= box.bottom:
+                continue
+            is_small = block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k] <= MAX_EXTENT
+            flags = np.int64(0) if is_small and block.ints[s.HAS_PLANES + k] != 0 else IS_EXACT
+            payload = Payload(id_payload(first + np.int64(k), flags), np.int64(0), np.int64(0))
+            note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+            fill(visibility, band.y_start, box, k, payload, block)
+
+
 @helper
 def material_of_face(face, triangles):
     """Return the material of a triangle."""
@@ -195,8 +228,7 @@ def needs_corners(k, coding, block):
 @choice
 def write_record(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
-    writers = {NormalCoding: write_normals, BufferCoding: write_index}
-    return writers.get(class_of(coding), write_values)
+    return write_normals if class_of(coding) is NormalCoding else write_values
 
 
 @helper

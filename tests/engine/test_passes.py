@@ -1,4 +1,4 @@
-"""Check that any set of outputs can be drawn together: the bytes of each are its own, whichever pass they come from."""
+"""Check that any set of outputs can be drawn together: the bytes of each are its own."""
 
 from itertools import combinations, cycle
 
@@ -75,7 +75,6 @@ def test_buffers_of_random_triangles_do_not_depend_on_the_picture():
 
 
 def test_buffers_are_of_one_sample_beside_a_picture_of_four():
-    """Which needs a way of its own through all stages."""
     scene = scene_of(cube(), floor())
     frame, alone = draw((scene, {"samples": 4}), "phong", OUTPUTS), draw((scene, {}), "phong", BUFFERS)
     for name in BUFFERS:

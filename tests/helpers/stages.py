@@ -21,7 +21,6 @@ from rasterizer.pipeline.gradients import (
     IN_ENTRIES,
     IN_PLANES,
     SINGLE_PRECISION,
-    BufferCoding,
     Coding,
     LevelCoding,
     NormalCoding,
@@ -57,13 +56,12 @@ class Given(NamedTuple):
     path: int
 
 
-# Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes · indices.
+# Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes.
 KINDS = {
     "exact": Given(Coding, EXACT),
     "entries": Given(LevelCoding, IN_ENTRIES),
     "values": Given(LevelCoding, IN_PLANES),
     "normals": Given(NormalCoding, IN_PLANES),
-    "buffers": Given(BufferCoding, IN_PLANES),
 }
 
 

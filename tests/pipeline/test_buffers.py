@@ -1,5 +1,4 @@
-"""Check the exact buffers: depth against rational numbers, faces, normals, the clean-up; the same bytes from the
-entries of any pass."""
+"""Check the exact buffers: depth against rational numbers, faces, normals, the clean-up; depths that entries tell."""
 
 from types import SimpleNamespace
 
@@ -28,9 +27,10 @@ from rasterizer.pipeline.buffers import (
     put_run_of_depths,
     write_depth,
 )
+from rasterizer.pipeline.clip import NO_PLANES
 from rasterizer.pipeline.cull import Band
-from rasterizer.pipeline.gradients import HAS_CORNERS
 from rasterizer.pipeline.interpolate import ExactTriangle, corner_weights, mean_depth
+from rasterizer.pipeline.scan import scan_index
 from rasterizer.pipeline.transform import compute_z
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, NO_END, NO_START
 
@@ -40,15 +40,13 @@ ALL = ("depth", "face", "normal")
 NO_FACE = np.empty(0, np.uint32)
 
 
-# Where entries come from: (coding of the pass that draws them, type of its attributes, whether it is a buffer's own).
-OWN, OWN_CORNERS = ("buffers", np.float64, True), ("buffers with corners", np.float64, True)
-NORMALS, EXACT = ("normals", np.float32, False), ("exact", np.float64, False)
-SOURCES = {source[0]: source for source in (OWN, OWN_CORNERS, NORMALS, EXACT)}
-
-
-def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None, source=OWN_CORNERS):
-    """Scan and write the buffers; return (buffers, workspace, samples covered)."""
-    workspace, surfaces = scan_for_buffers(triangles, depth, normals, screen, is_inverted, source)
+def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None, all_exact=False):
+    """Scan and write the buffers, from entries that are all marked as exact or not; return (buffers, workspace, samples
+    covered)."""
+    workspace, surfaces = scan_for_buffers(triangles, depth, normals, screen, is_inverted)
+    if all_exact:
+        entries = workspace.visibility.entries
+        entries[entries < CLEAR] |= IS_EXACT
     surfaces, out = surfaces._replace(loaded_faces=loaded_face), SimpleNamespace()
     for name in names:
         buffer = BUFFER_TABLE[name].make(SIZE)
@@ -58,17 +56,21 @@ def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_
     return out, workspace, clear_band(workspace.visibility, SIZE[1])
 
 
-def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None, source=OWN_CORNERS):
+def scan_places(band, drawables, _coding, block, visibility, *_):
+    """`scan_index`, called as `scan` is."""
+    scan_index(band, drawables, block, visibility)
+    return 0, 0, 0, 0, -1
+
+
+def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None):
     """Scan; return the workspace and VisibleSurfaces."""
-    (name, dtype, is_own), has_corners = source, source is OWN_CORNERS
-    features = HAS_CORNERS if has_corners else 0
-    coding = plain_coding(name.partition(" ")[0], screen, 3, dtype, features=features, normal_limit=np.inf)
-    workspace, _ = scan_alone(triangles, depth, normals.astype(dtype), coding, screen, SIZE, is_inverted)
+    coding = plain_coding("exact", screen, 3, np.float64)
+    workspace, _ = scan_alone(triangles, depth, normals, coding, screen, SIZE, is_inverted, run=scan_places)
     z = compute_z(np.asarray(depth, float), screen)
     drawables = drawables_of(triangles, z, normals[None], is_inverted)
     surfaces = VisibleSurfaces(
-        workspace.visibility, workspace.records, drawables, NO_FACE, coding.depths, is_own, has_corners,
-        screen.is_perspective, workspace.batch,
+        workspace.visibility, np.arange(len(triangles), dtype=np.uint32), drawables, NO_FACE, NO_FACE, NO_PLANES,
+        coding.depths, screen.is_perspective, workspace.batch,
     )  # fmt: skip
     return workspace, surfaces
 
@@ -117,8 +119,8 @@ def test_depths_and_normals_are_exact_to_float32():
         assert n_sample > 200
 
 
-def test_the_same_bytes_are_written_from_the_entries_of_any_pass():
-    """Exact records are interpolated at every sample; of others the depth comes from z nearly everywhere."""
+def test_depths_that_entries_tell_are_those_of_exact_interpolation():
+    """Of small triangles the depth comes from z nearly everywhere."""
     for depths, is_perspective in (
         ((1.0, 40.0), True), ((5.0, 6.0), False), ((1e4, 1e4 + 1e-3), True), ((1.0, 1e7), True), ((1.0, 1e7), False),
     ):  # fmt: skip
@@ -130,13 +132,12 @@ def test_the_same_bytes_are_written_from_the_entries_of_any_pass():
         )  # large ones last
         depth, normals = depths[0] * (depths[1] / depths[0]) ** share, unit_normals(rng, len(triangles))
         is_inverted = rng.integers(0, 2, len(triangles))
-        expected, _, n_covered = write(triangles, depth, normals, screen, is_inverted=is_inverted, source=EXACT)
+        expected, _, n_covered = write(triangles, depth, normals, screen, is_inverted=is_inverted, all_exact=True)
         assert n_covered > 4000 and len(np.unique(expected.face)) > 100
-        for name, source in SOURCES.items():
-            found, _, _ = write(triangles, depth, normals, screen, is_inverted=is_inverted, source=source)
-            for buffer in ALL:
-                is_same = getattr(found, buffer).tobytes() == getattr(expected, buffer).tobytes()
-                assert is_same, f"{buffer} from {name}, depths {depths}, {is_perspective=}"
+        found, _, _ = write(triangles, depth, normals, screen, is_inverted=is_inverted)
+        for buffer in ALL:
+            is_same = getattr(found, buffer).tobytes() == getattr(expected, buffer).tobytes()
+            assert is_same, f"{buffer}, depths {depths}, {is_perspective=}"
 
 
 def test_small_triangles_tell_their_depths_by_their_entries():
@@ -144,7 +145,7 @@ def test_small_triangles_tell_their_depths_by_their_entries():
     for is_perspective in (True, False):
         rng, screen = np.random.default_rng(5), plain_screen(is_perspective, (5.0, 6.0))
         triangles, depth = random_triangles(rng, 2000, SIZE, 4.0), rng.uniform(5, 6, (2000, 3))
-        workspace, surfaces = scan_for_buffers(triangles, depth, unit_normals(rng, 2000), screen, source=OWN)
+        workspace, surfaces = scan_for_buffers(triangles, depth, unit_normals(rng, 2000), screen)
         entries = workspace.visibility.entries[workspace.visibility.entries < CLEAR]
         assert len(entries) > 4000 and not differences(entries & IS_EXACT, 0)
         lost = surfaces.drawables._replace(vertices=surfaces.drawables.vertices._replace(z=np.full(6000, np.nan)))

@@ -14,8 +14,11 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline import records, scan, visibility
+from rasterizer.pipeline.cull import Band
 from rasterizer.pipeline.gradients import IS_INVISIBLE, IS_TRANSPARENT
 from rasterizer.pipeline.scan import make_deferred
+from rasterizer.pipeline.setup import make_block
+from rasterizer.pipeline.transform import compute_z
 from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, id_payload
 from rasterizer.reference import coverage
 
@@ -259,18 +262,16 @@ def small_band(seed):
 
 @pytest.mark.parametrize("kind", stages.KINDS)
 def test_without_the_compiler_the_same_comes_out(kind):
-    """Small and large triangles and slivers of several materials, some of them transparent but in buffers: every way
-    through the stage, bit for bit."""
+    """Small and large triangles and slivers of several materials, some of them transparent: every way through the
+    stage, bit for bit."""
     triangles, depth, attributes, material = small_band(len(kind))
-    has_deferred, found = kind != "buffers", []
-    coding = coding_of(kind, has_deferred)
+    coding, found = coding_of(kind, True), []
     for run in (scan.scan, scan.scan.py_func):
         listed = make_deferred(len(triangles), visibility.make_extents(BAND[1]))
-        deferred = listed if has_deferred else None
         with np.errstate(all="ignore"):  # unsigned integers wrap, as they do in compiled code
             workspace, counts = stages.scan_alone(
                 triangles, depth, attributes, coding, SCREEN, BAND, is_inverted=np.arange(len(triangles)) % 2,
-                material=material, deferred=deferred, run=run,
+                material=material, deferred=listed, run=run,
             )  # fmt: skip
         buffer, kept = workspace.visibility, workspace.records
         arrays = {
@@ -282,8 +283,23 @@ def test_without_the_compiler_the_same_comes_out(kind):
         found.append({name: array.tobytes() for name, array in arrays.items()})
     wrong = [name for name, content in found[0].items() if found[1][name] != content]
     assert not wrong, f"{wrong} differ"
-    assert (buffer.entries < CLEAR).sum() > 100 and counts.n_exact > 0 and (listed.found[0] > 0) == has_deferred
+    assert (buffer.entries < CLEAR).sum() > 100 and counts.n_exact > 0 and listed.found[0] > 0
     assert (counts.n_level > 0) == (kind == "entries") and (counts.n_plane > 0) == (kind != "exact")
+
+
+def test_without_the_compiler_places_are_the_same():
+    """As the last test, of entries that hold places of triangles."""
+    (triangles, depth, attributes, _), found = small_band(3), []
+    z = compute_z(depth, SCREEN)
+    drawables = stages.drawables_of(triangles, z, attributes[None])
+    band, faces = Band(np.arange(len(triangles), dtype=np.uint32), 0, BAND[1]), set()
+    for run in (scan.scan_index, scan.scan_index.py_func):
+        buffer = visibility.make_visibility_buffer(*BAND)
+        with np.errstate(all="ignore"):
+            run(band, drawables, make_block(), buffer)
+        found.append((buffer.entries.tobytes(), buffer.left.tobytes(), buffer.right.tobytes()))
+        faces = {int(visibility.record_of(entry)) for entry in buffer.entries if entry < CLEAR}
+    assert found[0] == found[1] and len(faces) > 10
 
 
 @pytest.mark.parametrize("kind", ["exact", "entries", "values", "normals"])
