@@ -37,7 +37,7 @@ from rasterizer import (
 )
 from rasterizer.analysis.speed_error import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from rasterizer.analysis.timing import take_turns
-from rasterizer.choices import ANTIALIASES, REFLECTIONS, Filter
+from rasterizer.choices import REFLECTIONS, Filter
 from rasterizer.engine.shadow_maps import MAX_TEXELS
 from rasterizer.scene.lights import Light as Lamp
 from rasterizer.scene.lights import with_shadow_fields
@@ -100,7 +100,7 @@ class AxisStudy(NamedTuple):
 def list_axes(scene: Scene, options: dict) -> list[Axis]:
     """List what can be changed in a scene; options are those of `rasterizer.render`."""
     return [axis for axis in (_shadow_size(scene), _shadow_filter(scene), _area(scene), _texture(scene),
-                              _spectrum(scene, options), _antialias(scene), _reflection(scene))
+                              _spectrum(scene, options), _reflection(scene))
             if axis is not None]  # fmt: skip
 
 
@@ -292,11 +292,6 @@ def _spectrum(scene: Scene, options: dict) -> Axis | None:
     variants = [Variant(f"{n} samples", scene, {"spectral": n}) for n in _WAVES]
     finest = Variant("finest", scene, {"spectral": _FINEST_SPECTRUM})
     return Axis("spectrum", f"{_FINEST_SPECTRUM} samples of the spectrum", variants, finest)
-
-
-def _antialias(scene: Scene) -> Axis:
-    variants = [Variant(word, scene, {"antialias": word}) for word in ANTIALIASES]
-    return Axis("antialias", "64 samples a pixel", variants, None)
 
 
 def _reflection(scene: Scene) -> Axis | None:

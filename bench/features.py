@@ -76,8 +76,7 @@ def list_features() -> dict:
     features["depth cue"] = (replace(scene_of(), depth_cue=2.0), {}, 1)
     for name in ("nearest", "bilinear", "trilinear"):
         features[f"texture, {name}"] = (scene_of(replace(LOOK, texture=rz.Texture(checks, filter=name))), {}, 1)
-    for name, antialias in (("4 samples", "supersample"), ("4 samples, shaded once", "shade-once")):
-        features[name] = (scene_of(), {"samples": 4, "antialias": antialias}, 1)
+    features["4 samples"] = (scene_of(), {"samples": 4}, 1)
     features["float64"] = (scene_of(), {"tolerance": 0.0}, 1)
     features["spectrum, 81 samples"] = (scene_of(), {"spectral": 81}, 1)
     features["shadow, look-up"] = (scene_of(lights=(replace(SUN, shadow=True),)), {}, 1)

@@ -26,8 +26,7 @@ class Painter:
             work,
             {key: getattr(work.setup, key) for key in ("size", "shading", "samples", "cull")},
         )
-        antialias = "supersample" if work.setup.is_lit_per_sample else "shade-once"
-        self.options |= {"threads": work.setup.threads, "antialias": antialias} | options
+        self.options |= {"threads": work.setup.threads} | options
         self.scene = _make_scene(work)
         self.renderer = rz.Renderer(self.scene, outputs=("rgb",), **{"samples": 1} | self.options)
         self.version = f"rasterizer {rz.__version__}"

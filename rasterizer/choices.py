@@ -20,7 +20,6 @@ SavedArray = Literal["color", "rgb", "rgba", "alpha", Buffer]
 Cull = Literal["auto", "none", "back"]
 ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]
-Antialias = Literal["supersample", "shade-once"]
 EdgeType = Literal["wire", "crease", "silhouette", "all"]
 
 SHADINGS: tuple[str, ...] = get_args(Shading)
@@ -43,7 +42,6 @@ ARRAY_SUFFIXES = ("npy", "npz", "exr")  # of files that hold arrays and nothing 
 CULLS: tuple[str, ...] = get_args(Cull)
 COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
 SAMPLES: tuple[int, ...] = get_args(Samples)
-ANTIALIASES: tuple[str, ...] = get_args(Antialias)
 EDGE_TYPES: tuple[str, ...] = get_args(EdgeType)
 
 # --- what a store of compiled kernels is made for -----------------------------------------------------------

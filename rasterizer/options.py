@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from .choices import (
-    ANTIALIASES,
     COLOR_RANGES,
     CULLS,
     EDGE_TYPES,
     OUTPUTS,
     SAMPLES,
     SHADINGS,
-    Antialias,
     ColorRange,
     Cull,
     EdgeType,
@@ -50,7 +48,6 @@ class OptionWords(TypedDict, total=False):
     shading: Shading
     tolerance: float
     samples: Samples
-    antialias: Antialias
     outputs: Output | Sequence[Output]
     cull: Cull
     color_range: ColorRange
@@ -77,12 +74,8 @@ class Options:
         8-bit value within one level of the picture with tolerance 0, but next to steps of the illumination
         (`Stats.steps`). Gouraud's method uses nearly all of that, textures some of it, flat shading and Phong's method
         next to nothing. So a larger one saves little time; `raster bench` tells how much
-    samples : samples a pixel, on a square grid: 1, 4, 9 or 16. Buffers have one sample a pixel, whatever is asked for
-        beside them
-    antialias : what is done for each sample: "supersample" (all), or "shade-once": what is covered, and how deep it is;
-        what Phong's method lights and textures show is found once for each polygon in a pixel, at the pixel's centre,
-        or at the covered sample next to it where a polygon doesn't cover the pixel. Transparent surfaces are shaded at
-        every sample. Flat and Gouraud's method without textures are the same in both
+    samples : samples a pixel, on a square grid: 1, 4, 9 or 16, each with light and textures of its own. Buffers have
+        one sample a pixel, whatever is asked for beside them
     outputs : one name or several out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest),
         and the buffers "depth", "face", "normal", "mask", "object", "material", "uv", "barycentric", "position",
         "position_camera", "normal_camera", which are those of the pixels' centres, never averaged; stored as a tuple
@@ -120,7 +113,6 @@ class Options:
     shading: Shading = "phong"
     tolerance: float = DEFAULT_TOLERANCE
     samples: Samples = 4
-    antialias: Antialias = "supersample"
     outputs: tuple[Output, ...] = ("color",)
     cull: Cull = "auto"
     color_range: ColorRange = "clamp"
@@ -140,7 +132,6 @@ class Options:
         _check_choice("shading", self.shading, SHADINGS)
         _check_choice("cull", self.cull, CULLS)
         _check_choice("color_range", self.color_range, COLOR_RANGES)
-        _check_choice("antialias", self.antialias, ANTIALIASES)
         object.__setattr__(self, "outputs", _checked_outputs(self.outputs))
         object.__setattr__(self, "samples", _checked_samples(self.samples))
         object.__setattr__(self, "size", self._checked_size())

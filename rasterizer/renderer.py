@@ -104,8 +104,6 @@ def render(
     shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = all in float64
     samples : samples a pixel: 1, 4, 9 or 16; buffers have one
-    antialias : "supersample" (all is done for every sample), or "shade-once": light and textures once for each polygon
-        in a pixel
     outputs : one name or several out of "color", "rgb", and the buffers "depth", "face", "normal", "mask", "object",
         "material", "uv", "barycentric", "position", "position_camera", "normal_camera"
     cull : "auto" (inner sides of closed bodies are left out, which nobody sees), "none", or "back" to leave out faces

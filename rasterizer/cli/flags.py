@@ -186,7 +186,6 @@ def add_look(parser, is_compared=False):
     if not is_compared:
         _add_option(group, "shading", "light polygons (flat or lambert), vertices (gouraud) or samples (phong)")
         _add_option(group, "samples", "samples a pixel; buffers have one")
-        _add_option(group, "antialias", "light and textures for every sample, or once for each polygon in a pixel")
     add = group.add_argument
     add("--crease-angle", type=values.number, metavar="A",
         help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)")

@@ -193,10 +193,8 @@ class NormalAttributes:
 NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, True)  # of no view
 
 
-def make_coding(plan: Plan, tolerance, step=1.0) -> Coding:
+def make_coding(plan: Plan, tolerance) -> Coding:
     """Say what entries and records hold, but for depths, which each view has of its own: `scale_depths`.
-
-    `step` is what `lookup_step` returns.
 
     What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given with
     the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle bends them by
@@ -213,25 +211,16 @@ def make_coding(plan: Plan, tolerance, step=1.0) -> Coding:
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
             *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position or plan.cue is not None,
-            code_textures(plan, of_textures, step), NO_DEPTHS,
+            code_textures(plan, of_textures), NO_DEPTHS,
         )  # fmt: skip
     limits = np.where(of_materials.is_looked_up, left / 4, left)
-    textures = code_textures(plan, left * 3 / 4, step)
+    textures = code_textures(plan, left * 3 / 4)
     return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, NO_DEPTHS)
 
 
-def lookup_step(factor, is_shaded_once) -> float:
-    """Return how many samples it is from one look-up of a texture to the next: a pixel's where it is shaded once.
-
-    Slopes are multiplied by that in float32: rounded by u = 2^-24 where it is 3. That is an eighth of what
-    `slope_rounding` counts, and is added.
-    """
-    return factor * (1.0 + 1.0 / 8.0) if is_shaded_once and factor > 1 else 1.0
-
-
-def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
+def code_textures(plan: Plan, limits) -> TextureCoding | None:
     """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors of
-    intensities, (n,); `step` what `lookup_step` returns.
+    intensities, (n,).
 
     Where a texture lets light through, that is of none: an error of alpha weights all that is behind, once for each
     layer, so that no share of the tolerance is enough for any number of them.
@@ -246,7 +235,7 @@ def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     packed, textures = plan.packed_textures, of_materials[is_good]
     is_blended = packed.filters[textures] != FILTER_NEAREST  # next to a texel's edge, nothing but exact will do
     is_good[is_good] = is_blended & (packed.errors[textures, int(ALWAYS)] <= limits[is_good])
-    return TextureCoding(packed, of_materials, limits, is_good, step)
+    return TextureCoding(packed, of_materials, limits, is_good)
 
 
 def sampled_in_double(plan: Plan, coding: Coding) -> NDArray[np.int64]:

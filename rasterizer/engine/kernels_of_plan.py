@@ -17,7 +17,7 @@ from ..geometry.polygons import fill_means
 from ..geometry.weld import FEW
 from ..io import text_kernels
 from ..options import Options
-from ..pipeline import a_buffer, buffers, clip, cull, resolve, shade_once, shadow_lookup
+from ..pipeline import a_buffer, buffers, clip, cull, resolve, shadow_lookup
 from ..pipeline import textures as packing
 from ..pipeline.cull import Band, Rows, scatter
 from ..pipeline.edges import draw_edges
@@ -238,10 +238,9 @@ class PictureKernels(KernelList):
     def add_picture(self) -> None:
         """Add what draws the colours of a picture."""
         options, plan, factor = self.options, self.plan, self.options.factor
-        is_shaded_once = options.antialias == "shade-once" and factor > 1 and (plan.is_lit_per_sample or plan.textures)
         shape = WorkspaceShape(
             SIZE[0] * factor, SIZE[1] * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
-            plan.n_texel, plan.opacity is not None, factor if is_shaded_once else 0,
+            plan.n_texel, plan.opacity is not None,
         )  # fmt: skip
         screen = self.screen(factor)
         coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
@@ -300,13 +299,13 @@ class PictureKernels(KernelList):
         """Add what lights every sample: Phong's method."""
         plan, workspace, table = self.plan, parts.workspace, FaceTable(np.empty((0, 5)))
         tangents = 0 if plan.has_tangents else None
-        for band in self.shaded_bands(parts):
-            self.add_look_up(parts, band)
-            for dtype in plan.dtypes:
-                batch = workspace.batch if dtype == SINGLE else workspace.double_batch
-                lighting, texturing = self.lighting(dtype), self.texturing(parts)
-                self.add(shade_lit, band, parts.screen, lighting, table, tangents, texturing, batch, workspace.radiance)
-        self.add_points(parts)
+        self.add_look_up(parts)
+        for dtype in plan.dtypes:
+            batch = workspace.batch if dtype == SINGLE else workspace.double_batch
+            lighting, texturing = self.lighting(dtype), self.texturing(parts)
+            self.add(
+                shade_lit, parts.band, parts.screen, lighting, table, tangents, texturing, batch, workspace.radiance
+            )
 
     def add_interpolated(self, parts: Parts) -> None:
         """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
@@ -320,10 +319,8 @@ class PictureKernels(KernelList):
         if not ((parts.coding.features & HAS_TEXTURE) != 0).all():
             self.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
         if plan.textures is not None:
-            for band in self.shaded_bands(parts):
-                self.add_look_up(parts, band)
-                self.add(shade_textured, band, self.texturing(parts), workspace.batch, workspace.radiance)
-            self.add_points(parts)
+            self.add_look_up(parts)
+            self.add(shade_textured, parts.band, self.texturing(parts), workspace.batch, workspace.radiance)
 
     def lighting(self, dtype: np.dtype) -> Any:
         """The illumination in one type, as kernels take it."""
@@ -336,29 +333,13 @@ class PictureKernels(KernelList):
         batches = workspace.lookup_batch, workspace.double_batch
         return parts.textures and Texturing(parts.textures, *batches, workspace.texels, self.plan.of_metals)
 
-    def shaded_bands(self, parts: Parts) -> list[ScannedBand]:
-        """The bands that the shade stage takes: of points, where a pixel is shaded once a polygon; else of samples, as
-        for what is transparent always."""
-        points = parts.workspace.points
-        of_samples = [parts.band] if points is None or self.plan.opacity is not None else []
-        return of_samples + ([] if points is None else [points.band(parts.band, 2)])
-
-    def add_look_up(self, parts: Parts, band: ScannedBand) -> None:
+    def add_look_up(self, parts: Parts) -> None:
         """Add what looks textures up in float64."""
         sampled = parts.textures
         if sampled is not None and (sampled.of_materials >= 0).any():
-            self.add(sample_textures, band.uncoded(), sampled, parts.workspace.double_batch, parts.workspace.texels)
-
-    def add_points(self, parts: Parts) -> None:
-        """Add what lists the points where pixels are shaded, and what gives samples their light, where that is done."""
-        workspace, plan, factor = parts.workspace, self.plan, self.options.factor
-        if workspace.points is None:
-            return
-        grid, order = shade_once.make_grid(factor), shade_once.order_samples(factor)
-        self.add(shade_once.list_points, parts.band, grid, order, False, workspace.points)
-        if plan.opacity is not None or plan.cue is not None or not plan.is_lit_per_sample:
-            radiance = workspace.radiance
-            self.add(shade_once.spread_points, workspace.visibility, 0, 0, workspace.points, radiance, radiance)
+            self.add(
+                sample_textures, parts.band.uncoded(), sampled, parts.workspace.double_batch, parts.workspace.texels
+            )
 
     def add_layers(self, parts: Parts) -> None:
         """Add what sums up the layers of transparent surfaces."""
@@ -382,14 +363,11 @@ class PictureKernels(KernelList):
     def add_resolve(self, parts: Parts) -> None:
         """Add what makes pixels of samples."""
         workspace, options, plan = parts.workspace, self.options, self.plan
-        radiance, visibility, points = workspace.radiance, workspace.visibility, workspace.points
+        radiance, visibility = workspace.radiance, workspace.visibility
         encoding = make_encoding(plan, self.tables.background, options.color_range)
         picture = make_picture(SIZE, "color" in options.outputs or options.color_range == "global")
-        rest = (0, 0), shade_once.make_grid(options.factor), encoding, workspace.pixels, picture
-        if points is not None and (plan.is_lit_per_sample or plan.textures is not None):
-            self.add(resolve.resolve_averages, visibility, radiance, points, *rest)
-        if points is None or plan.opacity is not None or not plan.is_lit_per_sample or plan.cue is not None:
-            self.add(resolve.resolve_averages, visibility, radiance, None, *rest)
+        rest = (0, 0), resolve.make_grid(options.factor), encoding, workspace.pixels, picture
+        self.add(resolve.resolve_averages, visibility, radiance, *rest)
         if plan.opacity is not None:
             translucent = a_buffer.Translucent(LENGTHS, NUMBERS, NUMBERS, NUMBERS)
             self.add(resolve.resolve_translucent, visibility, radiance, translucent, *rest)

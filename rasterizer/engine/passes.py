@@ -23,11 +23,10 @@ from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import max_units
-from ..pipeline.resolve import Encoding, Picture, resolve, resolve_averages
+from ..pipeline.resolve import Encoding, Picture, SampleGrid, make_grid, resolve
 from ..pipeline.scan import Deferred, ScanCounts, scan, scan_index
 from ..pipeline.setup import DepthScale
 from ..pipeline.shade import fade, shade_interpolated
-from ..pipeline.shade_once import SampleGrid, list_points, make_grid, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.textures import Textures
@@ -66,7 +65,6 @@ class Pass:
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
     n_texel: ClassVar[int] = 0  # rows of texels that a workspace needs
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
-    shades_points: ClassVar[bool] = False  # once a pixel and polygon: see pipeline/shade_once.py
     keeps_planes: ClassVar[bool] = True  # faces are drawn in their own planes, see pipeline/transform.py
 
     @property
@@ -88,7 +86,7 @@ class Pass:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceShape(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
-            self.n_texel, self.opacity is not None, self.factor if self.shades_points else 0,
+            self.n_texel, self.opacity is not None,
         )  # fmt: skip
 
     def max_records(self, n_triangle: int) -> int:
@@ -128,7 +126,6 @@ class ColorPass(Pass):
     encoding: Encoding
     picture: Picture  # written
     textures: Textures | None  # those that are looked up in float64; None where the scene has no textures
-    is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
     is_filled: bool = True
 
     @cached_property
@@ -177,21 +174,10 @@ class ColorPass(Pass):
         """None where all is opaque."""
         return self.plan.opacity
 
-    @property
-    def shades_points(self) -> bool:
-        """Whether something is shaded once a pixel and polygon that isn't cheap at every sample."""
-        is_dear = self.plan.is_lit_per_sample or self.textures is not None
-        return self.is_shaded_once and self.factor > 1 and is_dear
-
     @cached_property
     def grid(self) -> SampleGrid:
         """The samples of a pixel."""
         return make_grid(self.factor)
-
-    @cached_property
-    def sample_order(self) -> np.ndarray:
-        """The samples of a pixel in the order in which its points are looked for."""
-        return order_samples(self.factor)
 
     def texturing_in(self, workspace: Workspace) -> Texturing:
         """The textures, with a workspace's memory for looking them up."""
@@ -222,34 +208,14 @@ class ColorPass(Pass):
         radiance = workspace.radiance[: self.n_channel_of(counts)]
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
-            self.spread(workspace, scanned.n_row, counts)
             fade(scanned.uncoded(), self.coding.depths, self.screen.is_perspective, self.plan.cue, radiance)
 
     def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
-    def light_points(self, workspace, band, face_table, radiance, is_textured) -> None:
-        """Fill the radiance of all surfaces, or of those that are textured: at every sample, or once a pixel and
-        polygon where the workspace has memory for that."""
-        points = workspace.points
-        if points is None:
-            return self.evaluate(workspace, band, face_table, radiance)
-        of_points = points.radiance[: len(radiance)]
-        list_points(band, self.grid, self.sample_order, is_textured, points)
-        self.evaluate(workspace, points.band(band, self.factor), face_table, of_points)
-        return None
-
-    def spread(self, workspace: Workspace, n_row, counts: ScanCounts) -> None:
-        """Give the samples of a band the radiance of their points, where there are any, after `shade`: for what needs
-        samples."""
-        points, n_channel = workspace.points, self.n_channel_of(counts)
-        if points is not None and not points.is_spread[0]:
-            radiances = points.radiance[:n_channel], workspace.radiance[:n_channel]
-            spread_points(workspace.visibility, n_row, self.factor, points, *radiances)
-
-    def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
-        """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
+    def look_up(self, workspace: Workspace, band: ScannedBand) -> None:
+        """Look textures up in float64, where that is needed."""
         if band.counts.features & HAS_TEXTURE and band.counts.n_exact > 0 and self.samples_textures:
             sample_textures(band.uncoded(), self.textures, workspace.double_batch, workspace.texels)
             if self.plan.metals is not None:
@@ -261,12 +227,6 @@ class ColorPass(Pass):
         n_channel = self.n_channel_of(counts)
         rows = y_start, y_end
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
-        points = workspace.points
-        if points is not None and not points.is_spread[0]:
-            return resolve_averages(
-                workspace.visibility, points.radiance[:n_channel], points, rows,
-                self.grid, encoding, workspace.pixels, self.picture,
-            )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, rows,
             self.grid, encoding, workspace.pixels, self.picture,
@@ -287,15 +247,8 @@ class InterpolatedPass(ColorPass):
         if not self.is_all_textured:
             shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.features & HAS_TEXTURE:
-            self.light_points(workspace, band, face_table, radiance, is_textured=True)
-            self.spread(workspace, band.n_row, band.counts)  # beside surfaces without a texture
-        elif workspace.points is not None:
-            workspace.points.is_spread[0] = True
-
-    def evaluate(self, workspace, band, face_table, radiance):
-        """Interpolate the intensities of textured surfaces: those of the parts that the texture weakens and doesn't."""
-        super().evaluate(workspace, band, face_table, radiance)
-        shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
+            self.look_up(workspace, band)
+            shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
 
 
 @dataclass(**AS_PASS)
@@ -305,12 +258,8 @@ class LitPass(ColorPass):
     lightings: dict[np.dtype, Lighting]  # for each type that materials are lit in
 
     def light(self, workspace, band, face_table, radiance):
-        """Light the samples, or a point for each pixel and polygon."""
-        self.light_points(workspace, band, face_table, radiance, is_textured=False)
-
-    def evaluate(self, workspace, band, face_table, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
-        super().evaluate(workspace, band, face_table, radiance)
+        self.look_up(workspace, band)
         texturing = self.texturing_in(workspace) if self.textures is not None else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
         types = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)

@@ -573,14 +573,6 @@ def error_bounds_of(plan: Plan, tolerance) -> NDArray[np.float64]:
 def list_unstated(plan: Plan, options: Options, stated: NDArray[np.float64]) -> list[str]:
     """Say why no bound is stated, in a sentence each; nothing where one is."""
     found = []
-    if (
-        options.antialias == "shade-once"
-        and options.factor > 1
-        and (plan.is_lit_per_sample or plan.textures is not None)
-    ):
-        found.append(
-            "no bound is stated: a pixel that is shaded once may differ from the mean of its samples by anything"
-        )
     silent = [
         type(light).__name__ for light in plan.reflected_lights if not light_table.entry_of(light).has_bound(light)
     ]

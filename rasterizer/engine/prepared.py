@@ -26,7 +26,6 @@ from .attributes import (
     NONE,
     NormalAttributes,
     light_all,
-    lookup_step,
     make_coding,
     make_encoding,
     sampled_in_double,
@@ -220,7 +219,6 @@ class PreparedScene:
             "encoding": parts.encoding,
             "textures": parts.textures,
             "picture": picture,
-            "is_shaded_once": options.antialias == "shade-once",
         }
         if plan.is_lit_per_sample:
             face_table = FaceTable(self._shadows.shapes) if plan.has_shadows else NO_TABLE
@@ -240,8 +238,7 @@ class PreparedScene:
         """What follows from a plan."""
         if id(plan) not in self._plan_parts:
             options = self.options
-            step = lookup_step(options.factor, options.antialias == "shade-once")
-            coding = make_coding(plan, options.tolerance, step)
+            coding = make_coding(plan, options.tolerance)
             encoding = make_encoding(plan, self.tables.background, options.color_range)
             normals = self._normals.of(plan) if plan.is_lit_per_sample else NONE
             textures = plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map)

@@ -82,7 +82,6 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     )
     in_front = in_front._replace(features=in_front.features | colors)
     render_pass.shade(workspace, band, behind, drawn.face_table)
-    render_pass.spread(workspace, band.n_row, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
     if count_fragments(task, surfaces, a_buffer):
@@ -187,7 +186,6 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
     layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.texels)
     shaded = workspace._replace(
         visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels,
-        points=None,  # what is transparent is shaded at every sample
     )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0

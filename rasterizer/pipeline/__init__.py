@@ -16,7 +16,7 @@
 What stage 6 uses:
 
     fragments           the batch of samples that are lit together
-    samples             where they lie, and the planes of their records
+    samples             the planes of records at samples
     interpolate         exact interpolation over the triangles of exact records
     lighting            the illumination equation, at the one place where it is evaluated
     lights              its lights: a function for each type
@@ -28,7 +28,6 @@ What stage 6 uses:
     texture_lookup      what they show at the samples of a batch, in float32
     texture_sampling    the same in float64
     texturing           both, at a run of samples
-    shade_once          one point for each polygon in a pixel, in the place of its samples
     a_buffer            lists of transparent fragments, and what is seen through them
     edges               drawn edges: how much of each sample they cover
     ground              how many points of an area light each texel of the ground doesn't see

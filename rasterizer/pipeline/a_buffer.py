@@ -28,7 +28,7 @@ Then one layer after the other is shaded, the k-th fragments of all samples, and
     nearest  a1   -    a2   a2   b1     1st layer
              b1        a1   |    |      2nd layer
              |              b1          3rd layer
-    opaque   O    O    -    O    O      shaded once, as in a band without transparent surfaces
+    opaque   O    O    -    O    O      shaded as in a band without transparent surfaces
 
 Then what is opaque is put behind: color + transmittance · O. Where nothing is, the radiance is color/opacity, that of
 the surfaces alone.

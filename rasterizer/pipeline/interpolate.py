@@ -20,7 +20,6 @@ from ..compiler.kernels import helper, index
 from .clip import MAX_SUM, MIN_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .gradients import Coding
 from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
-from .samples import ScreenPoints, subpixel_at
 from .scan import ScanCounts
 from .transform import HALF, SUBPIXEL
 from .visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
@@ -35,7 +34,6 @@ class ScannedBand(NamedTuple):
     counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
     n_row: int
-    points: ScreenPoints | None = None  # where its samples lie, if it is a list of them (samples.py)
 
     def uncoded(self) -> "ScannedBand":
         """Return the band for kernels that don't ask how it is coded: they are compiled once for all codings."""
@@ -176,19 +174,7 @@ def corner_weights(triangle, x, y):
 
     The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
     """
-    return weights_at(triangle, x * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
-
-
-@helper
-def sample_weights(triangle, first, k):
-    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (samples.py)."""
-    sx, sy = subpixel_at(first, k)
-    return weights_at(triangle, sx, sy)
-
-
-@helper
-def weights_at(triangle, sx, sy):
-    """Return the weights as `corner_weights`, at (sx, sy) in 1/256 px."""
+    sx, sy = x * SUBPIXEL + HALF, y * SUBPIXEL + HALF
     if triangle.is_clipped:
         return plane_weights(triangle, float(sx), float(sy))
     ux, uy = sx - triangle.x0, sy - triangle.y0
@@ -196,6 +182,12 @@ def weights_at(triangle, sx, sy):
     e2 = uy * triangle.dx1 - ux * triangle.dy1
     e0 = (triangle.dx1 * triangle.dy2 - triangle.dx2 * triangle.dy1) - e1 - e2
     return float(e0) * triangle.inv_w[0], float(e1) * triangle.inv_w[1], float(e2) * triangle.inv_w[2]
+
+
+@helper
+def sample_weights(triangle, first, k):
+    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (samples.py)."""
+    return corner_weights(triangle, first[0] + np.int64(k), first[1])
 
 
 @helper

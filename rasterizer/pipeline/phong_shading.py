@@ -37,11 +37,10 @@ from .interpolate import (
 from .lighting import light_batch, normalize_normals, view_from_direction
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
-from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes, is_list, samples_from
+from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes
 from .shade import fill_weights
 from .texture_lookup import S_PLANE
 from .texturing import fill_texels, has_texcoord_planes, put_in_metals
-from .transform import SUBPIXEL
 from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -93,7 +92,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
                 n, material = end - first, np.int64(-1)
             entries = visibility.entries[start : start + index(n)]
             if material >= 0:
-                where = samples_from(band.points, (first, y), start, index(n))
+                where = first, y
                 gather_fragments(entries, band, where, material, texturing, screen, is_double, batch)
                 interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
                 weight_albedo(entries, band, where, material, texturing, start, batch)
@@ -101,7 +100,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
                 n_side = count_side_by_side(batch, n)
                 normalize_normals(batch, n_side)
                 if lighting.needs_view or lighting.needs_position:
-                    fill_rays(screen, where, n_side, lighting.needs_position, batch)
+                    fill_positions(screen, where, n_side, lighting.needs_position, batch)
                 light_batch(batch, n, lighting, material)
                 write_radiance(batch, n, lighting.n_channels[material], lighting.tint, out_radiance, start)
             first += n
@@ -320,12 +319,6 @@ def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
 # ---------------------------------------------------------------- where the samples lie in the world
 
 
-@choice
-def fill_rays(screen, first, n, needs_position, batch):
-    """Fill positions and view directions of n samples in a row, or of all points that lie anywhere."""
-    return fill_positions_of_points if is_list(first) else fill_positions
-
-
 @helper
 def fill_positions(screen, first, n, needs_position, batch):
     """Fill positions and view directions: where the rays through the samples meet the surface.
@@ -368,30 +361,3 @@ def fill_positions(screen, first, n, needs_position, batch):
             column = real(np.int32(x + np.int64(k) - middle))
             on_plane = add(ray_start, scale(ray_step, column))
             set_vector(batch, f.POSITION, k, add(on_plane, scale(forward, batch[f.DISTANCE + k])))
-
-
-@helper
-def fill_positions_of_points(screen, first, n, needs_position, batch):
-    """Fill positions and view directions as `fill_positions`, for points that lie anywhere.
-
-    A ray is computed in float64: its parts are not longer than it is itself, with 4 roundings each, of a place, the
-    step and two products or sums. Then it is rounded once: so it errs by less than what counts there.
-    """
-    real = batch.dtype.type
-    right, up, forward = read_vector(screen.right, 0), read_vector(screen.up, 0), read_vector(screen.forward, 0)
-    along, one, part = 1.0 if screen.is_perspective else 0.0, real(1), 1.0 / SUBPIXEL
-    step_x, step_y = 1.0 / screen.scale_x, 1.0 / screen.scale_y
-    away = real(forward[0]), real(forward[1]), real(forward[2])
-    if not screen.is_perspective:
-        view_from_direction(batch, n, scale(away, -one))
-    for k in range(index(len(first.x))):
-        upward = (screen.center_y - (float(first.y[k]) * part + 0.5)) * step_y
-        across = ((float(first.x[k]) * part + 0.5 - screen.center_x) + screen.skew * upward) * step_x
-        exact = add(add(scale(right, across), scale(up, upward)), scale(forward, along))
-        ray = real(exact[0]), real(exact[1]), real(exact[2])
-        if screen.is_perspective:
-            set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
-            if needs_position:
-                set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
-        elif needs_position:
-            set_vector(batch, f.POSITION, k, add(ray, scale(away, batch[f.DISTANCE + k])))

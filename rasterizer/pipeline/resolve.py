@@ -5,8 +5,7 @@ Out: all of the band's rows of the picture: linear colour float32, and 8 bits a 
      clear for the next band.
 
 A pixel's colour is the mean of its covered samples in linear light, its alpha the covered fraction: a box filter. Means
-are summed up row by row in float64: sixteen roundings of float32 would show at tolerance 0. Where a pixel is shaded
-once a polygon (shade_once.py), the points of its samples count.
+are summed up row by row in float64: sixteen roundings of float32 would show at tolerance 0.
 
 Bytes are made of that by the out-of-range policy, the sRGB curve (IEC 61966-2-1), and rounding to the nearest level.
 """
@@ -17,7 +16,6 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
 from .fragments import BATCH_SIZE, NEXT, filled_up
-from .shade_once import MAX_FACTOR, NO_POINT, SEVERAL, factor_of
 from .visibility import CLEAR, clear, extent_of_pixels, next_stretch, strip_of
 
 
@@ -48,6 +46,30 @@ class Encoding(NamedTuple):
 ALPHA = index(3 * BATCH_SIZE)
 PIXELS_SHAPE = (4 * BATCH_SIZE,)
 PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter path
+
+
+# As a type: each number of them has kernels of its own. Loops over the samples of a pixel are unrolled, and those over
+# pixels become vector instructions, where the number is known when they are compiled. A picture has one number of
+# samples: so one such loop is compiled, not one for each.
+
+MAX_FACTOR = 4  # samples a pixel along an axis
+
+
+class SampleGrid(NamedTuple):
+    """The samples of a pixel, as many along either axis as `axis` has items."""
+
+    axis: tuple  # zeros
+
+
+def make_grid(factor) -> SampleGrid:
+    """Return the samples of a pixel, `factor` along each axis."""
+    return SampleGrid((0,) * factor)
+
+
+@helper
+def factor_of(grid):
+    """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
+    return len(grid.axis)
 
 
 class PixelBatch(NamedTuple):
@@ -85,18 +107,16 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
     """
     if translucent is not None:
         return resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out)
-    return resolve_averages(visibility, radiance, None, rows, grid, encoding, batch, out)
+    return resolve_averages(visibility, radiance, rows, grid, encoding, batch, out)
 
 
 @kernel
-def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, out):
+def resolve_averages(visibility, radiance, rows, grid, encoding, batch, out):
     """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
 
     Parameters
     ----------
-    radiance : (n_channel, n_row * pitch) float32 or float64, linear, of the points, or else of the samples
-    points : PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), or None
-    visibility, rows, grid, encoding, batch, out : as in `resolve`
+    visibility, radiance, rows, grid, encoding, batch, out : as in `resolve`
     """
     n_covered, factor, (y_start, y_end) = np.int64(0), factor_of(grid), rows
     for j in range(y_start, y_end):
@@ -112,8 +132,6 @@ def resolve_averages(visibility, radiance, points, rows, grid, encoding, batch, 
             n = index(width)
             if is_blank:
                 fill_blank(out, j, left, left + width, encoding)
-            elif points is not None:
-                n_covered += average_points(visibility.pitch, points, radiance, here, grid, n, batch.values)
             else:
                 n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
             if not is_blank:
@@ -426,86 +444,6 @@ def scale_sums(sums, n, n_channel, n_sample, pixels):
         first = channel * NEXT
         for i in range(n):
             pixels[first + i] = sums[first + i] * sums[ALPHA + i]
-
-
-# ---------------------------------------------------------------- points into pixels
-
-
-@helper
-def average_points(pitch, points, radiance, first, grid, n, pixels):
-    """Compute the means of n pixels from their points, the same bits as `average_samples` computes them from samples;
-    return how many samples are covered.
-
-    Parameters
-    ----------
-    pitch : entries from row to row
-    points : PointList, of all that the band shows
-    radiance : (n_channel, n_point)
-    first : the band's row of samples and the column of pixels where the batch begins
-    grid : SampleGrid
-    pixels : PIXELS_SHAPE float32, written
-    """
-    factor = index(factor_of(grid))
-    (row, left), n_covered, n_mixed, mixed = first, np.int64(0), index(0), points.scratch[2]
-    of_pixels = points.pixels[index(row) // factor, index(left) :]
-    for i in range(n):
-        is_point = of_pixels[i] >= 0
-        pixels[ALPHA + i] = np.float32(1) if is_point else np.float32(0)
-        n_covered += is_point
-    for i in range(n):
-        mixed[n_mixed] = np.int64(i)
-        n_mixed += index(of_pixels[i] == SEVERAL)
-    n_covered *= np.int64(factor * factor)
-    for channel in range(index(radiance.shape[0])):
-        average_equals(of_pixels, radiance[channel], factor, n, pixels[channel * NEXT :])
-    start = index(row * pitch + left * np.int64(factor))
-    for k in range(n_mixed):
-        i = index(mixed[k])
-        n_covered += average_mixed(index(pitch), points.numbers, radiance, start + i * factor, factor, i, pixels)
-    return n_covered
-
-
-@helper
-def average_equals(of_pixels, radiance, factor, n, pixels):
-    """Compute the means of n pixels all of whose samples have one point, or none.
-
-    The sum of up to 16 equal numbers of float32 is exact in float64, and its mean the number itself, rounded or not. In
-    float64 the sum is rounded as that of samples is.
-    """
-    if radiance.itemsize == 4:
-        for i in range(n):
-            value = np.float32(radiance[index(max(of_pixels[i], np.int32(0)))])
-            pixels[i] = value if of_pixels[i] >= 0 else np.float32(0)
-        return
-    scale = 1.0 / np.float64(factor * factor)
-    for i in range(n):
-        value, total = np.float64(radiance[index(max(of_pixels[i], np.int32(0)))]), 0.0
-        for _ in range(factor * factor):
-            total += value
-        pixels[i] = total * scale if of_pixels[i] >= 0 else 0.0
-
-
-@helper
-def average_mixed(pitch, numbers, radiance, start, factor, i, pixels):
-    """Compute the mean of a pixel that has several points, or samples without; return how many samples have one.
-
-    `start` is the number of its first sample, `i` its number in the batch.
-    """
-    n_covered = np.int64(0)
-    for row in range(factor):
-        for k in range(factor):
-            n_covered += numbers[start + row * pitch + k] != NO_POINT
-    scale = 1.0 / np.float64(max(n_covered, 1))
-    for channel in range(index(radiance.shape[0])):
-        total, source = 0.0, radiance[channel]
-        for row in range(factor):
-            for k in range(factor):
-                number = numbers[start + row * pitch + k]
-                value = np.float64(source[index(max(number, np.int32(0)))])
-                total += value if number != NO_POINT else 0.0
-        pixels[channel * NEXT + i] = total * scale
-    pixels[ALPHA + i] = np.float32(n_covered) / np.float32(factor * factor)
-    return n_covered
 
 
 # ---------------------------------------------------------------- encode: pixels into bytes

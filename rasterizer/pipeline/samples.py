@@ -1,112 +1,24 @@
-"""Where the samples of a batch lie: side by side in a row, or anywhere; and what planes of records are there.
+"""The samples of a batch, and planes of records there.
 
-The stages behind scan work on batches of samples. In a row of a band, the sample (x, y) where a batch begins says where
-all of them lie. In a list of points, one for each polygon in a pixel (shade_once.py), arrays do. A parameter `first` is
-one or the other; its type decides what is compiled.
+The stages behind scan work on batches of samples side by side in a row of a band. A parameter `first` is the sample
+(x, y) where a batch begins.
 
-Planes stand in records (records.py), four side by side. Of samples in a row they are evaluated by vector instructions,
-which intrinsics.py spells out for the compiler: it wouldn't find them for loops of four planes by itself.
+Planes stand in records (records.py), four side by side. They are evaluated by vector instructions, which intrinsics.py
+spells out for the compiler: it wouldn't find them for loops of four planes by itself.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, class_of, helper, index, spelled_out
-from .transform import HALF, SUBPIXEL
+from ..compiler.kernels import helper, index, spelled_out
 from .visibility import LEVEL_BITS
 
 
-class ScreenPoints(NamedTuple):
-    """Where the points of a list lie."""
-
-    x: np.ndarray  # (n,) int32, 1/256 of a sample's width, from the centre of the first column of samples
-    y: np.ndarray  # (n,) int32, the same downwards
-    step: float  # how many samples, along an axis, it is from a point to the next: what a texture is filtered for
-
-
-def is_list(first) -> bool:
-    """Tell whether the type of `first` is that of ScreenPoints."""
-    return class_of(first) is ScreenPoints
-
-
-@choice
-def samples_from(points, first, start, n):
-    """Return where the samples of a batch lie.
-
-    Parameters
-    ----------
-    points : ScreenPoints of a band that is a list; None of other bands
-    first : the sample (x, y) that the batch begins with, in other bands
-    start, n : its number in the band, and the length of the batch, both `index`
-    """
-    return points_of_batch if is_list(points) else samples_of_batch
-
-
 @helper
-def samples_of_batch(points, first, start, n):
-    """See `samples_from`."""
-    return first
-
-
-@helper
-def points_of_batch(points, first, start, n):
-    """See `samples_from`."""
-    return ScreenPoints(points.x[start : start + n], points.y[start : start + n], points.step)
-
-
-@choice
 def skip_to(first, k):
-    """Return where the samples from number k on lie."""
-    return skip_points if is_list(first) else skip_samples
-
-
-@helper
-def skip_points(first, k):
-    """See `skip_to`."""
-    return ScreenPoints(first.x[k:], first.y[k:], first.step)
-
-
-@helper
-def skip_samples(first, k):
-    """See `skip_to`."""
+    """Return the sample that lies k samples to the right of another one."""
     return first[0] + np.int64(k), first[1]
-
-
-@choice
-def subpixel_at(first, k):
-    """Return where sample k lies, (x, y) int64, 1/256 of a sample's width from the picture's corner."""
-    return subpixel_of_point if is_list(first) else subpixel_of_sample
-
-
-@helper
-def subpixel_of_point(first, k):
-    """See `subpixel_at`."""
-    return np.int64(first.x[k]) + HALF, np.int64(first.y[k]) + HALF
-
-
-@helper
-def subpixel_of_sample(first, k):
-    """See `subpixel_at`."""
-    return (first[0] + np.int64(k)) * SUBPIXEL + HALF, first[1] * SUBPIXEL + HALF
-
-
-@choice
-def step_of(first):
-    """Return how many samples, along an axis, it is from one of a batch to the next in the picture."""
-    return step_of_points if is_list(first) else step_of_samples
-
-
-@helper
-def step_of_points(first):
-    """See `step_of`."""
-    return first.step
-
-
-@helper
-def step_of_samples(first):
-    """See `step_of`."""
-    return 1.0
 
 
 # ---------------------------------------------------------------- planes
@@ -124,7 +36,7 @@ class PlaneGroup(NamedTuple):
     column: int  # uint64, where the group begins in a record
 
 
-@choice
+@spelled_out("build_planes_of_row")
 def evaluate_planes(entries, group, first, out, start, stride):
     """Evaluate a group of four planes at the samples of a batch: the inner loop of the shade stage.
 
@@ -135,18 +47,12 @@ def evaluate_planes(entries, group, first, out, start, stride):
     ----------
     entries : (n,) int64; of those without the index of a record, the values of record 0
     group : PlaneGroup
-    first : where the samples lie
+    first : the sample (x, y) that the batch begins with
     out : (n,) float32; written from `start` on, a row a plane, `stride` apart, both uint64
     """
-    return planes_of_points if is_list(first) else planes_of_samples
-
-
-@helper
-def planes_of_points(entries, group, first, out, start, stride):
-    """See `evaluate_planes`."""
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
-        across, down = offset_from(first, k, group, record)
+        across, down = offset_of_sample(first, k, group, record)
         write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
 
 
@@ -155,21 +61,6 @@ def write_row(rows, place, stride, values):
     """Write four values of a sample, one a row."""
     rows[place], rows[place + stride] = values[0], values[1]
     rows[place + stride + stride], rows[place + stride + stride + stride] = values[2], values[3]
-
-
-@helper
-def planes_of_samples(entries, group, first, out, start, stride):
-    """See `evaluate_planes`."""
-    planes_of_row(entries, group, first, out, start, stride)
-
-
-@spelled_out("build_planes_of_row")
-def planes_of_row(entries, group, first, out, start, stride):
-    """See `evaluate_planes`."""
-    for k in range(index(len(entries))):
-        record = record_number(entries[k], group)
-        across, down = offset_of_sample(first, k, group, record)
-        write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
 
 
 @helper
@@ -198,25 +89,10 @@ def value_beside(numbers, plane, across, down):
     return value + down * numbers[plane + index(2 * PLANE_GROUP)]
 
 
-@choice
-def offset_from(first, k, group, record):
-    """Return how far sample k lies across and down from the one at which the planes of a record have their values,
-    float32."""
-    return offset_of_point if is_list(first) else offset_of_sample
-
-
-@helper
-def offset_of_point(first, k, group, record):
-    """See `offset_from`. What it is rounded from are multiples of 128 parts of a sample: a float32 holds them."""
-    anchor, part = anchor_of(group, record), np.float32(1.0 / SUBPIXEL)
-    across = np.int64(first.x[k]) - SUBPIXEL * anchor[0]
-    down = np.int64(first.y[k]) - SUBPIXEL * anchor[1]
-    return np.float32(across) * part, np.float32(down) * part
-
-
 @helper
 def offset_of_sample(first, k, group, record):
-    """See `offset_from`."""
+    """Return how far sample k lies across and down from the one at which the planes of a record have their values,
+    float32."""
     anchor = anchor_of(group, record)
     return np.float32(first[0] + np.int64(k) - anchor[0]), np.float32(first[1] - anchor[1])
 
@@ -244,7 +120,7 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
     numbers, behind = group.numbers, index(3 * PLANE_GROUP)
     for k in range(index(len(entries))):
         record = record_number(entries[k], group)
-        across, down = offset_from(first, k, group, record)
+        across, down = offset_of_sample(first, k, group, record)
         plane, weight = record + group.column, out[weights + k]
         v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
         values = (
@@ -267,34 +143,15 @@ def within(value, numbers, min_at):
 # ---------------------------------------------------------------- planes with their slopes
 
 
-@choice
+@spelled_out("build_both_of_row")
 def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start):
     """Evaluate a group of four planes into four rows of `out`, and the group that stands right behind it, with slopes,
     into ten rows of `behind`, which begin at `behind_start`.
 
     See `evaluate_planes` and `evaluate_slopes`.
     """
-    return both_of_points if is_list(first) else both_of_samples
-
-
-@helper
-def both_of_points(entries, group, first, out, start, stride, behind, behind_start):
-    """See `evaluate_with_slopes`."""
-    planes_of_points(entries, group, first, out, start, stride)
-    slopes_of_points(entries, group_behind(group), first, behind, behind_start, stride)
-
-
-@helper
-def both_of_samples(entries, group, first, out, start, stride, behind, behind_start):
-    """See `evaluate_with_slopes`."""
-    both_of_row(entries, group, first, out, start, stride, behind, behind_start)
-
-
-@spelled_out("build_both_of_row")
-def both_of_row(entries, group, first, out, start, stride, behind, behind_start):
-    """See `evaluate_with_slopes`."""
-    planes_of_row(entries, group, first, out, start, stride)
-    slopes_of_row(entries, group_behind(group), first, behind, behind_start, stride)
+    evaluate_planes(entries, group, first, out, start, stride)
+    evaluate_slopes(entries, group_behind(group), first, behind, behind_start, stride)
 
 
 @helper
@@ -303,32 +160,13 @@ def group_behind(group):
     return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + index(3 * PLANE_GROUP))
 
 
-@choice
+@spelled_out("build_slopes_of_row")
 def evaluate_slopes(entries, group, first, out, start, stride):
     """Evaluate a group of four planes as `evaluate_planes` does, and copy the slopes of three for each sample.
 
     Ten rows are written: the planes, then d/dx of the first three, then d/dy of these.
     """
-    return slopes_of_points if is_list(first) else slopes_of_samples
-
-
-@helper
-def slopes_of_points(entries, group, first, out, start, stride):
-    """See `evaluate_slopes`."""
-    planes_of_points(entries, group, first, out, start, stride)
-    copy_slopes(entries, group, out, start, stride)
-
-
-@helper
-def slopes_of_samples(entries, group, first, out, start, stride):
-    """See `evaluate_slopes`."""
-    slopes_of_row(entries, group, first, out, start, stride)
-
-
-@spelled_out("build_slopes_of_row")
-def slopes_of_row(entries, group, first, out, start, stride):
-    """See `evaluate_slopes`."""
-    planes_of_row(entries, group, first, out, start, stride)
+    evaluate_planes(entries, group, first, out, start, stride)
     copy_slopes(entries, group, out, start, stride)
 
 

@@ -29,7 +29,7 @@ from .interpolate import (
     weight_steps,
 )
 from .records import ATTRIBUTE, material_of
-from .samples import samples_from, skip_to, step_of
+from .samples import skip_to
 from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from .visibility import record_of, stretch_of, strip_of
 
@@ -60,7 +60,7 @@ def sample_textures(band, textures, batch, out_texels):
                 out = out_texels[:, start : start + index(end - first)]
                 entries = visibility.entries[start : start + index(end - first)]
                 if has_exact(entries):
-                    where = samples_from(band.points, (first, band.y_start + j), start, index(end - first))
+                    where = first, band.y_start + j
                     sample_stretch(entries, records, where, textures, batch, out)
             first = end
 
@@ -94,7 +94,7 @@ def sample_run(records, record, first, textures, texture, batch, out):
     fill_texcoords(corners, n, wraps, batch)
     if filtering == FILTER_TRILINEAR:
         size, coarsest = mip_level_size(textures, first_level), float(last_level - first_level)
-        fill_squares(exact_triangle(records, record), corners, n, (size[1], size[2]), step_of(first), batch)
+        fill_squares(exact_triangle(records, record), corners, n, (size[1], size[2]), batch)
         fill_mip_levels(n, coarsest, batch)
     for k in range(n):
         s, t = batch[TEXCOORD_S + k], batch[TEXCOORD_T + k]
@@ -149,7 +149,7 @@ def fill_mip_levels(n, coarsest, batch):
 
 
 @helper
-def fill_squares(triangle, corners, n, size, step, batch):
+def fill_squares(triangle, corners, n, size, batch):
     """Fill in the place of mip levels the square of how many texels the longer side of a sample covers, after
     `fill_texcoords`.
 
@@ -160,7 +160,7 @@ def fill_squares(triangle, corners, n, size, step, batch):
     us, vs = corners
     d_x, u_x, v_x = step_sums(steps_x, us, vs)
     d_y, u_y, v_y = step_sums(steps_y, us, vs)
-    width, height = step * float(size[0]), step * float(size[1])
+    width, height = float(size[0]), float(size[1])
     for k in range(n):
         u, v, inverse = batch[TEXCOORD_U + k], batch[TEXCOORD_V + k], batch[INVERSE_SUM + k]
         across_u, across_v = (u_x - u * d_x) * inverse * width, (v_x - v * d_x) * inverse * height

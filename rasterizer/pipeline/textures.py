@@ -386,7 +386,6 @@ class TextureCoding(NamedTuple):
     limits: np.ndarray  # (n_material,) float64: error that is accepted in a texture's colours
     # (n_material,) bool: where coordinates are exact, the look-up in float32 is good enough: also for exact records
     is_exact_looked_up: np.ndarray
-    step: float = 1.0  # how many samples it is to the next point that is looked up, with its rounding
 
 
 @helper
@@ -420,7 +419,7 @@ def compute_texcoord_planes(textures, depths, block):
         t_error = texcoord_error(plane_rounding(t_largest * largest, t_rise), r_error, min_inverse, t_largest)
         slope_error = slope_rounding(k, s_largest, s_error, index(0), block)
         slope_error += slope_rounding(k, t_largest, t_error, index(1), block)
-        level_error = LEVEL_SLOPE * textures.step * slope_error / min_inverse
+        level_error = LEVEL_SLOPE * slope_error / min_inverse
         error = texture_error(textures.packed, index(texture), s_error, t_error, level_error)
         limit = textures.limits[ints[s.MATERIAL + k]]
         is_good = (min_inverse >= MIN_INVERSE) & (error <= limit)

@@ -25,19 +25,15 @@ from .interpolate import corner_values, exact_triangle, has_exact, has_planes, m
 from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .samples import (
-    PLANE_GROUP,
     evaluate_planes,
     evaluate_slopes,
     evaluate_values,
-    samples_from,
     skip_to,
-    step_of,
 )
 from .shade import fill_weights
 from .texture_lookup import (
     IS_DOUBTFUL,
     MIP_LEVEL,
-    S_DX,
     S_PLANE,
     S,
     T,
@@ -104,7 +100,7 @@ def shade_textured(band, texturing, batch, out_radiance):
                 n, material = end - first, np.int64(-1)
             if material >= 0:
                 entries = visibility.entries[start : start + index(n)]
-                where = samples_from(band.points, (first, y), start, index(n))
+                where = first, y
                 shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
                 if has_exact(entries):
                     shade_exact(entries, band.records, where, texturing, start, out_radiance)
@@ -310,8 +306,6 @@ def look_up(entries, band, first, material, texturing, start, batch, quantity):
     texture, with_exact = index(coding.of_materials[material]), coding.is_exact_looked_up[material]
     packed = packed_texture(coding.packed, texture)
     if band.counts.n_exact == 0 or has_planes(entries):
-        if packed.filter == FILTER_TRILINEAR:
-            lengthen_slopes(rows, n, step_of(first))
         compute_texcoords(rows, n, packed)
     elif with_exact:
         clear_texcoords(rows, n)
@@ -345,7 +339,7 @@ def put_in_exact_texcoords(entries, records, first, material, texture, double_ba
             rows[S + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_S + k]))
             rows[T + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_T + k]))
         if texture.filter == FILTER_TRILINEAR:
-            fill_squares(exact_triangle(records, record), corners, n, size, step_of(where), double_batch)
+            fill_squares(exact_triangle(records, record), corners, n, size, double_batch)
             for k in range(n):
                 rows[MIP_LEVEL + start + k] = mip_level(np.float32(double_batch[DOUBLE_MIP_LEVEL + k]), coarsest)
         start, end = next_exact_run(entries, end)
@@ -355,16 +349,6 @@ def put_in_exact_texcoords(entries, records, first, material, texture, double_ba
 def fixed_point(x):
     """Return a number within 0..1 as a whole number, 2^32 for 1; but 1 itself is the largest below."""
     return np.int32(np.int64(min(x * 2.0**32, 2.0**32 - 1.0)))
-
-
-@helper
-def lengthen_slopes(rows, n, step):
-    """Turn the slopes of planes a sample into those a step, which may be several samples long."""
-    if step != 1.0:
-        for slope in range(index(2 * (PLANE_GROUP - 1))):
-            first = S_DX + slope * index(BATCH_SIZE)
-            for k in range(index(n)):
-                rows[first + k] *= np.float32(step)
 
 
 @helper

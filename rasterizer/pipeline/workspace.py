@@ -9,7 +9,6 @@ from .fragments import make_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
-from .shade_once import PointList, make_point_list
 from .texture_lookup import make_lookup_batch
 from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
@@ -29,7 +28,6 @@ class Workspace(NamedTuple):
     # None where the scene has no transparent surfaces:
     room: Room | None  # for the A-buffer
     extents: VisibilityBuffer | None  # clear, without entries: for those of transparent surfaces
-    points: PointList | None  # None where every sample is shaded
 
 
 class WorkspaceShape(NamedTuple):
@@ -42,7 +40,6 @@ class WorkspaceShape(NamedTuple):
     dtype: np.dtype  # of intensities
     n_texel: int  # rows of texels: 4, with metallic-roughness textures 8; 0 where the scene has no textures
     is_transparent: bool
-    points_factor: int = 0  # samples a pixel along each axis, where it is shaded once a polygon; 0 = every sample is
 
 
 class WorkspacePool:
@@ -87,9 +84,6 @@ def make_workspace(shape: WorkspaceShape, n_record: int) -> Workspace:
         np.zeros((shape.n_texel, n_sample)),
         Room() if shape.is_transparent else None,
         make_extents(shape.n_row) if shape.is_transparent else None,
-        make_point_list(visibility, shape.n_row, shape.points_factor, shape.n_channel, shape.dtype)
-        if shape.points_factor
-        else None,
     )
 
 

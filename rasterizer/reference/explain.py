@@ -44,7 +44,7 @@ from ..scene.scene import Scene
 from ..scene.validate import is_whole
 from .clip import to_eye
 from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions, materials_at
-from .picture import Look, encode, in_range, lit_fragments, look_at, render, resolve, shared_points, spread_samples
+from .picture import Look, encode, in_range, look_at, render, resolve, spread_samples
 from .shading import (
     Fragments,
     Points,
@@ -58,7 +58,7 @@ from .shading import (
     world_positions,
 )
 from .surface import Surface
-from .visibility import NO_KEY, Window, find_visible
+from .visibility import NO_KEY, Window, find_visible, gather_fragments
 
 Vector = tuple[float, float, float]
 Row = tuple[str, str | float | tuple[float, ...]]
@@ -149,7 +149,7 @@ def _sum_up(look: Look, x: int, y: int, samples: list[_Sample]) -> Explanation:
     color, alpha = resolve(color, alpha, options.factor, scene.background)
     largest = None
     if options.color_range == "global":
-        names = "shading", "samples", "antialias", "cull", "exposure", "spectral"
+        names = "shading", "samples", "cull", "exposure", "spectral"
         settings = {name: getattr(options, name) for name in names}
         largest = float(render(scene, options.size, **settings).color.max())
     code = encode(in_range(color, options.color_range, largest))[0, 0].tolist()
@@ -206,8 +206,7 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]
     layers: dict[tuple[int, int], list[_Layer]] = {at: [] for at in np.ndindex(per_axis, per_axis)}
     through = np.ones(window.shape)
     visible = find_visible(raster)
-    points = shared_points(look, raster, lighting, per_axis)
-    while len((fragments := lit_fragments(visible, raster, points)).face):
+    while len((fragments := gather_fragments(visible, raster)).face):
         for k in range(len(fragments.face)):
             one = fragments.part(slice(k, k + 1))
             at = int(one.rows[0]) - window.top, int(one.columns[0]) - window.left
@@ -294,9 +293,7 @@ def _evaluation_points(
             "at the polygon's centroid",
         )
     if lighting.shading == "phong":
-        is_shared = fragment.lit_at is not None and tuple(fragment.lit_at[0]) != _own_position(fragment)
-        where = "at a point that the pixel's samples share" if is_shared else "at the sample"
-        return sample_points(surface, fragment, lighting), np.ones(1), where
+        return sample_points(surface, fragment, lighting), np.ones(1), "at the sample"
     ring = -1 if surface.rings is None else int(surface.rings.of_face[fragment.face[0]])
     if ring < 0:
         points = corner_points(surface, fragment.face, fragment.side, slice(None))
@@ -306,11 +303,6 @@ def _evaluation_points(
     corners = corner_points(surface, faces, np.repeat(fragment.side, count), slice(0, 1))
     weights = np.concatenate([fragment.weights[0, :2], np.full(len(faces), fragment.weights[0, 2] / len(faces))])
     return _join(ends, corners), weights, "at the corners of the polygon, whose mean is its centre"
-
-
-def _own_position(fragment: Fragments) -> tuple[float, float, float]:
-    """Return where the sample of a fragment itself lies: row, column, depth."""
-    return float(fragment.rows[0]), float(fragment.columns[0]), float(fragment.depth[0])
 
 
 def _join(a: Points, b: Points) -> Points:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import Antialias, ColorRange, Cull, EdgeType, Samples, Shading
+from ..choices import ColorRange, Cull, EdgeType, Samples, Shading
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
@@ -23,19 +23,15 @@ from .clip import are_outside, choose_range, clip_to_view, depths_of_boxes, snap
 from .closed import find_inner_sides
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
-from .reflection import palette_of
 from .shading import Fragments, light_samples
 from .surface import Surface, compute_sides, gather
 from .visibility import (
     NO_KEY,
     Raster,
-    VisibilityBuffer,
     Window,
-    compute_weight_steps,
     doubled_area,
     find_visible,
     gather_fragments,
-    weights_at,
 )
 
 
@@ -106,7 +102,6 @@ def render(
     *,
     shading: Shading = "gouraud",
     samples: Samples = 1,
-    antialias: Antialias = "supersample",
     cull: Cull = Options.cull,
     color_range: ColorRange = "clamp",
     near: float | None = None,
@@ -126,7 +121,6 @@ def render(
     size : (width, height) in pixels
     shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
     samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
-    antialias : "supersample", or "shade-once": once a pixel and polygon, see `SharedPoints`
     cull : "auto" leaves out the inner sides of closed bodies, where the eye is outside of the mesh's box;
         "none" nothing, "back" faces whose winding is clockwise as the viewer sees it
     color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
@@ -149,7 +143,7 @@ def render(
     """
     # Refuses what isn't legal.
     options = Options(
-        shading=shading, samples=samples, antialias=antialias, cull=cull, color_range=color_range, exposure=exposure,
+        shading=shading, samples=samples, cull=cull, color_range=color_range, exposure=exposure,
         spectral=spectral, edges=edges, edge_color=edge_color, edge_width=edge_width,
     )  # fmt: skip
     look = look_at(scene, size, options, (near, far), rounded)
@@ -222,8 +216,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = find_visible(raster)
-    points = shared_points(look, raster, lighting, per_axis)
-    front = fragments = lit_fragments(visible, raster, points)
+    front = fragments = gather_fragments(visible, raster)
     layer, normal, opacity = light_samples(surface, fragments, shape, lighting)
     face = np.full(shape, -1, np.int32)
     face[fragments.rows, fragments.columns] = surface.loaded_faces(fragments.face)
@@ -238,7 +231,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
         if not is_open.any():
             break
         visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
-        fragments = lit_fragments(visible, raster, points)
+        fragments = gather_fragments(visible, raster)
         layer, _, opacity = light_samples(surface, fragments, shape, lighting)
     return Layers(color, alpha, normal, face, nearest.depth, margin, front)
 
@@ -288,82 +281,3 @@ def in_range(color: NDArray, color_range: str, largest: float | None = None) -> 
     elif color_range == "local":
         color = color / np.maximum(color.max(axis=-1, keepdims=True), 1.0)
     return np.clip(color, 0, 1)
-
-
-# --- shading once a pixel and polygon: which point is lit in the place of the samples that see it ------------
-
-
-class SharedPoints:
-    """The points that the samples of a grid share, where a pixel and polygon is shaded once.
-
-    The samples of a pixel that see one opaque piece share a point: the pixel's centre where all samples see the piece,
-    else the sample that is nearest to the centre, the first of these row by row. What is transparent is lit at every
-    sample; so is what has its light from the vertices or the polygon and no texture. A step of a texture is one from
-    pixel to pixel.
-    """
-
-    def __init__(self, raster: Raster, surface: Surface, lighting: Lighting, is_opaque: NDArray, per_axis: int):
-        """Find them; `is_opaque` is (n_material,) bool."""
-        self._raster, self._per_axis = raster, per_axis
-        material = surface.material[raster.pieces.face]
-        self._is_shared = is_opaque[material] & (lighting.shading == "phong" or _has_texture(lighting)[material])
-        drawn = raster.is_drawn & is_opaque[material]
-        self._piece = find_visible(raster._replace(is_drawn=drawn)).piece
-        self._rows, self._columns = self._choose_points()
-
-    def _choose_points(self) -> tuple[NDArray, NDArray]:
-        """Return row and column, float64, of the point that each sample shares, window by window (h, w)."""
-        per_axis, window = self._per_axis, self._raster.window
-        rows, columns = np.nonzero(self._piece >= 0)
-        pixel = rows // per_axis * (window.width // per_axis) + columns // per_axis
-        middle = (per_axis - 1) / 2.0
-        distance = (rows % per_axis - middle) ** 2 + (columns % per_axis - middle) ** 2
-        n_piece = len(self._raster.is_drawn)
-        group = pixel * n_piece + self._piece[rows, columns]
-        order = np.lexsort((columns, rows, distance, group))
-        _, first, of_sample, count = np.unique(group[order], return_index=True, return_inverse=True, return_counts=True)
-        nearest = order[first]
-        is_whole = count == per_axis**2
-        corner_rows, corner_columns = rows[nearest] // per_axis * per_axis, columns[nearest] // per_axis * per_axis
-        point_rows = np.where(is_whole, corner_rows + middle, rows[nearest])
-        point_columns = np.where(is_whole, corner_columns + middle, columns[nearest])
-        found = np.full((2, *window.shape), np.nan)
-        found[:, rows[order], columns[order]] = point_rows[of_sample], point_columns[of_sample]
-        return found[0] + window.top, found[1] + window.left
-
-    def move(self, fragments: Fragments, piece: NDArray) -> Fragments:
-        """Return fragments that are lit at the points; `piece` is (h, w), what the samples of the grid see."""
-        window = self._raster.window
-        at = fragments.rows - window.top, fragments.columns - window.left
-        pieces = piece[at]
-        is_moved = (pieces == self._piece[at]) & self._is_shared[pieces]
-        rows, columns, pieces = self._rows[at][is_moved], self._columns[at][is_moved], pieces[is_moved]
-        depth, new_weights = weights_at(rows, columns, pieces, self._raster)
-        weights, steps = fragments.weights.copy(), fragments.steps.copy()
-        lit_at = np.column_stack([fragments.rows, fragments.columns, fragments.depth]).astype(np.float64)
-        weights[is_moved] = new_weights
-        steps[is_moved] = self._per_axis * compute_weight_steps(pieces, new_weights, depth, self._raster)
-        lit_at[is_moved] = np.column_stack([rows, columns, depth])
-        return fragments._replace(weights=weights, steps=steps, lit_at=lit_at)
-
-
-def _has_texture(lighting: Lighting) -> NDArray[np.bool_]:
-    """Tell which materials have a texture, (n_material,)."""
-    n_material = len(lighting.materials["opacity"])
-    if not lighting.textures:
-        return np.zeros(n_material, bool)
-    return np.array([texture is not None for texture in lighting.textures])
-
-
-def shared_points(look: Look, raster: Raster, lighting: Lighting, per_axis: int) -> SharedPoints | None:
-    """Find the points that samples share; None where each is lit by itself."""
-    if look.options.antialias == "supersample" or per_axis == 1:
-        return None
-    is_opaque = np.array([material.is_opaque for material in palette_of(look.scene)])
-    return SharedPoints(raster, look.surface, lighting, is_opaque, per_axis)
-
-
-def lit_fragments(visible: VisibilityBuffer, raster: Raster, points: SharedPoints | None) -> Fragments:
-    """List the samples that see something, and what is lit there."""
-    fragments = gather_fragments(visible, raster)
-    return fragments if points is None else points.move(fragments, visible.piece)

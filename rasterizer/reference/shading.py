@@ -42,15 +42,13 @@ class Fragments(NamedTuple):
     weights: NDArray[np.float64]  # (n_sample, 3) perspective-correct, on the corners of the face
     depth: NDArray[np.float64]  # (n_sample,)
     steps: NDArray[np.float64] | None = None  # (n_sample, 2, 3) what a step to the right, and down, adds to the weights
-    lit_at: NDArray[np.float64] | None = None  # (n_sample, 3) row, column, depth where it is lit; None = at the sample
 
     def part(self, some: slice | NDArray) -> "Fragments":
         """Return some of the samples."""
         steps = None if self.steps is None else self.steps[some]
-        lit_at = None if self.lit_at is None else self.lit_at[some]
         return Fragments(
             self.rows[some], self.columns[some], self.face[some], self.side[some], self.weights[some], self.depth[some],
-            steps, lit_at,
+            steps,
         )  # fmt: skip
 
 
@@ -282,8 +280,6 @@ def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) ->
 def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:
     """Return the world points (n, 3) that lie at the samples' depths on the rays through their centres."""
     rows, columns, depth = fragments.rows, fragments.columns, fragments.depth
-    if fragments.lit_at is not None:
-        rows, columns, depth = fragments.lit_at.T
     view, projection, depth = lighting.view, lighting.projection, depth[:, None]
     y = (projection.center_y - (rows + 0.5)) / projection.scale_y
     x = (columns + 0.5 - projection.center_x + projection.skew * y) / projection.scale_x

@@ -194,25 +194,6 @@ def _interpolate(affine: NDArray, piece: int | NDArray, raster: Raster) -> tuple
     return 1.0 / (affine / plane_depths).sum(axis=1), q / q.sum(axis=1, keepdims=True)
 
 
-def weights_at(rows: NDArray, columns: NDArray, piece: NDArray, raster: Raster) -> tuple[NDArray, NDArray]:
-    """Return depths (n,) of points that lie within pieces (n,), and their weights (n, 3) on the corners of the faces.
-
-    rows, columns : (n,) float64, in samples; whole numbers are samples
-    """
-    screen = raster.screen[piece]
-    x, y = SUBPIXELS * columns + SUBPIXELS // 2, SUBPIXELS * rows + SUBPIXELS // 2
-    affine = np.zeros((len(piece), 3))
-    for corner in range(3):
-        a, b = screen[:, (corner + 1) % 3], screen[:, (corner + 2) % 3]
-        affine[:, corner] = (b - a)[:, 0] * (y - a[:, 1]) - (b - a)[:, 1] * (x - a[:, 0])
-    affine /= doubled_area(screen)[:, None]
-    depth, weights = _interpolate(affine, piece, raster)
-    for cut in np.unique(piece[raster.pieces.is_cut[piece]]):
-        at = piece == cut
-        depth[at], weights[at] = _weights_of_cut(rows[at], columns[at], cut, raster)
-    return depth, weights
-
-
 def _weights_of_cut(rows: NDArray, columns: NDArray, piece_idx: int, raster: Raster) -> tuple[NDArray, NDArray]:
     """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's
     corners.

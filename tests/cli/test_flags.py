@@ -153,7 +153,7 @@ def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsy
 
 # A small size, because each is drawn; every two must differ.
 LOOKS = """
---shading flat | --shading gouraud | --samples 1 | --samples 4 --antialias shade-once | --ground
+--shading flat | --shading gouraud | --samples 1 | --ground
 --crease-angle 1 | --material shininess=2 | --color orange | --reflection blinn
 --preset tabletop | --preset headlight | --light directional:0,-1,0,color=orange --color teal
 --light directional:0,-1,0,color=orange --color teal --spectral 5 | --light directional:-1,-0.4,-0.2
@@ -205,7 +205,7 @@ LACKING = {
     "compare": NO_ARRAYS
     | ONE_PROCESS
     | dict.fromkeys(("--shading",), "--methods says it")
-    | dict.fromkeys(("--samples", "--antialias"), "methods are compared on one sample a pixel")
+    | dict.fromkeys(("--samples",), "methods are compared on one sample a pixel")
     | {"--tolerance": "methods are compared as exact as they are"}
     | dict.fromkeys(("--edges", "--edge-color", "--edge-width"), "it compares how surfaces are shaded")
     | dict.fromkeys(("--ground", "--no-ground"), "it compares how surfaces are shaded"),

@@ -92,8 +92,6 @@ def test_nothing_is_left_to_compile_for_scenes_that_nobody_has_chosen(warm):
         case = make_case(11, number)
         size, options = tuple(max(side // 3, 4) for side in case.size), {"samples": 1} | case.options
         options["outputs"] = EVERYTHING if number % 3 == 0 else ("rgb",)
-        if options["samples"] > 1 and number % 2:
-            options["antialias"] = "shade-once"
         try:
             assert_warm(warm, case.words, case.scene, size, **options)
         except rz.SceneError:

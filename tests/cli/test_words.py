@@ -49,7 +49,6 @@ SAME = {
     "subdivide": ("--subdivide 1 --shading gouraud", {"subdivide": 1, "shading": "gouraud"}),
     "shading": ("--shading flat", {"shading": "flat"}),
     "samples": ("--samples 1", {"samples": 1}),
-    "antialias": ("--antialias shade-once", {"antialias": "shade-once"}),
     "cull": ("--cull back --eye 1,0,0 --target 1,0,5", {"cull": "back", "eye": (1, 0, 0), "target": (1, 0, 5)}),
     "color-range": (f"{TEAL} --color-range local", TEALS | {"color_range": "local"}),
     "exposure": (TEAL, TEALS),

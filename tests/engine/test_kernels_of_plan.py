@@ -27,8 +27,6 @@ def options_of(case, number) -> dict:
     """How a case is drawn: with buffers now and then, and with all ways to average samples."""
     options = {"samples": 1} | case.options
     options["outputs"] = ("color", "depth", "face", "normal") if number % 3 == 0 else ("rgb",)
-    if options["samples"] > 1 and number % 2:
-        options["antialias"] = "shade-once"
     return options
 
 
@@ -62,5 +60,5 @@ def test_what_nobody_sees_costs_no_kernel():
     with rz.Renderer(scene, 8) as renderer:
         tables, camera = SceneTables(scene, renderer.options), scene.camera_for(renderer.options.size)
         listed = [kernels.title_of(function) for function, _ in list_kernels(tables, renderer.options, camera)]
-    unused = "texture", "layers.", "a_buffer.", "shadow", "clip.", "shade_once.", "buffers.", "ears."
+    unused = "texture", "layers.", "a_buffer.", "shadow", "clip.", "buffers.", "ears."
     assert not [title for title in listed if any(part in title for part in unused)] and len(listed) <= 13

@@ -260,7 +260,7 @@ FAULTS = (
         "limit = value - slack +",
         "engine pictures pipeline",
     ),
-    # Transparency, shading once
+    # Transparency
     Fault(
         "transparency: the furthest layer is composited first, as if it were in front",
         "pipeline/a_buffer.py",
@@ -274,13 +274,6 @@ FAULTS = (
         "color[k] + transmittance[k] * behind",
         "color[k] + behind",
         "pipeline pictures",
-    ),
-    Fault(
-        "shade once: the sample that is lit is the nearest one to the pixel's right border",
-        "pipeline/shade_once.py",
-        "(2 * columns - factor + 1) ** 2",
-        "(2 * columns - factor - 1) ** 2",
-        "pictures pipeline",
     ),
     # Textures
     Fault(
@@ -876,20 +869,13 @@ HELD_OUT = (
         "return 8 * _unit(dtype)",
         "engine pictures",
     ),
-    # Transparency, shading once
+    # Transparency
     Fault(
         "transparency: only the last layer weakens what lies behind",
         "pipeline/a_buffer.py",
         "transmittance[k] = arriving * (1.0 - alpha)",
         "transmittance[k] = 1.0 - alpha",
         "pipeline pictures",
-    ),
-    Fault(
-        "shade once: alpha of pixels that show several faces is too large",
-        "pipeline/resolve.py",
-        "np.float32(n_covered) / np.float32(factor * factor)",
-        "np.float32(n_covered) / np.float32(factor)",
-        "pictures pipeline",
     ),
     # Textures
     Fault(

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rasterizer.pipeline.resolve import RANGE_CLAMP, Encoding, resolve, with_blank
-from rasterizer.pipeline.shade_once import make_grid
+from rasterizer.pipeline.resolve import RANGE_CLAMP, Encoding, make_grid, resolve, with_blank
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.pipeline.workspace import WorkspaceShape, make_picture, make_workspace
 from rasterizer.scene.color import srgb_from_linear

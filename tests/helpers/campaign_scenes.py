@@ -108,9 +108,6 @@ def make_case(seed: int, index: int) -> Case:
     background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
     options = make_options(dice)
     meshes, options = by_number(index, meshes, options)
-    # Nine and sixteen samples share points only at night: that takes kernels which nothing else needs.
-    is_once = index % 2 and (options["samples"] == 4 or (options["samples"] > 1 and index >= DEFAULT_RUN))
-    options["antialias"] = "shade-once" if is_once else "supersample"
     cue = None
     if dice.wild(0.1):
         lengths = np.array([dice.power(-1, 1), dice.between(0, 1)]) * lens.reach * dice.scale

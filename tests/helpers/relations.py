@@ -270,7 +270,7 @@ def has(thing, name) -> bool:
 def finer(case, rng, folder):
     """The mean of a finer picture's samples."""
     n = round(case.options["samples"] ** 0.5)
-    if n == 1 or case.options["edges"] or case.options["antialias"] == "shade-once":
+    if n == 1 or case.options["edges"]:
         return None
     fine = draw(case._replace(size=(case.size[0] * n, case.size[1] * n)), samples=1, outputs="color")
     weights = blocks(fine.alpha[..., None].astype(float), n)

@@ -199,7 +199,7 @@ SOMETIMES = (
 )  # fmt: skip
 OUTPUTS = ("color", "depth", "face", "normal", "mask", "object", "material", "uv", "barycentric", "position")
 TOLERANCES = (0.0, DEFAULT_TOLERANCE)
-ONE, ONCE = {"samples": 1}, {"samples": 4, "antialias": "shade-once"}
+ONE, FOUR = {"samples": 1}, {"samples": 4}
 
 
 def compile_usual_kernels() -> int:
@@ -228,7 +228,7 @@ def usual_pictures() -> Iterator[tuple[rz.Scene, dict]]:
     for tolerance in ({"tolerance": each} for each in TOLERANCES):
         for name, shading in product((*OFTEN, *SOMETIMES), (flat, phong)):
             yield named(name, ONE | shading | tolerance)
-        for name, more in product((*OFTEN, "a file"), ({"samples": 4}, ONCE)):
+        for name, more in product((*OFTEN, "a file"), (FOUR,)):
             yield named(name, more | phong | tolerance)
         for name in ("a file", "many lights", "texture, nearest"):
             yield named(name, ONE | gouraud | tolerance)
@@ -248,8 +248,8 @@ def usual_pictures() -> Iterator[tuple[rz.Scene, dict]]:
         yield scene_of(cube(**papered), floor(), **shadows), {"tolerance": tolerance} | ONE | phong
     yield scene_of(toon, floor(**papered)), ONE | phong
     yield scene_of(toon, floor(), **shadows), ONE | phong
-    yield mixed()["toon"], ONCE | phong
-    yield mixed()["brushed, and textured"], ONCE | gouraud
+    yield mixed()["toon"], FOUR | phong
+    yield mixed()["brushed, and textured"], FOUR | gouraud
     yield mixed()["an F0 of a colour"], ONE | flat
 
 

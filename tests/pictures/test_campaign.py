@@ -66,7 +66,7 @@ def test_many_more_random_scenes_keep_their_promises():
 def features_of(case):
     """Yield what a case has."""
     scene, options = case.scene, case.options
-    yield from (f"{name}={options[name]}" for name in ("shading", "samples", "cull", "color_range", "antialias"))
+    yield from (f"{name}={options[name]}" for name in ("shading", "samples", "cull", "color_range"))
     yield from (name for name in ("exposure", "spectral") if options[name])
     yield "tolerance 0" if options["tolerance"] == 0 else "a tolerance"
     yield from (word for word in ("inside", "near", "far", "skew", "specks", "slivers", "floor") if word in case.words)
@@ -101,7 +101,7 @@ WANTED = {
     *(f"cook-torrance, {name}" for name in (*DISTRIBUTIONS, "brushed")), *FILTERS, *WRAPS, "clear", "a spectrum",
     "shading=flat", "shading=gouraud", "shading=phong", *(f"samples={n}" for n in (1, 4, 9, 16)),
     *(f"cull={name}" for name in CULLS),
-    "color_range=local", "color_range=global", "antialias=shade-once", "exposure", "spectral", "tolerance 0",
+    "color_range=local", "color_range=global", "exposure", "spectral", "tolerance 0",
     "inside", "near", "far", "skew", "specks", "slivers", "floor", "calibrated", "perspective", "parallel",
     "depth cue", "background", "colors", "face_colors", "normals", "weighting=area", "weighting=uniform",
     "metallic", "metallic_roughness",

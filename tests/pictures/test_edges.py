@@ -131,9 +131,8 @@ def test_a_picture_changes_where_edges_are_and_nowhere_else(shading, samples):
 
 
 @pytest.mark.parametrize("samples", [1, 4, 9, 16])
-@pytest.mark.parametrize("antialias", ["supersample", "shade-once"])
-def test_alpha_is_the_models_coverage(samples, antialias):
-    options = {"samples": samples, "antialias": antialias, "outputs": ("rgb", "color"), "shading": "phong"}
+def test_alpha_is_the_models_coverage(samples):
+    options = {"samples": samples, "outputs": ("rgb", "color"), "shading": "phong"}
     scene = scene_of(cube())
     plain, drawn = (rz.render(scene, SIZE, edges=edges, edge_width=5, **options) for edges in (None, "all"))
     assert not differences(drawn.rgba[..., 3], plain.rgba[..., 3])

@@ -28,7 +28,6 @@ BUFFERS = (
 LOOKS = {
     "plain": {"samples": 1},
     "four samples": {"samples": 4, "outputs": ("color",)},
-    "shaded once": {"samples": 9, "antialias": "shade-once", "outputs": ("color",)},
     "bytes": {"samples": 4, "outputs": "rgb", "color_range": "global"},
     "buffers": {"samples": 1, "outputs": ("color", "rgb", *BUFFERS)},
     "buffers alone": {"outputs": BUFFERS},
@@ -129,7 +128,7 @@ def all_scenes():
     return drawn() | {name: (scene, {}) for name, scene in mixed().items()}
 
 
-@pytest.mark.parametrize("look", [look for look in LOOKS if look not in ("shaded once", "culled")])
+@pytest.mark.parametrize("look", [look for look in LOOKS if look != "culled"])
 def test_some_small_scenes(look):
     number = list(LOOKS).index(look)
     scenes = dict(list(all_scenes().items())[number :: len(LOOKS)])

@@ -17,10 +17,10 @@ from rasterizer.pipeline.resolve import (
     RANGE_GLOBAL,
     RANGE_LOCAL,
     encode_picture,
+    make_grid,
     resolve,
     srgb_thresholds,
 )
-from rasterizer.pipeline.shade_once import make_grid
 from rasterizer.pipeline.visibility import CLEAR, PADDING
 from rasterizer.pipeline.workspace import make_picture
 from rasterizer.scene.color import srgb_from_linear

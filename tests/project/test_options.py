@@ -19,7 +19,6 @@ DEFAULTS = {
     "shading": "phong",
     "tolerance": 1 / 4096,
     "samples": 4,
-    "antialias": "supersample",
     "outputs": ("color",),
     "cull": "auto",
     "color_range": "clamp",
@@ -72,7 +71,7 @@ def test_a_size_is_a_pair_or_one_number():
 
 ILLEGAL = {
     "size": (0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MAX_PIXELS + 1),
-    "shading": ("toon", None), "antialias": ("multisample", None), "cull": ("front",), "color_range": ("wrap",),
+    "shading": ("toon", None), "cull": ("front",), "color_range": ("wrap",),
     "samples": (2, True, np.True_, "4", 3, np.int64(3), 4.5, math.nan, [4], (1,), np.array([4, 4])),
     "outputs": ((), ("color", "uvw"), "uvw"), "tolerance": (-1e-9, math.nan, math.inf, "fine", None),
     "threads": (0, 1.5, True, 1025), "exposure": (math.nan, "bright"), "edge_width": (-1.0, math.nan),
