@@ -122,17 +122,17 @@ class _Ramp:
 
 
 def build_planes_of_row(typing_context, entries, group, first, out, start, stride):
-    """Build `samples.planes_of_row`."""
+    """Build `samples.evaluate_planes`."""
     return _build_evaluation((_Rows(out, 0, has_slopes=False),), entries, group, stride)
 
 
 def build_slopes_of_row(typing_context, entries, group, first, out, start, stride):
-    """Build `samples.slopes_of_row`."""
+    """Build `samples.evaluate_slopes`."""
     return _build_evaluation((_Rows(out, 0, has_slopes=True),), entries, group, stride)
 
 
 def build_both_of_row(typing_context, entries, group, first, out, start, stride, behind, behind_start):  # noqa: PLR0917 - numba's context comes first
-    """Build `samples.both_of_row`."""
+    """Build `samples.evaluate_with_slopes`."""
     slopes = _Rows(behind, 3 * PLANE_GROUP, has_slopes=True)
     return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), entries, group, stride)
 
