@@ -24,7 +24,7 @@ from .viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     from .keywords import Unpack
-    from .renderer import RenderWords
+    from .words import RenderWords
 
 _MAX_FRAMES = 10_000
 _MAX_LOOPS = 65535

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any, Literal
 
 from .choices import Axis, Preset, Weighting
 from .errors import ModelError, SceneError, shown
@@ -35,26 +35,6 @@ MAX_SUBDIVISIONS = 15
 READING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")
 
 
-class LookWords(TypedDict, total=False):
-    """The fields of `Look`, for type checkers."""
-
-    lights: Light | Iterable[Any] | None
-    preset: Preset | None
-    shadows: bool | Shadow
-    material: Material | str | Mapping[str, Any] | None
-    color: ColorLike | None
-    reflection: str | None
-    background: ColorLike | None
-    depth_cue: DepthCue | float | Literal["none"] | None
-    up: Axis | None
-    format: str | None
-    crease_angle: float | None
-    weighting: Weighting | None
-    subdivide: int
-    drop_bad_faces: bool
-    allow_outside: bool
-
-
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Look:
@@ -68,18 +48,18 @@ class Look:
     ModelError : a material's texture that can't be read
     """
 
-    lights: Any = None
-    preset: str | None = None
+    lights: Light | Iterable[Any] | None = None
+    preset: Preset | None = None
     shadows: bool | Shadow = False
-    material: Any = None
-    color: Any = None
+    material: Material | str | Mapping[str, Any] | None = None
+    color: ColorLike | None = None
     reflection: str | None = None
-    background: Any = None
-    depth_cue: Any = None
-    up: str | None = None
+    background: ColorLike | None = None
+    depth_cue: DepthCue | float | Literal["none"] | None = None
+    up: Axis | None = None
     format: str | None = None
     crease_angle: float | None = None
-    weighting: str | None = None
+    weighting: Weighting | None = None
     subdivide: int = 0
     drop_bad_faces: bool = False
     allow_outside: bool = False

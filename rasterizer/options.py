@@ -4,7 +4,7 @@ import math
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 from .choices import (
     COLOR_RANGES,
@@ -27,7 +27,7 @@ from .scene.validate import is_whole, number
 
 if TYPE_CHECKING:
     from .keywords import Unpack
-    from .scene.color import ColorLike
+    from .words import OptionWords
 
 # Samples along an axis, so that a picture may have 65536 pixels with 16 samples. What is counted along an axis has room
 # for 2^20, the guard band in which edge functions stay below 2^60: depths keep their order, rounded by half a unit a
@@ -40,24 +40,6 @@ MAX_WIDTH = 256  # px, of edges
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
 DEFAULT_TOLERANCE = 1 / 4096
-
-
-class OptionWords(TypedDict, total=False):
-    """The fields of `Options` but `size`, as they may be given, for type checkers."""
-
-    shading: Shading
-    tolerance: float
-    samples: Samples
-    outputs: Output | Sequence[Output]
-    cull: Cull
-    color_range: ColorRange
-    exposure: float
-    spectral: int | None
-    threads: int | None
-    edges: EdgeType | Sequence[EdgeType] | None
-    edge_color: "ColorLike"
-    edge_width: float
-    ground: bool
 
 
 @checked_fields
@@ -109,22 +91,24 @@ class Options:
     SceneError : a value that is not legal
     """
 
+    # Where more may be given than is stored, `Annotated` says what: type checkers read it in words.py, which
+    # tests/project/make_words.py makes of the fields here and in look.py and viewpoint.py.
     size: tuple[int, int] = (640, 480)
     shading: Shading = "phong"
     tolerance: float = DEFAULT_TOLERANCE
     samples: Samples = 4
-    outputs: tuple[Output, ...] = ("color",)
+    outputs: Annotated[tuple[Output, ...], "Output | Sequence[Output]"] = ("color",)
     cull: Cull = "auto"
     color_range: ColorRange = "clamp"
     exposure: float = 0.0
     spectral: int | None = None
     threads: int | None = None
-    edges: tuple[EdgeType, ...] = ()
-    edge_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    edges: Annotated[tuple[EdgeType, ...], "EdgeType | Sequence[EdgeType] | None"] = ()
+    edge_color: Annotated[tuple[float, float, float], "ColorLike"] = (0.0, 0.0, 0.0)
     edge_width: float = 1.0
     ground: bool = False
 
-    if TYPE_CHECKING:  # more may be given than is stored
+    if TYPE_CHECKING:
 
         def __init__(self, *, size: int | Sequence[int] = ..., **options: "Unpack[OptionWords]") -> None: ...
 

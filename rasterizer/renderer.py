@@ -23,23 +23,16 @@ from .io.files import name_of
 from .io.loader import FileLike, SceneFile, read_source
 from .keywords import divided, takes_words
 from .locks import cached_property
-from .look import Look, LookWords
-from .options import Options, OptionWords
+from .look import Look
+from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera
 from .scene.scene import Scene, SceneLike
-from .viewpoint import SideWords, Viewpoint, ViewWords
+from .viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     from .keywords import Unpack
-
-
-class SceneWords(LookWords, OptionWords, total=False):
-    """What `Renderer` takes, for type checkers: the words of `Look` and of `Options`."""
-
-
-class RenderWords(ViewWords, SceneWords, total=False):
-    """What `render` takes, for type checkers: the same, and the words of `Viewpoint`."""
+    from .words import RenderWords, SceneWords, SideWords
 
 
 @takes_words(Viewpoint, Look, Options, but=("size",))
@@ -101,21 +94,8 @@ def render(
     allow_outside : read also textures, buffers and parts that lie outside the folder of the file that names them
 
     How it is drawn
-    shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
-    tolerance : error accepted, in linear intensity where 1 is white; 0 = all in float64
-    samples : samples a pixel: 1, 4, 9 or 16; buffers have one
-    outputs : one name or several out of "color", "rgb", and the buffers "depth", "face", "normal", "mask", "object",
-        "material", "uv", "barycentric", "position", "position_camera", "normal_camera"
-    cull : "auto" (inner sides of closed bodies are left out, which nobody sees), "none", or "back" to leave out faces
-        that are clockwise as the viewer sees them
-    color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" or "local"
-    exposure : stops by which the light of the scene is multiplied
-    spectral : number of samples of the spectrum, 3 to 401; None = 81 where something has a Spectrum, else three colours
-    threads : how many; None = as many as the process may use
-    edges : "wire", "crease", "silhouette", "all" or several: edges drawn over the picture; None or () = none
-    edge_color, edge_width : their colour, in any way that colours are written, and width in pixels
-    ground : whether the scene stands on the ground of a tabletop, with a soft shadow; without lights of its own, in a
-        light that casts shadows
+    shading, tolerance, samples, outputs, cull, color_range, exposure : as in `Options`
+    spectral, threads, edges, edge_color, edge_width, ground : as in `Options`
 
     Returns
     -------

@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -25,26 +25,6 @@ if TYPE_CHECKING:
 _FRAMED = frozenset(("view", "azimuth", "elevation", "margin"))  # fields that say how a subject is framed
 
 
-class SideWords(TypedDict, total=False):
-    """What says from where a scene is seen, for type checkers: the fields of `Viewpoint` but `camera`."""
-
-    view: ViewName | Sequence[float] | None
-    azimuth: float | None
-    elevation: float | None
-    fov: float | None
-    ortho: bool
-    zoom: float
-    margin: float | None
-    eye: VectorLike | None
-    target: VectorLike | None
-
-
-class ViewWords(SideWords, total=False):
-    """The fields of `Viewpoint`, for type checkers."""
-
-    camera: Camera | str | os.PathLike[str] | None
-
-
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Viewpoint:
@@ -59,16 +39,16 @@ class Viewpoint:
     ModelError : a camera's file that can't be read
     """
 
-    camera: Any = None
-    view: Any = None
+    camera: Camera | str | os.PathLike[str] | None = None
+    view: ViewName | Sequence[float] | None = None
     azimuth: float | None = None
     elevation: float | None = None
     fov: float | None = None
     ortho: bool = False
     zoom: float = 1.0
     margin: float | None = None
-    eye: Any = None
-    target: Any = None
+    eye: VectorLike | None = None
+    target: VectorLike | None = None
 
     def __post_init__(self) -> None:
         check_words(vars(self))

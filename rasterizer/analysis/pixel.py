@@ -18,7 +18,7 @@ from ..viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     from ..keywords import Unpack
-    from ..renderer import RenderWords
+    from ..words import RenderWords
 
 _OVER_SURFACES = ("edges", "edge_color", "edge_width", "ground")  # what no surface is, and isn't explained
 

@@ -22,7 +22,7 @@ from .session import Session
 
 if TYPE_CHECKING:
     from ..keywords import Unpack
-    from ..renderer import RenderWords
+    from ..words import RenderWords
 
 _SIZE = (800, 600)
 _FOLDER = Path(__file__).parent / "page"
