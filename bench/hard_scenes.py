@@ -746,7 +746,7 @@ def spectral_colors(_):
 
 @case(
     "a convex polygon of 24 corners",
-    "It is drawn about its centre, so that no diagonal shows; faces are its edges'.",
+    "It is a fan of 22 triangles round its lowest corner, in every shading and buffer.",
     path="entries",
 )
 def convex_polygon(_):

@@ -166,8 +166,6 @@ def _arrays_of(mesh: str, is_textured: bool, size: tuple[int, int]) -> tuple[dic
         paint = rz.Material(texture=np.ones((1, 1, 3)))
         plain = {"material": paint, "materials": None, "face_material": None}
         scene = replace(scene, meshes=[replace(part, **plain) for part in scene.meshes])
-    # A quad is two triangles for everybody, not four about a centre.
-    scene = replace(scene, meshes=[replace(part, polygons=None) for part in scene.meshes])
     geometry = gather_geometry(scene.meshes, is_flat=False)
     uv = geometry.uv if is_textured else None
     # Of several textures the first one is laid over everything.

@@ -80,7 +80,7 @@ def go(scene) -> Followed:
     entries = visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.shade(workspace, band, counts, NO_TABLE)
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
-    render_pass.finish(workspace, band, counts, None, drawn.loaded_face)
+    render_pass.finish(workspace, band, counts, None, drawn)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
     return Followed(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
 

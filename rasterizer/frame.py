@@ -94,17 +94,14 @@ class Frame:
     alpha : (height, width) float32, covered share of each pixel, weighted by opacity; 1 with a background; in steps of
         1/255 where only "rgb" was asked for
     depth : (height, width) float32, distance along the viewing axis in scene units, inf where nothing is
-    face : (height, width) int32, index of the face as loaded, -1 where nothing is; of a convex polygon with more than
-        three corners, unless it is shaded flat, the triangle that has the edge between which and the centre the sample
-        lies
+    face : (height, width) int32, index of the triangle as loaded, -1 where nothing is; `Mesh.polygons` says which
+        polygon it is of
     normal : (height, width, 3) float32, unit normal in world space, towards the viewer, 0 where nothing is
     mask : (height, width) bool, whether something is there
     object : (height, width) int32, index of the mesh in `Scene.meshes`, -1 where nothing is
     material : (height, width) int32, index of the material in `Scene.materials`, -1 where nothing is
     uv : (height, width, 2) float32, texture coordinates, NaN where nothing is or the mesh has none
-    barycentric : (height, width, 3) float32, weights of the corners of `face`, which sum up to 1, NaN where nothing is;
-        of a polygon that is drawn about its centre they may be below 0, because the triangle that `face` names only has
-        the edge
+    barycentric : (height, width, 3) float32, weights of the corners of `face`, which sum up to 1, NaN where nothing is
     position : (height, width, 3) float32, world space, NaN where nothing is
     position_camera : (height, width, 3) float32, in the camera's frame: x right, y up, looking down -z; NaN where
         nothing is

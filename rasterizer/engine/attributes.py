@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cores import MIN_PART
-from ..geometry.polygons import fill_means
 from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import (
     HAS_ALBEDO,
@@ -59,7 +58,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
         # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
         rest = light_here(geometry._replace(albedo=blank(geometry.albedo.shape, textured)), textured)
         found = join(geometry.uv, groups, textured, found, rest)
-    return fill_centers(found, geometry, threads)
+    return found
 
 
 def join(uv, groups, textured, whole, rest) -> NDArray[np.float64]:
@@ -140,19 +139,6 @@ def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:
         bundles[-1].append(piece)
         room -= piece.end - piece.start
     return bundles
-
-
-def fill_centers(values, geometry, threads) -> NDArray[np.float64]:
-    """Give the points that are means of others their values (n_side, n_point, n_value); nothing is lit there."""
-    centers = geometry.centers
-    if centers is not None:
-        for side in values:
-
-            def fill_part(part, side=side):
-                fill_means(side, centers.first, centers.offsets, centers.points, *part)
-
-            threads.map(fill_part, threads.ranges(len(centers.offsets) - 1))
-    return values
 
 
 class NormalAttributes:

@@ -99,18 +99,17 @@ class Drawn(NamedTuple):
     """The triangles that the stages after clip work on, and what is known of them."""
 
     drawables: Drawables
-    loaded_face: np.ndarray  # (n_triangle,) the face as loaded that each is a part of; empty where each is one
     face_table: FaceTable
     clipped_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
     n_clipped: int
-    source: np.ndarray = NO_SOURCES  # (n_triangle,) which triangle of the scene each is a part of; empty as loaded_face
+    source: np.ndarray = NO_SOURCES  # (n_triangle,) the triangle of the scene that each is a part of, or empty
 
     @classmethod
     def whole(cls, geometry, vertices, render_pass) -> "Drawn":
         """All triangles of the scene as they are."""
         triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
         drawables = Drawables(triangles, vertices, render_pass.attributes)
-        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
+        return checked(cls(drawables, render_pass.face_table, NO_PLANES, 0))
 
 
 def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
@@ -118,9 +117,8 @@ def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
     clipped = clip(geometry.positions, drawn.drawables.triangles, drawn.drawables.vertices, screen)
     drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
     faces = clipped.faces
-    loaded_face = geometry.face[faces] if len(geometry.face) else faces
     face_table = drawn.face_table.of_parts(faces)
-    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, clipped.n_clipped, faces))
+    return checked(Drawn(drawables, face_table, clipped.planes, clipped.n_clipped, faces))
 
 
 def checked(drawn: Drawn) -> Drawn:
@@ -216,9 +214,8 @@ class Counts(NamedTuple):
         width, height = render_pass.n_sample
         covered, *paths = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
         n_visible = lists.n_visible
-        return cls(
-            geometry.n_loaded, drawn.n_clipped, lists.n_culled, n_visible, covered, width * height, PathCounts(*paths)
-        )
+        n_face = geometry.vertex.shape[1]
+        return cls(n_face, drawn.n_clipped, lists.n_culled, n_visible, covered, width * height, PathCounts(*paths))
 
 
 class Clock:

@@ -13,7 +13,6 @@ import numpy as np
 from ..compiler.kernels import Job
 from ..compiler.signatures import signature_of
 from ..geometry import closed, ears, equal_rows, normals, surfaces
-from ..geometry.polygons import fill_means
 from ..geometry.weld import FEW
 from ..io import text_kernels
 from ..options import Options
@@ -314,8 +313,6 @@ class PictureKernels(KernelList):
         for dtype in plan.dtypes:
             batch = workspace.batch if dtype == SINGLE else workspace.double_batch
             self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, np.empty((0, 1)))
-        if any(mesh.polygons is not None for mesh in self.tables.meshes) and not plan.is_flat:
-            self.add(fill_means, np.empty((0, 1)), 0, NUMBERS, NUMBERS, 0, 0)
         if not ((parts.coding.features & HAS_TEXTURE) != 0).all():
             self.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
         if plan.textures is not None:
@@ -384,7 +381,7 @@ class PictureKernels(KernelList):
         self.add_clipping(screen)
         self.add(buffers.clear_band, workspace.visibility, 0)
         visible = buffers.VisibleSurfaces(
-            workspace.visibility, FACES, NO_TRIANGLES, FACES, FACES, clip.NO_PLANES, scale_depths(screen), False,
+            workspace.visibility, FACES, NO_TRIANGLES, FACES, clip.NO_PLANES, scale_depths(screen), False,
             workspace.batch,
         )  # fmt: skip
         for name in names:

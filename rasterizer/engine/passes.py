@@ -282,8 +282,8 @@ class BufferPass(Pass):
     def finish(self, workspace, band, counts, translucent, drawn):
         """Write what is visible into each buffer; the rest of the band's rows is empty."""
         surfaces = VisibleSurfaces(
-            workspace.visibility, band.faces, drawn.drawables, drawn.loaded_face, drawn.source, drawn.clipped_planes,
-            self.depths, self.is_perspective, workspace.batch,
+            workspace.visibility, band.faces, drawn.drawables, drawn.source, drawn.clipped_planes, self.depths,
+            self.is_perspective, workspace.batch,
         )  # fmt: skip
         for name, buffer in self.buffers.items():
             buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty

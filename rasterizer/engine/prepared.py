@@ -77,7 +77,7 @@ class PreparedScene:
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         self._lightings: dict[tuple, Lighting] = {}  # what is the same in all views, by type and features
         self._plan_parts: dict[int, PlanParts] = {}  # by the id of a plan that is kept there
-        for name in {"geometry", "_sides_of_loaded", "_inner_sides"}.intersection(() if like is None else vars(like)):
+        for name in {"geometry", "_inner_sides"}.intersection(() if like is None else vars(like)):
             vars(self)[name] = vars(like)[name]
 
     @cached_property
@@ -94,19 +94,13 @@ class PreparedScene:
             return make_parts(meshes, is_flat, threads)
         fans = list_opaque_fans(meshes)
         jobs = [lambda: make_parts(meshes, is_flat, threads, fans), lambda: gather_inner_sides(meshes, fans)]
-        parts, vars(self)["_sides_of_loaded"] = threads.map(lambda job: job(), jobs)
+        parts, vars(self)["_inner_sides"] = threads.map(lambda job: job(), jobs)
         return parts
 
     @cached_property
-    def _sides_of_loaded(self) -> NDArray[np.int8]:
-        """Which side of each triangle as loaded looks into a closed body, see geometry/closed.py."""
-        return gather_inner_sides(self.tables.meshes, list_opaque_fans(self.tables.meshes))
-
-    @cached_property
     def _inner_sides(self) -> NDArray[np.int8]:
-        """The same of the triangles that are drawn."""
-        face = self.geometry.face
-        return self._sides_of_loaded[face] if len(face) else self._sides_of_loaded
+        """Which side of each triangle looks into a closed body, see geometry/closed.py."""
+        return gather_inner_sides(self.tables.meshes, list_opaque_fans(self.tables.meshes))
 
     @cached_property
     def view_plans(self) -> ViewPlans:
@@ -149,8 +143,7 @@ class PreparedScene:
         is_outside = are_seen_from_outside(view, screen, n_sample, self.tables.bounds)
         if is_outside.all():
             return self._inner_sides
-        of_loaded = np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
-        return self._inner_sides * (of_loaded[self.geometry.face] if len(self.geometry.face) else of_loaded)
+        return self._inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
 
     def list_kernels(self, camera: Camera, plan: Plan | None = None) -> list[Job]:
         """List the kernels of a picture through a camera; see kernels_of_plan.py, which is imported where one is

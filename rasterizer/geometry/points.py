@@ -1,9 +1,8 @@
 """The geometry of a scene: all its meshes as one set of plain arrays, with normals where a shading method reads them.
 
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and
-Phong's methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more
-than three corners are triangles about their centres, points behind all others that are not lit, see `polygons.py`.
-Triangles index vertices and points through separate columns, which are the same array where every vertex is one point.
+Phong's methods, the polygons' centroids for flat shading. Triangles index vertices and points through separate columns,
+which are the same array where every vertex is one point.
 """
 
 from collections.abc import Sequence
@@ -13,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh import Mesh
 from .normals import Fans, map_parts, polygon_normals, split_mesh, within_range
-from .polygons import Centers, find_rings, join_rings, split_rings, with_means
 from .surfaces import flag_inverted
 from .weld import unique_rows
 
@@ -30,7 +29,7 @@ class Geometry(NamedTuple):
     vertex: NDArray[np.uint32]  # (3, n_face) the vertices of each triangle
     corner: NDArray[np.uint32]  # (3, n_face) the points at its corners
     points: NDArray[np.float64]  # (n_point, 3) world space; (0, 3) where they are vertices that nobody asks for
-    normals: NDArray[np.float64]  # (n_point, 3) unit length or zero; at centres the means of the corners'
+    normals: NDArray[np.float64]  # (n_point, 3) unit length or zero
     albedo: NDArray[np.float64]  # (n_point, 3) linear; (0, 3) where no mesh has colours and no material a texture
     is_inverted: NDArray[np.uint8]  # (n_face,) 1 where the normals look against the winding
     point_offsets: NDArray[np.int64]  # (n_group + 1,) where groups begin: points of one material, side by side
@@ -38,13 +37,6 @@ class Geometry(NamedTuple):
     face_material: NDArray[np.uint32]  # (n_face,) empty where there is one material
     uv: NDArray[np.float64]  # (n_point, 2 or 4) texture coordinates; (0, 2) where no material has a texture
     tangents: NDArray[np.float64] = NO_TANGENTS  # (n_point, 3) where u grows to; (0, 3) where no material needs them
-    face: NDArray[np.uint32] = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
-    centers: Centers | None = None  # the last points, which are means of others; None where there are none
-
-    @property
-    def n_loaded(self) -> int:
-        """Number of triangles as loaded."""
-        return int(self.face.max()) + 1 if len(self.face) else self.vertex.shape[1]
 
 
 class Part(NamedTuple):
@@ -86,8 +78,7 @@ def gather_geometry(
     if is_brushed:
         parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
     parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
-    has_points = has_lit_points or any(mesh.polygons is not None for mesh in meshes)
-    geometry = _join_parts(parts, is_flat, is_textured, has_points, workers)
+    geometry = _join_parts(parts, is_flat, is_textured, has_lit_points, workers)
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     geometry = geometry._replace(
         point_offsets=offsets,
@@ -96,7 +87,6 @@ def gather_geometry(
         tangents=_rows([part.tangents for part in parts]) if is_brushed else NO_TANGENTS,
     )
     if not is_flat:
-        geometry = about_centers(geometry, meshes, parts, workers)
         given = geometry.positions, geometry.normals, geometry.vertex, geometry.corner
         map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), len(geometry.is_inverted), workers)
     return geometry
@@ -110,7 +100,8 @@ def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, has_poi
     vertex = _columns([part.vertex for part in parts], first_vertex, workers)
     points, corner = positions, vertex
     if any(part.corner is not part.vertex for part in parts):
-        corner = _columns([part.corner for part in parts], _first_points(parts), workers)
+        first_point = np.cumsum([0] + [len(part.normals) for part in parts])
+        corner = _columns([part.corner for part in parts], first_point, workers)
     if is_flat or corner is not vertex:
         points = _rows([part.points for part in parts]) if has_points else np.empty((0, 3))
     normals = _rows([part.normals for part in parts])
@@ -132,36 +123,6 @@ def _face_materials(meshes: Sequence[Mesh], numbers: Sequence[NDArray]) -> NDArr
         for mesh, number in zip(meshes, numbers, strict=True)
     ]
     return np.concatenate(of_meshes).astype(np.uint32)
-
-
-def _first_points(parts: Sequence[Part]) -> NDArray[np.int64]:
-    """Return the number of the first point of each mesh, and how many points there are."""
-    return np.cumsum([0] + [len(part.normals) for part in parts])
-
-
-def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Part], workers: Any) -> Geometry:
-    """Draw the convex polygons with more than three corners about their centres; nothing changes where there are
-    none."""
-    if all(mesh.polygons is None for mesh in meshes):
-        return geometry
-    first_points = _first_points(parts)
-    found = [
-        find_rings(part.corner, mesh.polygons, geometry.points[first:end], workers)
-        for mesh, part, first, end in zip(meshes, parts, first_points[:-1], first_points[1:], strict=True)
-    ]
-    rings = join_rings(found, np.cumsum([0] + [mesh.n_face for mesh in meshes]), first_points)
-    if len(rings.start) == 0:
-        return geometry
-    # Every point is a vertex then, and so is every centre.
-    vertex, face, centers = split_rings(geometry.corner, len(geometry.points), rings)
-    kept = geometry.points, geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
-    positions, normals, albedo, uv, tangents = (with_means(values, centers, workers) for values in kept)
-    return geometry._replace(
-        positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals, albedo=albedo,
-        is_inverted=np.zeros(vertex.shape[1], np.uint8),
-        face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=uv, tangents=tangents, face=face, centers=centers,
-    )  # fmt: skip
 
 
 def number_materials(meshes: Sequence[Mesh]) -> tuple[tuple[Material, ...], list[NDArray[np.int64]]]:
@@ -256,7 +217,7 @@ def flat_part(mesh: Mesh) -> Part:
     points = polygon_centroids(mesh.vertices, mesh.faces, polygons, len(normals))
     albedo = None
     if mesh.colors is not None:
-        albedo = _mean_by(polygons, _triangle_colors(mesh), len(normals))
+        albedo = polygon_colors(mesh, polygons, len(normals))
     elif mesh.face_colors is not None:
         albedo = _mean_by(polygons, mesh.face_colors[:, :3], len(normals))
     corner = np.broadcast_to(polygons[:, None], (mesh.n_face, 3))
@@ -315,19 +276,18 @@ def _texcoords(rows: NDArray | None, n_point: int, n_texcoord: int) -> NDArray[n
     return np.zeros((n_point, n_texcoord)) if rows is None else np.tile(rows, (1, n_texcoord // rows.shape[1]))
 
 
-def _triangle_colors(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the colours (n_face, 3) of triangles, the means of their corners; in a convex polygon the mean of all its
-    corners, so that it doesn't matter which is first."""
-    rows, points, names = mesh.colors[..., :3], mesh.vertices, mesh.faces
+def polygon_colors(mesh: Mesh, polygons: NDArray, n_polygon: int) -> NDArray[np.float64]:
+    """Return the means (n_polygon, 3) of the colours of the polygons' corners; one that several triangles of a polygon
+    have counts once, so that it doesn't matter how the polygon is cut."""
+    rows, names = mesh.colors[..., :3], mesh.faces
     if rows.ndim == 3:
-        first, names = unique_rows(np.column_stack([mesh.faces.reshape(-1, 1), rows.reshape(-1, 3)]))
-        rows, points, names = rows.reshape(-1, 3)[first], points[mesh.faces.ravel()[first]], names.reshape(-1, 3)
-    colors = sum(rows[names[:, k]] for k in range(3)) / 3.0
-    rings = find_rings(names, mesh.polygons, points)
-    for k in range(3 if len(rings.start) else 0):
-        mean = np.add.reduceat(rows[rings.corners, k], rings.offsets[:-1]) / np.diff(rings.offsets)
-        colors[rings.owners, k] = np.repeat(mean, np.diff(rings.offsets))
-    return colors
+        rows = rows.reshape(-1, 3)
+        first, names = unique_rows(np.column_stack([mesh.faces.reshape(-1, 1), rows]))
+        rows, names = rows[first], names.reshape(-1, 3)
+    if mesh.polygons is None:
+        return sum(rows[names[:, k]] for k in range(3)) / 3.0
+    corners = distinct((polygons[:, None] * np.int64(len(rows)) + names).ravel())
+    return _mean_by(corners // len(rows), rows[corners % len(rows)], n_polygon)
 
 
 def polygon_centroids(vertices: NDArray, faces: NDArray, polygons: NDArray, n_polygon: int) -> NDArray[np.float64]:

@@ -149,8 +149,7 @@ def bytes_of(colors):
 
 
 def cut_faces(model, points, corners, counts, line_of) -> Cut:
-    """Cut the polygons of a file, as `scene/triangulation.py` says; the second half of a quad 0 1 2 3 that is a fan
-    begins at 2: 2 3 0.
+    """Cut the polygons of a file, as `scene/triangulation.py` says.
 
     Parameters
     ----------
@@ -175,11 +174,6 @@ def cut_faces(model, points, corners, counts, line_of) -> Cut:
     if len(cut.crossing):
         more = f"; so do {len(cut.crossing) - 1} more" if len(cut.crossing) > 1 else ""
         warn_caller(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}")
-    if cut.corners is None or not (counts == 4).any():
-        return cut
-    first = (np.cumsum(counts) - counts)[cut.polygons]
-    is_second_half = (counts[cut.polygons] == 4) & (cut.corners[:, 0] == first) & (cut.corners[:, 1] == first + 2)
-    cut.corners[is_second_half] = cut.corners[is_second_half][:, [1, 2, 0]]
     return cut
 
 

@@ -53,8 +53,7 @@ class VisibleSurfaces(NamedTuple):
     visibility: VisibilityBuffer
     faces: np.ndarray  # (n,) uint32: the band's triangles; entries hold places in it
     drawables: Drawables  # attributes 0-2 are the normals, where a buffer needs them
-    loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
-    sources: np.ndarray  # (n_face,) which of all triangles each is a part of; empty as loaded_faces
+    sources: np.ndarray  # (n,) the triangle of the scene that each is a part of; empty where none was clipped
     clipped_planes: np.ndarray  # (n_clipped, 14) float64, see clip.Clipped
     depths: DepthScale
     is_perspective: bool
@@ -88,8 +87,8 @@ def write_mask(surfaces, band, out):
 
 @kernel
 def write_face(surfaces, band, out):
-    """Write the index of the visible face as loaded: out is (height, width) int32."""
-    visibility, loaded_faces = surfaces.visibility, surfaces.loaded_faces
+    """Write the index of the visible triangle as loaded: out is (height, width) int32."""
+    visibility, sources = surfaces.visibility, surfaces.sources
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         if left >= right:
@@ -100,21 +99,21 @@ def write_face(surfaces, band, out):
         for k in range(index(len(entries))):
             if entries[k] < CLEAR:
                 face = face_at(entries[k], surfaces)
-                here[k] = loaded_faces[face] if len(loaded_faces) > 0 else face
+                here[k] = sources[face] if len(sources) > 0 else face
 
 
 @kernel
 def write_label(surfaces, band, out, labels):
-    """Write the label of the visible face: out is (height, width) int32, `labels` (n_face,) int32 of loaded faces."""
-    visibility, loaded_faces = surfaces.visibility, surfaces.loaded_faces
+    """Write the label of the visible triangle: out is (height, width) int32, `labels` (n_face,) int32."""
+    visibility, sources = surfaces.visibility, surfaces.sources
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
             entry = visibility.entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
                 face = face_at(entry, surfaces)
-                loaded = index(loaded_faces[face]) if len(loaded_faces) > 0 else face
-                out[index(y), index(x)] = labels[loaded]
+                source = index(sources[face]) if len(sources) > 0 else face
+                out[index(y), index(x)] = labels[source]
 
 
 # ---------------------------------------------------------------- depth

@@ -1,10 +1,6 @@
 """What is known of the surface that each pixel's centre sees, beside its light: masks, labels, coordinates, values.
 
 In: the fragments of the nearest surfaces. Out: `SurfaceBuffers`, one array for each.
-
-Of a polygon that is drawn about its centre, a face has an edge of the polygon and the centre for corners. The edge's
-ends are corners of the triangle as loaded; the centre has the mean of all corners' values, and the barycentric
-coordinates of where it lies in the plane of the triangle as loaded.
 """
 
 from typing import NamedTuple
@@ -46,22 +42,19 @@ def describe_surface(
     position = np.full((*shape, 3), np.nan)
     materials: list = []
     seen, of_seen = np.unique(fragments.face, return_inverse=True)
-    corner_uv, corner_weights = np.zeros((len(seen), 3, 2)), np.zeros((len(seen), 3, 3))
-    uv_of_meshes = [_uv_of(mesh) for mesh in scene.meshes]
+    corner_uv = np.concatenate([_uv_of(mesh) for mesh in scene.meshes])
     face_labels = np.zeros((len(seen), 2), np.int32)
     for mesh in scene.meshes:
         materials += [material for material in dict.fromkeys(mesh.palette) if material not in materials]
     for k, face in enumerate(seen):
-        number, mesh, loaded = _owner(scene, int(surface.loaded_faces(face)))
+        number, mesh, loaded = _owner(scene, int(face))
         material = mesh.palette[0 if mesh.face_material is None else mesh.face_material[loaded]]
         face_labels[k] = number, materials.index(material)
-        corner_uv[k] = _corner_values(scene, surface, int(face), uv_of_meshes)
-        corner_weights[k] = _corner_weights(scene, surface, int(face))
     mask[at] = True
     for k in range(2):
         labels[k][at] = face_labels[of_seen, k]
-    uv[at] = blend(fragments.weights, corner_uv[of_seen])
-    barycentric[at] = blend(fragments.weights, corner_weights[of_seen])
+    uv[at] = blend(fragments.weights, corner_uv[fragments.face])
+    barycentric[at] = fragments.weights
     position[at] = blend(fragments.weights, surface.corners[fragments.face])
     seen_from_camera = to_eye(position, view) * CAMERA_AXES
     axes = np.stack([view.right, view.up, -np.asarray(view.forward)])
@@ -75,52 +68,6 @@ def _owner(scene: Scene, face: int) -> tuple[int, Mesh, int]:
             return number, mesh, face
         face -= mesh.n_face
     raise IndexError(face)
-
-
-def _corner_values(scene: Scene, surface: Surface, face: int, of_meshes: list[NDArray]) -> NDArray[np.float64]:
-    """Return the values (3, k) of a face's corners; `of_meshes` are those of the loaded faces, (n_face, 3, k) each."""
-    own = _loaded_values(scene, surface, face, of_meshes)
-    ring = -1 if surface.rings is None else int(surface.rings.of_face[face])
-    if ring < 0:
-        return own
-    firsts = []
-    first, count = surface.rings.first[ring], surface.rings.count[ring]
-    for piece in range(first, first + count):
-        corner = _corner_at(_loaded_corners(scene, surface, piece), surface.corners[piece, 0])
-        firsts.append(_loaded_values(scene, surface, piece, of_meshes)[corner])
-    return np.stack([*own[_edge_of(scene, surface, face)], np.mean(firsts, axis=0)])
-
-
-def _corner_weights(scene: Scene, surface: Surface, face: int) -> NDArray[np.float64]:
-    """Return the weights (3, 3) of a face's corners in the face as loaded."""
-    if surface.rings is None or surface.rings.of_face[face] < 0:
-        return np.eye(3)
-    corners, center = _loaded_corners(scene, surface, face), surface.corners[face, 2]
-    (s, t), *_ = np.linalg.lstsq((corners[1:] - corners[0]).T, center - corners[0], rcond=None)
-    return np.stack([*np.eye(3)[_edge_of(scene, surface, face)], (1 - s - t, s, t)])
-
-
-def _edge_of(scene: Scene, surface: Surface, face: int) -> list[int]:
-    """Return which corners of the face as loaded are the ends of the edge of a face about a centre."""
-    corners, (start, end, _) = _loaded_corners(scene, surface, face), surface.corners[face]
-    return [_corner_at(corners, start), _corner_at(corners, end)]
-
-
-def _corner_at(corners: NDArray, point: NDArray) -> int:
-    """Return which of three corners lies where a point does."""
-    return int(np.flatnonzero((corners == point).all(axis=1))[0])
-
-
-def _loaded_corners(scene: Scene, surface: Surface, face: int) -> NDArray[np.float64]:
-    """Return where the corners (3, 3) of a face as loaded lie."""
-    _, mesh, row = _owner(scene, int(surface.loaded_faces(np.int64(face))))
-    return mesh.vertices[mesh.faces[row]]
-
-
-def _loaded_values(scene: Scene, surface: Surface, face: int, of_meshes: list[NDArray]) -> NDArray[np.float64]:
-    """Return the values (3, k) of the corners of a face as loaded."""
-    number, _, row = _owner(scene, int(surface.loaded_faces(np.int64(face))))
-    return of_meshes[number][row]
 
 
 def _uv_of(mesh: Mesh) -> NDArray[np.float64]:

@@ -11,8 +11,7 @@ The rows of a layer, which is a surface that the sample sees:
     layer K       the face as loaded, as in `Frame.face`; its mesh, its index there, and the material in the palette
     reflection    the numbers of the material that its reflection model uses, with what its textures say there
     depth         distance along the viewing axis, scene units
-    weights       barycentric, perspective-correct, on the corners of the drawn triangle: of a convex polygon with more
-                  than three corners, two of them and its centre
+    weights       barycentric, perspective-correct, on the corners of the triangle
     position, normal    world; the normal is a unit vector and looks to the viewer
     opacity       of the material, times that of the texel
     visible       part of this layer's colour that is seen: its opacity, times what the layers before it let through
@@ -43,7 +42,7 @@ from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
 from .clip import to_eye
-from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions, materials_at
+from .light import Contribution, Lighting, ambient_light, as_rgb, contributions, materials_at
 from .picture import Look, encode, in_range, look_at, render, resolve, spread_samples
 from .shading import (
     Fragments,
@@ -51,7 +50,6 @@ from .shading import (
     corner_points,
     cue_factors,
     polygon_points,
-    ring_faces,
     sample_normals,
     sample_points,
     sample_textures,
@@ -247,7 +245,7 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity:
     depth_cue = (1.0 - cue) * np.array(lighting.cue.color) if lighting.cue is not None else np.zeros(3)
     color = ambient + emission + depth_cue + light
     normal = points.normals[0] if lighting.shading == "flat" else sample_normals(surface, fragment)[0]
-    face, material = _names_of(look.scene, int(surface.loaded_faces(fragment.face)[0]))
+    face, material = _names_of(look.scene, int(fragment.face[0]))
     brush = materials_at(points.material, lighting, points.metals)[0]
     rows: list[Row] = [
         ("layer", face),
@@ -294,44 +292,19 @@ def _evaluation_points(
         )
     if lighting.shading == "phong":
         return sample_points(surface, fragment, lighting), np.ones(1), "at the sample"
-    ring = -1 if surface.rings is None else int(surface.rings.of_face[fragment.face[0]])
-    if ring < 0:
-        points = corner_points(surface, fragment.face, fragment.side, slice(None))
-        return points, fragment.weights[0], "at the corners of the face"
-    faces, _, count = ring_faces(surface, np.array([ring]))
-    ends = corner_points(surface, fragment.face, fragment.side, slice(0, 2))
-    corners = corner_points(surface, faces, np.repeat(fragment.side, count), slice(0, 1))
-    weights = np.concatenate([fragment.weights[0, :2], np.full(len(faces), fragment.weights[0, 2] / len(faces))])
-    return _join(ends, corners), weights, "at the corners of the polygon, whose mean is its centre"
-
-
-def _join(a: Points, b: Points) -> Points:
-    """Return the points of two lists, one behind the other."""
-    return Points(
-        np.concatenate([a.positions, b.positions]),
-        np.concatenate([a.normals, b.normals]),
-        np.concatenate([a.material, b.material]),
-        np.concatenate([a.albedo, b.albedo]),
-        RayOrigins(
-            np.concatenate([a.origins.points, b.origins.points]), np.concatenate([a.origins.owner, b.origins.owner])
-        ),
-        None if a.tangents is None or b.tangents is None else np.concatenate([a.tangents, b.tangents]),
-    )
+    points = corner_points(surface, fragment.face, fragment.side)
+    return points, fragment.weights[0], "at the corners of the face"
 
 
 def _corner_intensities(
     points: Points, lighting: Lighting, lit: list[Contribution], diffuse_gain: NDArray, gain: float, unlit: NDArray
 ) -> NDArray[np.float64]:
-    """Return the intensities (3, 3) at the corners of a drawn triangle.
-
-    Of its points the third, and those behind it, are those round a polygon, whose mean is the centre's; `unlit` (n, 3)
-    is what needs no light.
-    """
+    """Return the intensities (3, 3) at the corners of a triangle; `unlit` (3, 3) is what needs no light."""
     total = unlit
     for each in lit:
         diffuse, specular = as_rgb(each.diffuse, lighting), as_rgb(each.specular, lighting)
         total = total + diffuse * points.albedo * diffuse_gain + specular * gain
-    return np.stack([total[0], total[1], total[2:].mean(axis=0)])
+    return total
 
 
 def _explain_corners(weights: NDArray, corners: NDArray, intensities: NDArray, lighting: Lighting) -> list[Row]:

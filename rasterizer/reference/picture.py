@@ -76,7 +76,7 @@ class Look(NamedTuple):
     limits: tuple[float | None, float | None]  # near and far, as `choose_range` takes them
     boxes: NDArray[np.float64]  # (n_mesh, 2, 3) round the meshes, world
     is_rounded: bool
-    inner_sides: NDArray[np.int64]  # (n_loaded,) see `find_inner_sides`; 0 where nobody asks
+    inner_sides: NDArray[np.int64]  # (n_face,) see `find_inner_sides`; 0 where nobody asks
 
     @property
     def shading(self) -> str:
@@ -196,10 +196,10 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     pieces = clip_to_view(position, projection, depths, look.is_rounded)
     screen = snap(pieces.position, projection)
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
-    loaded, n_face = surface.loaded_faces(pieces.face), [mesh.n_face for mesh in look.scene.meshes]
+    n_face = [mesh.n_face for mesh in look.scene.meshes]
     is_drawn = facing > 0 if options.cull == "back" else facing != 0
     is_outside = np.repeat(are_outside(look.boxes, view, projection, depths.near, grid), n_face)
-    is_drawn &= (facing != look.inner_sides[loaded]) | ~is_outside[loaded]
+    is_drawn &= (facing != look.inner_sides[pieces.face]) | ~is_outside[pieces.face]
     side = compute_sides(surface, pieces.face, facing)
     return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
 
@@ -219,7 +219,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
     front = fragments = gather_fragments(visible, raster)
     layer, normal, opacity = light_samples(surface, fragments, shape, lighting)
     face = np.full(shape, -1, np.int32)
-    face[fragments.rows, fragments.columns] = surface.loaded_faces(fragments.face)
+    face[fragments.rows, fragments.columns] = fragments.face
     while len(fragments.face):
         at = visible.piece >= 0
         growth = (nearest.depth[at] / visible.depth[at]) ** 2 if raster.projection.is_perspective else 1.0

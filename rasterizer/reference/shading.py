@@ -205,50 +205,21 @@ def _light_gouraud(surface: Surface, fragments: Fragments, lighting: Lighting):
     """
     seen_sides, sample_seen = np.unique(2 * fragments.face + (fragments.side > 0), return_inverse=True)
     face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
-    light = _light_corners(surface, face, side, slice(None), lighting)
-    if surface.rings is not None:
-        is_piece = surface.rings.of_face[face] >= 0
-        if is_piece.any():
-            center_light = _light_centers(surface, surface.rings.of_face[face[is_piece]], side[is_piece], lighting)
-            for of_corners, of_centers in zip(light, center_light, strict=True):
-                of_corners[is_piece, 2] = of_centers
     interpolated = []
-    for part in light:
-        corner_light = part[sample_seen]
+    for part in _light(corner_points(surface, face, side), lighting):
+        corner_light = part.reshape(-1, 3, 3)[sample_seen]
         value = blend(fragments.weights, corner_light)
         interpolated.append(np.clip(value, corner_light.min(axis=1), corner_light.max(axis=1)))
     return *interpolated, sample_normals(surface, fragments)
 
 
-def _light_corners(surface: Surface, face: NDArray, side: NDArray, which: slice, lighting: Lighting) -> list[NDArray]:
-    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3)
-    each."""
-    parts = _light(corner_points(surface, face, side, which), lighting)
-    return [part.reshape(len(face), -1, 3) for part in parts]
-
-
-def corner_points(surface: Surface, face: NDArray, side: NDArray, which: slice) -> Points:
-    """Return corners of faces on their sides (n,), face by face; `which` is a slice of the three."""
-    corners = surface.corners[face, which]
-    points, material = corners.reshape(-1, 3), np.repeat(surface.material[face], corners.shape[1])
-    normals = (surface.normals[face, which] * side[:, None, None]).reshape(-1, 3)
+def corner_points(surface: Surface, face: NDArray, side: NDArray) -> Points:
+    """Return the corners of faces on their sides (n,), face by face."""
+    points, material = surface.corners[face].reshape(-1, 3), np.repeat(surface.material[face], 3)
+    normals = (surface.normals[face] * side[:, None, None]).reshape(-1, 3)
     origins = RayOrigins(points, np.full(len(points), NO_OWNER))
-    tangents = None if surface.tangents is None else surface.tangents[face, which].reshape(-1, 3)
-    return Points(points, normals, material, surface.albedo[face, which].reshape(-1, 3), origins, tangents)
-
-
-def _light_centers(surface: Surface, ring: NDArray, side: NDArray, lighting: Lighting) -> list[NDArray]:
-    """Average the light of the corners of rings on their sides (n,); return both parts, (n, 3) each."""
-    faces, starts, count = ring_faces(surface, ring)
-    light = _light_corners(surface, faces, np.repeat(side, count), slice(0, 1), lighting)
-    return [np.add.reduceat(part[:, 0], starts) / count[:, None] for part in light]
-
-
-def ring_faces(surface: Surface, ring: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return the faces of rings (n,) one ring after the other, where each begins among them, and how many each has."""
-    first, count = surface.rings.first[ring], surface.rings.count[ring]
-    ends = np.cumsum(count)
-    return np.repeat(first - (ends - count), count) + np.arange(ends[-1]), ends - count, count
+    tangents = None if surface.tangents is None else surface.tangents[face].reshape(-1, 3)
+    return Points(points, normals, material, surface.albedo[face].reshape(-1, 3), origins, tangents)
 
 
 # --- Phong ---------------------------------------------------------------------------------------------------

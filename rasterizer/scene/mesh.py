@@ -53,8 +53,8 @@ class HasPoints(Protocol):
 @checked_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(KeepsArrays):
-    """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are, see
-    `triangulation.py`.
+    """Hold a triangle mesh; polygons with more corners are cut into triangles, once and for all: quads along their
+    shorter diagonal, see `triangulation.py`.
 
     Parameters
     ----------
@@ -73,8 +73,8 @@ class Mesh(KeepsArrays):
         normals given, else the smoothing groups, else 30
     face_colors : (n_face, 3 or 4) as `colors`, one a face: a triangle, or a polygon as given
     polygons : (n_face,) integers, which polygon each triangle came from; only with triangles. Stored int32,
-        made where polygons are cut or faces dropped; None where every triangle is its own polygon. A convex
-        polygon whose triangles are a fan is drawn about its centre unless it is shaded flat: see `geometry/polygons.py`
+        made where polygons are cut or faces dropped; None where every triangle is its own polygon. Flat shading
+        lights a polygon once, and edges are those of polygons
     smoothing : (n_face,) integers, OBJ smoothing groups, 0 = none; one a triangle, or a polygon as given;
         stored int32
     materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged
@@ -364,9 +364,8 @@ class Mesh(KeepsArrays):
         """Return a mesh of the same surface in smaller triangles: a remedy for the faults of Gouraud's method.
 
         Every triangle is cut at the midpoints of its edges into four that lie in it: face f becomes the faces
-        4f..4f + 3. A convex polygon of k > 3 corners, which is drawn about its centre, is cut about that, from the
-        midpoints of its edges, into 2k triangles: those of a quad's two faces are 4f..4f + 3, too. The surface and
-        so its silhouette stay, but for the rounding of the new vertices, which are placed to 1/256 px like all.
+        4f..4f + 3. The surface and so its silhouette stay, but for the rounding of the new vertices, which are placed
+        to 1/256 px like all.
         Colours and texture coordinates are interpolated. A polygon stays one polygon, so flat shading lights it once.
 
         Normals that the mesh has are interpolated, and made unit vectors: Gouraud's picture comes nearer to

@@ -1,28 +1,37 @@
-"""Polygons with more than three corners, cut into triangles.
+"""Polygons with more than three corners, cut into triangles: once, when the mesh is made.
 
     in:  corners of polygons, one after the other         out: triangles, as places in that list; k - 2 of a polygon
 
-A polygon is looked at along Newell's normal, the sum of its triangles' area vectors (Sutherland, Sproull & Schumacker
-1974).
+    d ──── c      *Quads* along the shorter diagonal, as it lies in space. Where both have the same length, along that
+    │ ╲    │      of the lowest corner: the one with the smallest x, then y, then z. Where only one may be cut along,
+    │   ╲  │      because the quad is concave or has a straight corner, along that one.
+    a ──── b      *Larger convex polygons* (no corner turns back; a straight corner is no fault): a fan round the lowest
+                  corner.
+                  *Everything else* goes to geometry/ears.py: ears are cut off until a triangle is left, always the one
+                  of the best shape.
 
-*Convex* (no corner turns back; a straight corner is no fault) and plane: a fan round its first corner. Convex, but not
-plane: a fan round the corner with the smallest x, then y, then z, so that its surface doesn't depend on where its list
-begins.
-
-*Everything else* goes to geometry/ears.py: ears are cut off until a triangle is left, always the one of the best shape.
 Which triangles come out depends on the places of the corners alone: not on which is first, nor on the direction, which
-is that of the triangles in turn. Holes are drawn where the polygon reaches them by a bridge, an edge that is walked
-both ways. Corners that repeat or lie on a straight line give triangles without area. A polygon that crosses itself
-can't be cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape
-that turns the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be
-covered. It is warned of. Ears take time that grows with the square of a polygon's corners, so the steps of one call are
-limited, MAX_STEPS; convex polygons have no limit.
+is that of the triangles in turn. A polygon is looked at along Newell's normal, the sum of its triangles' area vectors
+(Sutherland, Sproull & Schumacker 1974). A diagonal of a quad cuts off two corners, one on each side; it may be cut
+along where both turn the quad's way as seen so: then both halves have an area, and neither lies on the other. Of a quad
+that doesn't cross itself, and has an area, at least one may.
+
+Holes are drawn where the polygon reaches them by a bridge, an edge that is walked both ways. Corners that repeat or lie
+on a straight line give triangles without area. A polygon that crosses itself can't be cut into triangles of its
+corners: ears are cut as long as there are any, then the corner of the best shape that turns the right way, whatever
+lies in it; so some of it may be covered twice, and some that lies outside be covered. It is warned of. Ears take time
+that grows with the square of a polygon's corners, so the steps of one call are limited, MAX_STEPS; convex polygons have
+no limit.
 
 Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That
 turns a corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53,
 and sqrt(3) 2 < 4); the computed turn is off by less than 2^-49 |a||b| besides (three products with three roundings
-each, their sum, and the normal's own rounding). What is straight within that counts as straight, what is plane within
-it as plane.
+each, their sum, and the normal's own rounding). What is straight within that counts as straight.
+
+Files round more: to float32, M 2^-25, or to six decimals, 5e-7, which is below M 2^-20 from M = 0.53 on. That moves the
+end of a diagonal by up to sqrt(3) M 2^-20, so two diagonals with lengths that differ by up to 4 sqrt(3) M 2^-20, which
+is below M 2^-17, may be equally long, and count so. The quads of surfaces of revolution have two diagonals of one
+length: without that, rounding would turn them at random.
 """
 
 from collections.abc import Sequence
@@ -38,7 +47,7 @@ from .arrays import distinct
 # Comparisons of boxes, and tests of edges, which count more, that cutting ears may take in one call. A spiral of some
 # 30 000 corners takes as many; some seconds.
 MAX_STEPS = 1 << 30
-CHUNK = 1 << 14  # corners looked at in one go: their arrays stay in the cache
+CHUNK = 1 << 13  # corners looked at in one go: their arrays stay in the cache
 CROSSING = "crosses itself: no triangles between its corners fill it, so more or less than its area may be drawn"
 _UNIT = 2.0**-53
 
@@ -73,26 +82,6 @@ class TooManyCorners(Exception):
         self.polygon, self.fault = polygon, fault
 
 
-def fan_corners(counts: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cut every polygon into a fan round its first corner.
-
-    Parameters
-    ----------
-    counts : (n_polygon,) corners of each; those with fewer than 3 yield nothing
-
-    Returns
-    -------
-    corners : (n_triangle, 3) int64, indices into the list of all corners
-    polygons : (n_triangle,) int64
-    """
-    counts = np.asarray(counts, np.int64)
-    n_triangle = np.maximum(counts - 2, 0)
-    polygons = np.repeat(np.arange(len(counts)), n_triangle)
-    step = np.arange(len(polygons)) - np.repeat(np.cumsum(n_triangle) - n_triangle, n_triangle)
-    start = (np.cumsum(counts) - counts)[polygons]
-    return np.stack([start, start + step + 1, start + step + 2], axis=1), polygons
-
-
 def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     """Cut polygons into triangles, as the module's docstring says.
 
@@ -109,24 +98,25 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     counts = np.asarray(counts, np.int64)
     if (counts == 3).all():  # as in most large files
         return Cut(None, None, np.empty(0, np.int64))
-    triangles, polygons = fan_corners(counts)
-    starts = np.cumsum(counts) - counts
-    first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
+    starts, n_triangle = np.cumsum(counts) - counts, np.maximum(counts - 2, 0)
+    first_triangle = np.cumsum(n_triangle) - n_triangle
+    triangles = np.empty((int(n_triangle.sum()), 3), np.int64)
 
-    def cut_convex(chunk: tuple[int, NDArray]) -> NDArray:
-        """Turn the fans of those that are bent; return the concave ones."""
+    def cut_simple(chunk: tuple[int, NDArray]) -> NDArray:
+        """Cut polygons of k corners; return those that only ears can cut."""
         k, some = chunk
-        loops = starts[some, None] + np.arange(k)
-        points = vertices[corners[loops.T]]
-        is_convex, is_plane = classify_polygons(points)
-        if (is_bent := is_convex & ~is_plane).any():
-            turned = loops[is_bent].ravel()[places_from_first(points[:, is_bent])]
-            rows = first_triangle[some[is_bent], None] + np.arange(k - 2)
-            triangles[rows] = turned[:, _fan(k)]
-        return some[~is_convex]
+        begin, is_cut = np.zeros(len(some), np.int64), np.ones(len(some), np.bool_)
+        if k > 3:
+            loops = corners[starts[some] + np.arange(k)[:, None]]
+            points = np.stack([vertices[:, axis][loops] for axis in range(3)])
+            begin, is_cut = find_diagonals(points) if k == 4 else find_fans(points)
+        fan = np.stack([np.zeros(k - 2, np.int64), np.arange(1, k - 1), np.arange(2, k)], axis=1)
+        places = starts[some, None, None] + (begin[:, None, None] + fan) % k
+        triangles[first_triangle[some, None] + np.arange(k - 2)] = places
+        return some[~is_cut]
 
     with Workers(n_core()) as workers:
-        found = workers.map(cut_convex, list_by_size(counts, counts > 3))
+        found = workers.map(cut_simple, list_by_size(counts))
     concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
@@ -142,21 +132,16 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
                 f"{what}{before} into triangles takes more than {MAX_STEPS} steps; divide such polygons, or "
                 "triangulate them in a modelling program",
             )
-    return Cut(triangles, polygons.astype(np.int32), concave[is_crossing])
+    polygons = np.repeat(np.arange(len(counts), dtype=np.int32), n_triangle)
+    return Cut(triangles, polygons, concave[is_crossing])
 
 
-def list_by_size(counts: NDArray[np.int64], is_listed: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.int64]]]:
+def list_by_size(counts: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
     """List polygons with equally many corners together, as many as are looked at in one go: how many corners these
-    have, and which they are.
-
-    Parameters
-    ----------
-    counts : (n_polygon,) corners of each
-    is_listed : (n_polygon,)
-    """
+    have, at least 3, and which they are; `counts` are the corners of each, (n_polygon,)."""
     found = []
-    for k in distinct(counts[is_listed]).tolist():
-        of_size, step = np.flatnonzero(is_listed & (counts == k)), max(1, CHUNK // k)
+    for k in distinct(counts[counts > 2]).tolist():
+        of_size, step = np.flatnonzero(counts == k), max(1, CHUNK // k)
         found += [(k, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
     return found
 
@@ -167,65 +152,90 @@ def listed(numbers: Sequence[int] | NDArray) -> str:
     return text if len(numbers) <= 5 else f"{text} … ({len(numbers)} in all)"
 
 
-def classify_polygons(points: NDArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which polygons of k corners are convex, and which are plane; those that aren't finite count as both.
+def find_diagonals(points: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Tell from which corner of quads, 0 or 1, the diagonal begins that they are cut along.
 
     Parameters
     ----------
-    points : (k, n, 3) float64, a row is one corner of each polygon
+    points : (3, 4, n) float64, the corners of each quad
 
     Returns
     -------
-    is_convex, is_plane : (n,) bool
+    begin : (n,) int64, 0 where corners are not finite or all in one place
+    is_cut : (n,) bool, False where neither diagonal may be cut along
     """
     with np.errstate(all="ignore"):
-        x, y, z = (np.ascontiguousarray(points[..., axis]) for axis in range(3))
-        size = np.maximum(np.maximum(abs(x), abs(y)), abs(z)).max(axis=0)
-        x, y, z = x - x[0], y - y[0], z - z[0]
-        extent = np.maximum(np.maximum(abs(x), abs(y)), abs(z)).max(axis=0)
-        x, y, z = x / extent, y / extent, z / extent
-        slack = 4.0 * _UNIT * size / extent  # rounding of the corners, where the polygon has the size 1
-        # Newell's normal: the sum of the areas of a fan.
-        normal = [part.sum(axis=0) for part in _cross((x[1:-1], y[1:-1], z[1:-1]), (x[2:], y[2:], z[2:]))]
-        length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-        length[length == 0.0] = 1.0
-        unit = [part / length for part in normal]
-        edges = [np.concatenate([a[1:], a[:1]]) - a for a in (x, y, z)]
-        before = [np.concatenate([edge[-1:], edge[:-1]]) for edge in edges]
-        turn, rise = _dot(unit, _cross(before, edges)), _dot(unit, edges)
-        along = _dot(before, edges) - rise * np.concatenate([rise[-1:], rise[:-1]])
-        long = np.sqrt(_dot(edges, edges))
-        long_before = np.concatenate([long[-1:], long[:-1]])
-        limit = slack * (long + long_before) + 2.0**-49 * long * long_before
+        turn, limit = measure_turns(points)[:2]
+        is_turning = turn > limit
+        may_be_0, may_be_1 = is_turning[1::2].all(axis=0), is_turning[0::2].all(axis=0)
+        from_0, from_1 = np.sqrt(_dot(*2 * [points[:, 2:] - points[:, :2]]))
+        is_tie = abs(from_0 - from_1) <= 2.0**-17 * abs(points).max(axis=(0, 1))
+        begin = np.where(is_tie, find_lowest(points) % 2, from_1 < from_0)
+    has_size = np.isfinite(limit).all(axis=0)
+    return np.where(may_be_0 & may_be_1, begin, may_be_1) * has_size, may_be_0 | may_be_1 | ~has_size
+
+
+def find_fans(points: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Tell round which corner polygons are cut into fans.
+
+    Parameters
+    ----------
+    points : (3, k, n) float64, the corners of each polygon
+
+    Returns
+    -------
+    begin : (n,) int64, the lowest corner; 0 where corners are not finite or all in one place
+    is_convex : (n,) bool, True there, too
+    """
+    with np.errstate(all="ignore"):
+        turn, limit, edges, before, unit = measure_turns(points)
+        along = _dot(before, edges) - _dot(unit, before) * _dot(unit, edges)
         is_convex = ((turn > limit) | ((turn >= -limit) & (along > 0.0))).all(axis=0)
-        if len(x) > 4:  # four corners that turn one way go round once
-            is_convex &= np.arctan2(turn, along).sum(axis=0) < 3.0 * np.pi
-        height = abs(_dot(unit, (x, y, z))).max(axis=0)
-        is_plane = ~(height > slack + 2.0**-49)
-        is_finite = np.isfinite(extent)
-    return is_convex | ~is_finite, is_plane | ~is_finite
+        is_convex &= np.arctan2(turn, along).sum(axis=0) < 3.0 * np.pi  # once round, 2 pi; a pentagram has 4 pi
+    has_size = np.isfinite(limit).all(axis=0)
+    return find_lowest(points) * has_size, is_convex | ~has_size
 
 
-def _dot(a: Sequence[NDArray], b: Sequence[NDArray]) -> NDArray:
+def find_lowest(points: NDArray) -> NDArray[np.int64]:
+    """Return which corner of each polygon has the smallest x, then y, then z: (n,) of points (3, k, n)."""
+    is_lowest = np.ones(points.shape[1:], bool)
+    for column in points:
+        values = np.where(is_lowest, column, np.inf)
+        is_lowest &= values == values.min(axis=0)
+    return is_lowest.argmax(axis=0)
+
+
+def measure_turns(points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+    """Measure how the corners of polygons (3, k, n) turn, as seen along their normals, in units of their sizes.
+
+    Returns
+    -------
+    turn : (k, n) the cross product of the edges before and behind a corner, positive where it turns the polygon's way
+    limit : (k, n) how far rounding may have turned a straight corner; NaN where corners are not finite or all in one
+        place
+    edges, before : (3, k, n) the edge behind each corner, and the one before it
+    unit : (3, n) Newell's normal
+    """
+    size = abs(points).max(axis=(0, 1))
+    points = points - points[:, :1]
+    extent = abs(points).max(axis=(0, 1))
+    points /= extent
+    normal = _cross(points[:, 1:-1], points[:, 2:]).sum(axis=1)  # the sum of the areas of a fan
+    length = np.sqrt(_dot(normal, normal))
+    length[length == 0.0] = 1.0
+    unit = normal / length
+    edges = np.concatenate([points[:, 1:], points[:, :1]], axis=1) - points
+    before = np.concatenate([edges[:, -1:], edges[:, :-1]], axis=1)
+    turn = _dot(unit, _cross(before, edges))
+    long = np.sqrt(_dot(edges, edges))
+    long_before = np.concatenate([long[-1:], long[:-1]])
+    slack = 4.0 * _UNIT * size / extent  # rounding of the corners
+    return turn, slack * (long + long_before) + 2.0**-49 * long * long_before, edges, before, unit
+
+
+def _dot(a: NDArray, b: NDArray) -> NDArray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _cross(a: Sequence[NDArray], b: Sequence[NDArray]) -> tuple[NDArray, NDArray, NDArray]:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _fan(k: int) -> NDArray[np.int64]:
-    """Return the triangles (k - 2, 3) of a fan round corner 0."""
-    return np.stack([np.zeros(k - 2, np.int64), np.arange(1, k - 1), np.arange(2, k)], axis=1)
-
-
-def places_from_first(points: NDArray) -> NDArray[np.int64]:
-    """Return where entries of n lists of k are taken from, (n, k) places in all of them one behind the other, so that
-    each begins where its points (k, n, 3) have the smallest x, then y, then z."""
-    k, n = points.shape[:2]
-    is_min = np.ones(points.shape[:2], bool)
-    for axis in range(3):
-        values = np.where(is_min, points[..., axis], np.inf)
-        is_min &= values == values.min(axis=0)
-    columns = (is_min.argmax(axis=0)[:, None] + np.arange(k)) % k
-    return columns + np.arange(0, n * k, k)[:, None]
+def _cross(a: NDArray, b: NDArray) -> NDArray:
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

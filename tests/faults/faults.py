@@ -232,11 +232,11 @@ FAULTS = (
         "geometry reference io",
     ),
     Fault(
-        "centres of polygons: the sum of the corners is divided by one less",
-        "geometry/polygons.py",
-        "total / (corner_end - corner_start)",
-        "total / (corner_end - corner_start - 1)",
-        "geometry pipeline pictures",
+        "quads: the longer diagonal is taken",
+        "scene/triangulation.py",
+        "from_1 < from_0",
+        "from_1 > from_0",
+        "geometry",
     ),
     Fault(
         "ear clipping: an edge that begins on the border of an ear is in its way",

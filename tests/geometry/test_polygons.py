@@ -1,15 +1,15 @@
 """Polygons: cut as they are, whatever their shape, unit and place, and whichever corner comes first."""
 
 import math
-from itertools import product
+from itertools import cycle, product
 
 import numpy as np
 import pytest
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.arrays import differences
 
 import rasterizer as rz
-from rasterizer.geometry.polygons import find_rings
-from rasterizer.scene.triangulation import classify_polygons, cut_polygons
+from rasterizer.scene.triangulation import cut_polygons, find_fans
 
 ELL = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
 KEYHOLE = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
@@ -159,21 +159,142 @@ def test_a_polygon_that_crosses_itself_is_warned_of(tmp_path):
         rz.load(tmp_path / "bow.obj")
 
 
-def test_convex_polygons_are_fans_and_bent_ones_begin_at_their_least_corner():
+def test_convex_polygons_are_fans_round_their_lowest_corner():
     angle = np.arange(6) * np.pi / 3 + 0.1
     hexagon = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    assert cut_one(hexagon).corners.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
     bent = hexagon + np.array([(0, 0, 0.1 * (k % 3)) for k in range(6)])
-    least = int(np.lexsort(bent.T[::-1])[0])
-    for first in range(6):
-        triangles = cut_one(np.roll(bent, first, axis=0)).corners
-        assert not differences(triangles[:, 0], (least + first) % 6)
+    for points in (hexagon, bent):
+        lowest = int(np.lexsort(points.T[::-1])[0])
+        for first in range(6):
+            triangles = cut_one(np.roll(points, first, axis=0)).corners
+            k = (lowest + first) % 6
+            assert triangles.tolist() == [[k, (k + 1 + j) % 6, (k + 2 + j) % 6] for j in range(4)]
+
+
+def diagonals(points):
+    """Which corners of a quad in the plane z = 0 its halves meet at, and whether it crosses itself."""
+    cut = cut_one(np.c_[points, np.zeros(4)])
+    return tuple(sorted(set(cut.corners[0].tolist()) & set(cut.corners[1].tolist()))), bool(len(cut.crossing))
+
+
+def expected_diagonal(points):
+    """The same in whole numbers: the shorter one of those that part the others' corners; the lowest corner's where
+    both are as long. None where neither does."""
+
+    def turn(a, b, c):
+        (ax, ay), (bx, by), (cx, cy) = (points[k].tolist() for k in (a, b, c))
+        return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+    way = turn(0, 1, 2) + turn(0, 2, 3)
+    may_be = [k for k in range(2) if turn(k, k + 1, k + 2) * way > 0 and turn(k, k + 2, (k + 3) % 4) * way > 0]
+    length = [((points[k + 2] - points[k]) ** 2).sum() for k in range(2)]
+    lowest = min(range(4), key=lambda k: tuple(points[k].tolist()))
+    k = min(may_be, key=lambda k: (length[k], k != lowest % 2), default=None)
+    return None if k is None else (k, k + 2)
+
+
+def test_quads_are_cut_along_the_shorter_diagonal_that_lies_inside():
+    """On a small grid: concave ones, straight corners, equal diagonals, from every corner and both ways round."""
+    rng, counts = np.random.default_rng(5), np.zeros(3, int)
+    for _ in range(600):
+        points = rng.integers(0, 6, (4, 2))
+        expected, is_tie = expected_diagonal(points), np.ptp(((points[2:] - points[:2]) ** 2).sum(axis=1)) == 0
+        counts += [expected is not None, is_tie, expected is None]
+        for first, step in product(range(4), (1, -1)):
+            order = np.roll(np.arange(4), first)[::step]
+            found, is_crossing = diagonals(points[order])
+            if expected is not None:
+                assert tuple(sorted(order[list(found)].tolist())) == expected and not is_crossing, points.tolist()
+    assert counts.min() > 30
+
+
+def test_rounding_does_not_turn_the_diagonals_of_a_surface_of_revolution():
+    """A quad between two circles of latitude has two diagonals of one length: files state it with six decimals."""
+    turn, height = np.meshgrid(np.arange(24) * np.pi / 12 + 0.01, np.linspace(-0.9, 0.9, 10), indexing="ij")
+    radius = np.sqrt(1 - height**2)
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=2).reshape(-1, 3)
+    i, j = np.divmod(np.arange(24 * 9), 9)
+    quads = np.stack([10 * i + j, (10 * i + j + 10) % 240, (10 * i + j + 11) % 240, 10 * i + j + 1], axis=1)
+    lowest = np.array([min(quad, key=lambda v: tuple(points[v])) for quad in quads.tolist()])
+    for digits in (6, 7, 16):
+        mesh = rz.Mesh(np.round(points, digits), quads)
+        triangles = mesh.faces.reshape(-1, 2, 3)
+        assert (triangles == lowest[:, None, None]).any(axis=2).all(), f"{digits} decimals"
+
+
+def test_polygons_keep_their_triangles():
+    """Moved, turned, mirrored and in every shading: a mesh is cut once, when it is made."""
+    points = np.array([(0, 0, 0), (2, 0.3, 0), (2.5, 2, 1), (0, 1, 0.2)])
+    mesh = rz.Mesh(points, [(0, 1, 2, 3)], colors=np.random.default_rng(1).random((4, 3)))
+    for moved in (mesh.scaled((1, 3, 1)), mesh.rotated(70, "x"), mesh.translated((1, 2, 3))):
+        assert not differences(moved.faces, mesh.faces)
+    mirrored = mesh.scaled((-1, 1, 1))
+    assert as_places(mirrored.vertices * (-1, 1, 1), mirrored.faces) == as_places(points, mesh.faces)
+    scene = rz.Scene(mesh, camera=rz.Camera.perspective((1, 1, 6), (1, 1, 0)))
+    outputs = ("depth", "face", "barycentric", "position")
+    frames = [rz.render(scene, 64, shading=shading, outputs=outputs) for shading in ("flat", "gouraud", "phong")]
+    assert set(np.unique(frames[0].face)) == {-1, 0, 1}
+    for name, other in product(outputs, frames[1:]):
+        assert other.array(name).tobytes() == frames[0].array(name).tobytes(), name
+
+
+def test_flat_colours_count_each_corner_once():
+    """However a polygon is cut; the reference agrees."""
+    square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    material, camera = rz.Material(ambient=1, diffuse=0, specular=0), rz.Camera.orthographic((0, 0, 5), height=2.0)
+    for shape, first in product((square, np.concatenate([square, [(-2.0, 0, 0)]])), range(4)):
+        k = len(shape)
+        colors = (np.arange(k) % 2)[:, None] * np.ones(3)
+        mesh = rz.Mesh(shape, [np.roll(np.arange(k), first)], colors=colors, material=material)
+        of_corners = rz.Mesh(shape, mesh.faces, polygons=mesh.polygons, colors=colors[mesh.faces], material=material)
+        for each in (mesh, of_corners):
+            scene = rz.Scene(each, [rz.AmbientLight(1)], camera)
+            color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",), samples=1).color[4, 4, 0]
+            assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
+            assert_matches_reference(scene, (8, 8), EXACT, shading="flat", tolerance=0)
+
+
+def polygon_scene(rng, k, is_bent=False):
+    """A convex polygon of k corners with normals, colours and texture coordinates of its corners, and lights near
+    by."""
+    angle = np.sort(rng.uniform(0, 2 * np.pi, k)) + np.arange(k) * 0.3
+    angle *= 2 * np.pi / (angle[-1] + 0.4)
+    points = np.stack([np.cos(angle), np.sin(angle), np.zeros(k)], axis=1)
+    if is_bent:
+        points[:, 2] = rng.uniform(-0.1, 0.1, k)
+    axes = random_axes(rng)
+    while abs(axes[2, 2]) < 0.4:  # else hardly anything of it is seen
+        axes = random_axes(rng)
+    facing = axes[:, 2] if axes[2, 2] >= 0 else -axes[:, 2]
+    normals = rng.normal(size=(k, 3)) * 0.6 + facing
+    texture = rz.Texture(np.linspace(0.2, 1, 48).reshape(4, 4, 3).astype(np.float32))
+    mesh = rz.Mesh(
+        points @ axes.T * 0.8, [range(k)], normals=normals, colors=rng.uniform(size=(k, 3)),
+        uv=rng.uniform(size=(k, 2)), material=rz.Material(diffuse=0.9, specular=0.3, shininess=9, texture=texture),
+    )  # fmt: skip
+    lights = [rz.AmbientLight(0.1), rz.PointLight(tuple(rng.normal(size=3) + (0, 0, 2)), (1, 0.8, 0.6))]
+    return rz.Scene([mesh], lights, rz.Camera.perspective((0.2, 0.1, 3), (0, 0, 0), fov=45))
+
+
+def test_the_reference_agrees_about_polygons():
+    """Polygons, triangles and concave ones, with textures, several materials, in front of and behind the near plane."""
+    for seed, shading in zip(range(6), cycle(("gouraud", "phong", "flat"))):
+        rng = np.random.default_rng(seed)
+        scene = polygon_scene(rng, int(rng.integers(4, 8)), is_bent=seed % 4 > 1)
+        points = np.array([(-2, -1, -1), (2, -1, -1), (2, -1, 4), (-2, -1, 4), (0, -1, 0), (0, 2, -2.0)])
+        floor = rz.Mesh(
+            points, [(0, 1, 2, 3), (0, 4, 1, 5), (1, 2, 5)],
+            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)),
+            face_material=[0, 1, 0], face_colors=rng.uniform(size=(3, 3)),
+        )  # fmt: skip
+        scene = rz.Scene([*scene.meshes, floor], scene.lights, scene.camera)
+        assert_matches_reference(scene, (32, 24), EXACT, shading=shading, tolerance=0, ignored=0.06, far=0.01)
 
 
 def test_corners_that_turn_all_one_way_but_twice_round_are_not_convex():
     angle = np.arange(5) * 4 * np.pi / 5
-    is_convex, is_plane = classify_polygons(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))[:, None])
-    assert not is_convex[0] and is_plane[0]
+    _, is_convex = find_fans(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1)).T[:, :, None])
+    assert not is_convex[0]
 
 
 def test_polygons_that_are_not_finite_or_points_disturb_nobody():
@@ -207,23 +328,8 @@ def test_ten_thousand_corners():
     parts, total = areas(points, cut.corners)[:, 2], shoelace(points)[2]
     assert parts.min() >= 0 and abs(parts.sum() - total) < 1e-12
     round_one = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    assert not differences(cut_one(round_one).corners[:, 0], 0)
-
-
-def test_rings_are_found_again():
-    rng = np.random.default_rng(4)
-    angle = np.arange(9) * 2 * np.pi / 9
-    points = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1), random_axes(rng))
-    faces = [[0, 1, 2], [0, 2, 4, 6], [3, 4, 5, 7, 8], [1, 2, 3], [8, 0, 1, 2, 3, 4, 5, 6, 7]]
-    mesh = rz.Mesh(points, faces)
-    rings = find_rings(mesh.faces, mesh.polygons, points)
-    assert rings.start.tolist() == [1, 3, 7]
-    for ring, face in enumerate(faces[k] for k in (1, 2, 4)):
-        loop = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]].tolist()
-        turn = face.index(loop[0])
-        assert loop == face[turn:] + face[:turn]
-    dart = rz.Mesh(in_space(SHAPES["dart"]), [(0, 1, 2, 3)])
-    assert len(find_rings(dart.faces, dart.polygons, dart.vertices).start) == 0
+    lowest = int(np.lexsort(round_one.T[::-1])[0])
+    assert not differences(cut_one(round_one).corners[:, 0], lowest)
 
 
 N_STAR = 60000  # corners

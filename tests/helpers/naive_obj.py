@@ -29,8 +29,8 @@ def naive_read(text):
             corners = [naive_corner(word, v, vt, vn) for word in words]
             points = np.array([corner[0] for corner in corners], float)
             places = np.arange(len(words))
-            cut = map(tuple, cut_polygons(points, places, [len(words)]).of_corners(places).tolist())
-            for triangle in [(2, 3, 0) if len(words) == 4 and triangle == (0, 2, 3) else triangle for triangle in cut]:
+            cut = cut_polygons(points, places, [len(words)]).of_corners(places).tolist()
+            for triangle in cut:
                 part["points"].append([corners[k][0] for k in triangle])
                 part["normals"].append([corners[k][1] for k in triangle])
                 part["uv"].append([corners[k][2] for k in triangle])

@@ -130,7 +130,7 @@ def test_smoothing_groups_and_polygons_come_in_the_order_of_the_file():
         assert mesh_of(f"s {word}\nf 1 2 3\n").smoothing is None, word
     mesh = mesh_of("f 1 2 3 4\nf 2 5 6 3\n")
     assert mesh.polygons.tolist() == [0, 0, 1, 1]
-    assert mesh.faces.tolist() == [[0, 1, 2], [2, 3, 0], [1, 4, 5], [5, 2, 1]]
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 2], [4, 2, 1]]
     assert mesh_of("p 1\nl 1 2 3\nf 1 2\nf 1 2 3\nf 1 2 3 4\n").n_face == 3, "points, lines, short faces"
 
 

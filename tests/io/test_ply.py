@@ -43,7 +43,7 @@ def test_polygons_and_face_colours_come_in_the_order_of_the_file():
     colors = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
     rows = "4 0 1 2 3 255 0 0\n3 0 1 2 0 255 0\n5 0 1 2 3 5 0 0 255\n"
     mesh = only(text(FACES.format(n=3) + colors, points() + rows))
-    assert mesh.faces.tolist()[:3] == [[0, 1, 2], [2, 3, 0], [0, 1, 2]]
+    assert mesh.faces.tolist()[:3] == [[1, 2, 3], [1, 3, 0], [0, 1, 2]]
     assert mesh.polygons.tolist() == [0, 0, 1, 2, 2, 2]
     assert mesh.face_colors[:, :3].tolist() == np.eye(3)[[0, 0, 1, 2, 2, 2]].tolist()
     rows = points().replace("\n", " ") + "\n3\n0 1\n2 3 3\n4 5"  # may be written on any lines

@@ -112,8 +112,7 @@ def test_the_same_bytes_come_alone_beside_a_picture_and_from_any_number_of_threa
 def test_face_and_barycentric_give_everything_else():
     for name in ("a file", "many lights", "palettes", "polygons", "orthographic"):
         scene = SCENES[name]
-        shading = "flat" if name == "polygons" else "gouraud"  # bent polygons have no plane about their centres
-        frame = rz.render(scene, SIZE, shading=shading, outputs=ALL)
+        frame = rz.render(scene, SIZE, shading="gouraud", outputs=ALL)
         seen, offsets = frame.mask, scene.face_offsets
         assert not differences(seen, frame.face >= 0) and frame.mask.dtype == bool
         assert np.abs(frame.barycentric[seen].sum(axis=1) - 1).max() <= 2.0**-22

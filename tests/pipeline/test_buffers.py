@@ -47,7 +47,7 @@ def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_
     if all_exact:
         entries = workspace.visibility.entries
         entries[entries < CLEAR] |= IS_EXACT
-    surfaces, out = surfaces._replace(loaded_faces=loaded_face), SimpleNamespace()
+    surfaces, out = surfaces._replace(sources=loaded_face), SimpleNamespace()
     for name in names:
         buffer = BUFFER_TABLE[name].make(SIZE)
         buffer[...] = BUFFER_TABLE[name].empty
@@ -69,7 +69,7 @@ def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None):
     z = compute_z(np.asarray(depth, float), screen)
     drawables = drawables_of(triangles, z, normals[None], is_inverted)
     surfaces = VisibleSurfaces(
-        workspace.visibility, np.arange(len(triangles), dtype=np.uint32), drawables, NO_FACE, NO_FACE, NO_PLANES,
+        workspace.visibility, np.arange(len(triangles), dtype=np.uint32), drawables, NO_FACE, NO_PLANES,
         coding.depths, screen.is_perspective, workspace.batch,
     )  # fmt: skip
     return workspace, surfaces

@@ -1,4 +1,4 @@
-"""The reference's own creases and polygons against those of the fast way, on seeded meshes that are broken in every
+"""The reference's own creases against those of the fast way, on seeded meshes that are broken in every
 way."""
 
 import subprocess
@@ -9,10 +9,7 @@ import pytest
 from helpers.arrays import differences
 
 from rasterizer.geometry.normals import split_creases
-from rasterizer.geometry.polygons import find_rings
 from rasterizer.reference.normals import corner_normals
-from rasterizer.reference.surface import are_convex, find_fans
-from rasterizer.scene.triangulation import classify_polygons, cut_polygons
 
 WEIGHTINGS = ("angle", "area", "uniform")
 ANGLES = (0, 20, 30, 45, 60, 89.999, 90, 120, 180)
@@ -153,78 +150,6 @@ def test_faces_without_area_take_the_first_normal_at_their_vertex():
     assert not differences(normals[0, 2], 0)
     assert not differences(normals[2], 0)
     check(vertices, faces, 30)
-
-
-# ---------------------------------------------------------------- polygons
-
-
-def loops_of(rings):
-    """The corners and owners of each ring, as find_fans gives them, in their order."""
-    spans = zip(rings.offsets[:-1], rings.offsets[1:], strict=True)
-    return [(rings.corners[a:b].tolist(), rings.owners[a:b].tolist()) for a, b in spans]
-
-
-def own_loops(faces, polygon, points):
-    found = [loop for loop in find_fans(faces, polygon) if are_convex(points[loop.corners][None])[0]]
-    begin = [min(range(len(loop.corners)), key=lambda k: tuple(points[loop.corners[k]])) for loop in found]
-    return [tuple(row[k:] + row[:k] for row in loop) for loop, k in zip(found, begin, strict=True)]
-
-
-def test_both_ways_find_the_same_convex_polygons():
-    """Convex, bent, concave and crossing polygons, some turned round, some torn apart, some with triangles out of
-    order."""
-    for seed in range(4):
-        check_polygons(np.random.default_rng(seed))
-
-
-def check_polygons(rng):
-    """Compare what the two ways make of sixty polygons."""
-    points, corners, counts = [], [], []
-    for _ in range(60):
-        k = int(rng.integers(3, 9))
-        angle = np.sort(rng.uniform(0, 2 * np.pi, k))
-        radius = rng.uniform(0.3, 1.0, k) if rng.random() < 0.4 else 1.0
-        shape = np.stack(
-            [radius * np.cos(angle), radius * np.sin(angle), rng.choice([0.0, 0.1]) * rng.normal(size=k)], axis=1
-        )
-        if rng.random() < 0.3:  # a corner on a straight line, but for its rounding
-            shape[1] = shape[0] + rng.uniform(0.2, 0.8) * (shape[2] - shape[0])
-        shape = shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-5, 5, 3)
-        corners += (len(points) + rng.permutation(k) if rng.random() < 0.1 else len(points) + np.arange(k)).tolist()
-        points += shape.tolist()
-        counts.append(k)
-    points, corners = np.array(points), np.array(corners)
-    cut = cut_polygons(points, corners, counts)
-    faces, polygon = corners[cut.corners], cut.polygons
-    turned = rng.random(len(counts)) < 0.2
-    faces[turned[polygon]] = faces[turned[polygon]][:, [0, 2, 1]]
-    some = rng.integers(0, len(faces), 6)
-    faces[some] = np.roll(faces[some], 1, axis=1)
-    places = rng.integers(0, len(faces) - 1, 5)
-    for a in places:  # neighbours change places, within a polygon or between two
-        faces[[a, a + 1]], polygon[[a, a + 1]] = faces[[a + 1, a]], polygon[[a + 1, a]]
-    expected = loops_of(find_rings(faces, polygon, points))
-    assert own_loops(faces, polygon, points) == expected and len(expected) > 10
-
-
-def test_both_ways_call_the_same_polygons_convex():
-    """Corners on straight lines, rounded to 1, 6 and 16 digits; pentagrams; points and lines."""
-    rng = np.random.default_rng(3)
-    n_convex = 0
-    for _ in range(200):
-        k = int(rng.integers(4, 10))
-        angle = np.sort(rng.uniform(0, 2 * np.pi, k)) * rng.choice([1, 1, 2])
-        shape = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1) * rng.choice([1.0, 1e-6, 1e6])
-        shape[k // 2] = (shape[k // 2 - 1] + shape[(k // 2 + 1) % k]) / 2
-        shape = np.round(
-            shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-1, 1, 3), int(rng.choice([1, 6, 16]))
-        )
-        expected = classify_polygons(shape[:, None])[0][0]
-        n_convex += expected
-        assert are_convex(shape[None])[0] == expected, shape.tolist()
-    assert 50 < n_convex < 190
-    line = np.array([(0.0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)])
-    assert not differences(are_convex(np.stack([line, 0 * line])), 0)
 
 
 # ---------------------------------------------------------------- alone

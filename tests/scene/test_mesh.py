@@ -75,12 +75,17 @@ def test_polygons_become_fans():
 @given(st.lists(st.integers(3, 7), min_size=1, max_size=8), st.randoms(use_true_random=False))
 @settings(max_examples=25)
 def test_fans_of_any_lengths(lengths, random):
-    """Of polygons that are convex and plane: corners of a circle, in turn."""
+    """Of polygons that are convex: corners of a circle, in turn; and of triangles."""
     vertices = np.array([(math.cos(i * 0.7), math.sin(i * 0.7), 1) for i in range(9)])
+    lengths = [n for n in lengths if n != 4] or [3]  # quads are cut along a diagonal
     faces = [tuple(sorted(random.sample(range(9), n))) for n in lengths]
     faces = [face[turn:] + face[:turn] for face in faces for turn in [random.randrange(3)]]
     mesh = Mesh(vertices, faces)
-    expected = [(f[0], f[i], f[i + 1]) for f in faces for i in range(1, len(f) - 1)]
+    expected = []
+    for face in faces:
+        k = min(range(len(face)), key=lambda corner: tuple(vertices[face[corner]])) if len(face) > 3 else 0
+        f = face[k:] + face[:k]
+        expected += [(f[0], f[i], f[i + 1]) for i in range(1, len(f) - 1)]
     assert [tuple(face) for face in mesh.faces.tolist()] == expected
     owner = [i for i, n in enumerate(lengths) for _ in range(n - 2)]
     assert owner == (list(range(len(faces))) if mesh.polygons is None else mesh.polygons.tolist())
