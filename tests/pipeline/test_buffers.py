@@ -40,14 +40,14 @@ ALL = ("depth", "face", "normal")
 NO_FACE = np.empty(0, np.uint32)
 
 
-def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None, all_exact=False):
+def write(triangles, depth, normals, screen, names=ALL, sources=NO_FACE, is_inverted=None, all_exact=False):
     """Scan and write the buffers, from entries that are all marked as exact or not; return (buffers, workspace, samples
     covered)."""
     workspace, surfaces = scan_for_buffers(triangles, depth, normals, screen, is_inverted)
     if all_exact:
         entries = workspace.visibility.entries
         entries[entries < CLEAR] |= IS_EXACT
-    surfaces, out = surfaces._replace(sources=loaded_face), SimpleNamespace()
+    surfaces, out = surfaces._replace(sources=sources), SimpleNamespace()
     for name in names:
         buffer = BUFFER_TABLE[name].make(SIZE)
         buffer[...] = BUFFER_TABLE[name].empty
@@ -217,7 +217,7 @@ def test_faces_are_those_of_the_file():
     assert not differences(visibility.left, NO_START) and not differences(visibility.right, NO_END)
     assert not differences(out.face, expected) and n_covered == (expected >= 0).sum() > 1000
     loaded = (np.arange(25) // 3 + 100).astype(np.uint32)
-    out, _, _ = write(triangles, depth, normals, screen, loaded_face=loaded)
+    out, _, _ = write(triangles, depth, normals, screen, sources=loaded)
     assert not differences(out.face, np.where(expected >= 0, expected // 3 + 100, -1))
 
 
