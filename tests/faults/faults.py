@@ -962,7 +962,7 @@ HELD_OUT = (
     Fault(
         "object and material of clipped faces are those of other faces",
         "pipeline/buffers.py",
-        "labels[loaded]",
+        "labels[source]",
         "labels[face]",
         "pictures pipeline",
     ),
