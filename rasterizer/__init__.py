@@ -39,7 +39,6 @@ def __getattr__(name: str) -> object:
     """Import a public name from its module on first use (PEP 562)."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    import_module(".locks", __name__)  # first of all: what a fork waits for
     value = getattr(import_module(_MODULES[name], __name__), name)
     globals()[name] = value
     return value

@@ -28,7 +28,6 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     context.declare_function, .call_conv, .make_array, entry points (entry_points.py)
       .make_tuple, core.cgutils
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
-    core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock (locks.py)
     core.errors.NumbaError                             what is left to numba
     core.cgutils; typed pointers of llvmlite.ir        vector instructions (pipeline/intrinsics.py)
 

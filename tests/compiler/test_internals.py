@@ -1,21 +1,16 @@
 """Try each use of what numba doesn't document, alone, in the version that is installed; and do without in others."""
 
-import contextlib
 import gc
-import os
 import sys
-import threading
 
 import numba
 import numpy as np
 import pytest
 from helpers.stores import TINY, EntryPoint, Pair, run, start
-from numba.core.compiler_lock import global_compiler_lock
 
 from rasterizer.compiler import internals, kernels
 from rasterizer.compiler.kernels import index
 from rasterizer.compiler.machine_code import read_names
-from rasterizer.geometry.normals import list_corners
 
 ARRAY = ("array", "float64", 1, "C")
 
@@ -291,50 +286,6 @@ def test_the_least_and_the_greatest_number_are_those_of_python():
     for numbers in ((1.5, np.nan, 2.5), (np.nan, 1.0, -2.0), (-0.0, 0.0, 0.0), (3.0, 2.0, 1.0)):
         texts = [[repr(float(value)) for value in found(*numbers, 2)] for found in (entry, extremes)]
         assert texts[0] == texts[1], numbers
-
-
-# ---------------------------------------------------------------- forks
-
-
-class Enough(Exception):
-    """Nothing is to be compiled."""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-@pytest.mark.parametrize("whose", ["numba's", "ours"])
-def test_a_fork_waits_until_nothing_is_compiled(whose):
-    """A child that inherited a lock locked would wait for it for ever."""
-    held, end, order = threading.Event(), threading.Event(), []
-    corners = np.array([2, 0, 2, 1], np.uint32)
-
-    def wait(*_notice):
-        held.set()
-        end.wait(0.3)
-        order.append("released")
-        raise Enough
-
-    def hold():
-        with contextlib.suppress(Enough):
-            if whose == "numba's":
-                with global_compiler_lock:
-                    wait()
-            else:  # the notice is given while the kernels' lock is held
-                with kernels.noticing_compilation(wait):
-                    kernels.batch_function(lambda batch, n, coefficients: None, np.float32)
-
-    other = threading.Thread(target=hold)
-    other.start()
-    held.wait()
-    child = os.fork()
-    if child == 0:
-        with global_compiler_lock:
-            kernel = kernels.kernel(list_corners.py_func)  # it is loaded anew
-            os._exit(5 + kernel(corners, np.zeros(5, np.uint32), np.zeros(4, np.uint32)))
-    order.append("forked")
-    _, status = os.waitpid(child, 0)
-    other.join()
-    assert order == ["released", "forked"] and os.waitstatus_to_exitcode(status) == 7
 
 
 # ---------------------------------------------------------------- versions that were not seen

@@ -140,29 +140,6 @@ def test_a_fork_while_others_draw(n_thread, alone):
                 other.join()
 
 
-@forking
-def test_a_fork_while_a_kernel_is_compiled(alone):
-    """The child would wait for ever for the compiler's lock: it is guarded from when a kernel is first compiled."""
-    import numba
-
-    import rasterizer.compiler.internals  # noqa: F401, guards the lock
-
-    numba.njit(lambda x: x)(1)  # what numba sets up once has a lock of its own
-    is_begun = threading.Event()
-
-    def compile_many():
-        is_begun.set()
-        numba.njit(lambda x: (x * x).sum())(np.arange(9.0))
-
-    other = threading.Thread(target=compile_many)
-    other.start()
-    is_begun.wait()
-    try:
-        assert ends_well(lambda: numba.njit(lambda x: x + 1)(2) == 3)
-    finally:
-        other.join()
-
-
 SHARED = {}
 
 
