@@ -17,9 +17,10 @@ import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.attributes import light_all, make_coding, make_encoding, scale_depths
 from rasterizer.engine.depth_range import screen_of
+from rasterizer.engine.domains import measure_clearances
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
 from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
-from rasterizer.engine.plan import ViewPlans
+from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.geometry.points import gather_geometry
@@ -87,7 +88,7 @@ def go(scene) -> Followed:
 
 def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
-    plan = ViewPlans(SceneTables(scene, OPTIONS), OPTIONS, geometry).plan_for(view, screen).plan
+    plan = make_plan(tables := SceneTables(scene, OPTIONS), OPTIONS, measure_clearances(tables))
     lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),

@@ -1,8 +1,7 @@
 """Engine and reference compared, for what registries.py registers: at points that never change.
 
 In:  a class whose word stands in the tables already.
-Out: nothing, or a SceneError that names the first place at which both disagree, and both values; or the bound that does
-     not hold, and where.
+Out: nothing, or a SceneError that names the first place at which both disagree, and both values.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -25,8 +24,6 @@ PlaceOf = Callable[[int], str]  # from the row of an array to the words for wher
 
 N_POINT = 96
 BUDGETS = {"float64": 1e-9, "float32": 2e-3}  # of the largest value, or of 1 where all are smaller
-STEP = 1e-5  # radians and scene units, by which points are turned and moved where a bound is looked at
-SLACK, MIN_SLACK = 1e-3, 1e-6  # of a bound, and beside it: what differences of values err by
 
 
 def check_same(whose: str, found: NDArray, expected: NDArray, budget: float, place_of: PlaceOf, words: str) -> None:
@@ -44,13 +41,6 @@ def check_same(whose: str, found: NDArray, expected: NDArray, budget: float, pla
     for k in np.flatnonzero(~is_near.all(axis=1)).tolist():
         values = words.format(_numbers(found[k]), _numbers(expected[k]))
         raise SceneError(f"{whose}: engine and reference disagree {place_of(k)}: {values}")
-
-
-def check_bound(whose: str, words: str, found: NDArray, stated: float, place_of: PlaceOf) -> None:
-    """Refuse a bound, `stated`, that some of the numbers (n,) found with the reference is beyond."""
-    k = int(np.argmax(found))
-    if found[k] > stated * (1.0 + SLACK) + MIN_SLACK:
-        raise SceneError(f"{whose}: the bound says {words}; {place_of(k)} it is {found[k]:.6g}")
 
 
 # ---------------------------------------------------------------- lights
@@ -96,11 +86,10 @@ def _make_up(field: Field, dice: np.random.Generator) -> Any:
 
 
 def compare_light(word: str, examples: Iterable[Any]) -> None:
-    """Compare what arrives of lights, and look whether their bounds hold."""
+    """Compare what arrives of lights."""
     whose, view = f"the light {word!r}", Camera.perspective((1.5, -2.0, 4.0), (0.2, 0.1, -0.3)).view()
     dice = np.random.default_rng(11)
     points, normals = spread_points(dice)
-    moved, turned = points + STEP * _units(dice), _turned(normals, dice)
     for light in examples:
 
         def place_of(k: int, light: Any = light) -> str:
@@ -114,22 +103,6 @@ def compare_light(word: str, examples: Iterable[Any]) -> None:
             for name, found, expected in zip(names, _sums(parts), _sums(here), strict=True):
                 words = f"the {name} is {{}} by the engine in {dtype}, {{}} by the reference"
                 check_same(whose, found, expected, budget, place_of, words)
-        bound = light.bound()
-        if bound is None:
-            continue
-        there = _arrivals(light, moved, normals, view), _arrivals(light, points, turned, view)
-        for (_, dirs, strength), (_, dirs_moved, strength_moved), (*_, strength_turned) in zip(
-            here, *there, strict=True
-        ):
-            steps = [
-                ("strength", strength, bound.strength),
-                ("normal", np.abs(strength_turned - strength) / STEP, bound.normal),
-                ("position", np.abs(strength_moved - strength) / STEP, bound.position * bound.strength),
-            ]
-            if dirs is not None:
-                steps.append(("position", np.linalg.norm(dirs_moved - dirs, axis=1) / STEP, bound.position))
-            for name, found, stated in steps:
-                check_bound(whose, f"{name}={stated:.6g}", found, stated, place_of)
 
 
 def _arrivals(light: Any, points: NDArray, normals: NDArray, view: View) -> list[tuple]:
@@ -157,14 +130,13 @@ def _sums(arrivals: list[tuple]) -> tuple[NDArray, NDArray]:
 
 
 def compare_reflection(word: str, cls: Any) -> None:
-    """Compare D and S of a reflection model, and look whether its bound holds."""
+    """Compare D and S of a reflection model."""
     whose, dice = f"the reflection model {word!r}", np.random.default_rng(13)
     _, normals = spread_points(dice)
     light_dirs, view_dirs = _units(dice), _units(dice)
     light_dirs *= np.where((light_dirs * normals).sum(axis=1) < 0.1, -1.0, 1.0)[:, None]  # most are before the surface
     view_dirs *= np.where((view_dirs * normals).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
     vectors = normals, light_dirs, view_dirs
-    turned = (_turned(normals, dice), light_dirs, view_dirs), (normals, _turned(light_dirs, dice), view_dirs)
     n_dot_l = (normals * light_dirs).sum(axis=1)
     for roughness, shininess, levels in ((1.0, 32.0, 4), (max(0.3, cls.model.min_roughness), 5.5, 2)):
         material = Material(reflection=word, roughness=roughness, shininess=shininess, levels=levels, specular=0.5)
@@ -178,14 +150,6 @@ def compare_reflection(word: str, cls: Any) -> None:
             found, expected = reflected_at(material, *vectors, np.dtype(dtype)), np.where(n_dot_l > 0.0, here.T, 0.0).T
             words = f"D and S are {{}} by the engine in {dtype}, {{}} by the reference"
             check_same(whose, found, expected, budget, place_of, words)
-        if cls.bound is not None:
-            slopes = np.max([np.abs(_reflected(material, *some) - here) / STEP for some in turned], axis=(0, 2))
-            for words, found, stated in (
-                ("D <= 1", here[:, 0], 1.0),
-                (f"highlight={cls.bound.highlight:g}", here[:, 1], cls.bound.highlight),
-                (f"turn={cls.bound.turn:g}", slopes, cls.bound.turn),
-            ):
-                check_bound(whose, words, np.where(n_dot_l > 2.0 * STEP, found, 0.0), stated, place_of)
 
 
 def _reflected(material: Material, *vectors: NDArray) -> NDArray:
@@ -209,13 +173,6 @@ def _units(dice: np.random.Generator) -> NDArray[np.float64]:
     """Return unit vectors (n, 3)."""
     vectors = dice.normal(size=(N_POINT, 3))
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def _turned(vectors: NDArray, dice: np.random.Generator) -> NDArray[np.float64]:
-    """Return unit vectors (n, 3) turned by STEP, each to some side."""
-    side = np.cross(vectors, _units(dice))
-    side /= np.linalg.norm(side, axis=1, keepdims=True)
-    return vectors * np.cos(STEP) + side * np.sin(STEP)
 
 
 def _numbers(values: Sequence[float] | NDArray) -> str:

@@ -22,7 +22,6 @@ from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 if TYPE_CHECKING:
     from PIL import Image
 
-    from .engine.bounds import ErrorBounds
     from .engine.plan_summary import PlanSummary
 
 
@@ -40,18 +39,17 @@ class Stats:
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
-    error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1
-        is white, against the exact illumination of the same faces at the same samples: rounding to float32 or float64,
-        and what was approximated. At most the tolerance, or 1e-6 of full scale where that is more: of 1, or of the
-        largest intensity that the scene may have (`plan.bound`) where that is above. None where none is stated: then
-        `steps` says why. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`. 0 where
-        no picture was asked for
+    error_bound : how far an intensity may be off, in linear intensity where 1 is white, against the exact illumination
+        of the same faces at the same samples, by rounding and what is approximated: the tolerance where something is
+        lit in float32, else 1e-6 of full scale, which is 1, or the largest intensity that the scene may have
+        (`plan.bound`) where that is above. None where none is stated: then `steps` says why. What rounding of vertices
+        to 1/256 px changes is no part of it, see `position_bound`, nor are shadow maps and texture filters. By Phong's
+        method it doesn't hold where corners' normals look so far apart that their mean is shorter than an eighth. 0
+        where no picture was asked for
     milliseconds : dict of stage to time
     steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how
         near to that the bound doesn't hold; infinite where none is stated at all. Empty where it holds everywhere
     plan : PlanSummary, what the picture needed
-    error_bounds : ErrorBounds, the largest error of each output that was asked for, `color` the same as `error_bound`;
-        and apart from these what shadow maps and texture filters add (engine/bounds.py)
     """
 
     faces: int
@@ -65,7 +63,6 @@ class Stats:
     milliseconds: dict[str, float] = field(default_factory=dict)
     steps: tuple[Any, ...] = ()
     plan: "PlanSummary | None" = None
-    error_bounds: "ErrorBounds | None" = None
 
     @property
     def position_bound(self) -> float:

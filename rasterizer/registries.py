@@ -10,7 +10,7 @@
 
 A class says everything twice: to the engine, where a formula for one point is compiled, and to the reference, in plain
 numpy. Registration compares both at some points and refuses what disagrees, with the point and both values
-(agreement.py). What tells of errors (`bound`) may be left out: then the engine draws in float64, and `Stats.steps` says
+(agreement.py). Nobody knows how a formula of one's own rounds: so it is evaluated in float64, and `Stats.steps` says
 why no bound is stated.
 
 Every call returns a `Registration`. It undoes the call: at the end of a `with` block, or by its method `remove`.
@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from . import agreement
 from .engine import lights as engine_lights
 from .engine import reflections as engine_reflections
-from .engine.lights import LIGHT_TABLE, Beam, LightBound
-from .engine.reflections import REFLECTION_TABLE, ReflectionBound
+from .engine.lights import LIGHT_TABLE, Beam
+from .engine.reflections import REFLECTION_TABLE
 from .errors import SceneError, shown
 from .reference.lamp import LAMP_TYPES, CustomLamp
 from .reference.reflection import REFERENCE_MODELS, ReferenceModel
@@ -40,7 +40,7 @@ from .scene.lights import LIGHT_TYPES, describe_fields
 from .scene.material import REFLECTION_MODELS, ReflectionModel
 
 __all__ = [
-    "Beam", "CustomLight", "CustomReflection", "LightBound", "ReflectionBound", "Registration", "add_light",
+    "Beam", "CustomLight", "CustomReflection", "Registration", "add_light",
     "add_reflection",
 ]  # fmt: skip
 
@@ -98,10 +98,6 @@ class CustomLight:
         """
         raise NotImplementedError(f"{type(self).__name__} has no `reference`")
 
-    def bound(self) -> LightBound | None:
-        """Return how strong it is at most, and how far it magnifies errors; None = nobody knows."""
-        return None
-
     # What a light with a field `shadow` says beside: the engine's beam, world space; and the reference's position.
     beam: ClassVar[Callable[[Any, View], Beam] | None] = None
 
@@ -121,13 +117,11 @@ class CustomReflection:
     ----------
     needs_view : False where it reads no view_dir
     has_highlight : False where S is always 0
-    bound : None = nobody knows
     model : what a material that names it may have: as default a roughness within 0..1
     """
 
     needs_view: ClassVar[bool] = True
     has_highlight: ClassVar[bool] = True
-    bound: ClassVar[ReflectionBound | None] = None
     model: ClassVar[ReflectionModel] = ReflectionModel()
     reflect: ClassVar[Callable[..., Any]]
 
@@ -187,7 +181,7 @@ def add_light(word: str, cls: type[CustomLight], *, examples: Sequence[Any] = ()
     Raises
     ------
     SceneError : a word or class that is taken, or a class that is no such dataclass; fields that can't be read; a
-        field `shadow` without a `beam`; engine and reference that disagree; a bound that doesn't hold
+        field `shadow` without a `beam`; engine and reference that disagree
     """
     _check_class(cls, CustomLight)
     if not (is_dataclass(cls) and any(field.name == "color" for field in fields(cls))):
@@ -221,7 +215,7 @@ def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:
 
     Raises
     ------
-    SceneError : a word that is taken; engine and reference that disagree; a bound that doesn't hold
+    SceneError : a word that is taken; engine and reference that disagree
     """
     _check_class(cls, CustomReflection)
     model = cls()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.memory import check_memory, checked_out
-from .engine.plan_summary import PlanSummary, summarize
+from .engine.plan_summary import PlanSummary
 from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
@@ -154,7 +154,7 @@ class Renderer:
         drawn = replace(self.scene, background=None) if self.options.ground else self.scene
         self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options, like)
         with compiling_ahead(self._list_kernels):
-            self._plan = summarize(self._prepared.view_plans.plan)
+            self._plan = self._prepared.prepare()
         self._is_closed = False
 
     def in_lights(self, lights: Any) -> Renderer:
@@ -274,7 +274,7 @@ class Renderer:
 
                 found += ground_shadow.list_kernels(self.scene)
             return found
-        return self._prepared.list_kernels(camera, self._prepared.plan_for(camera).plan)
+        return self._prepared.list_kernels(camera, self._prepared.see(camera).drawing.plan)
 
     @cached_property
     def _ground(self) -> Any:
@@ -303,30 +303,28 @@ class Renderer:
         self._check_open()
         check_memory(self.options, has_out=out is not None)
         prepared, outputs, clock, arrays = self._prepared, self.options.outputs, Clock(), {}
-        picture, counts, screen = None, None, None
+        picture, counts = None, None
         if "color" in outputs or "rgb" in outputs:
             picture = self._draw_picture(camera, clock, out)
-            counts, screen = picture.counts, picture.screen
+            counts = picture.counts
             if "color" in outputs:
                 arrays.update(color=picture.color, alpha=picture.alpha)
         if prepared.buffer_names:
-            buffers, counts_of_buffers, screen = prepared.draw_buffers(camera, clock)
+            buffers, counts_of_buffers, _ = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
             arrays.update(buffers)
-        view_plan = None if picture is None else picture.view_plan
-        bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
         # What a frame picks with draws the surfaces that it shows, and no colours.
         shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "samples": 1}
         source = FrameSource(
             self.scene, camera, partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
         )
         rgba = None if picture is None else picture.rgba
-        return Frame(rgba, arrays, self._stats(counts, view_plan, clock, bounds), self.options.size, source)
+        return Frame(rgba, arrays, self._stats(counts, picture, clock), self.options.size, source)
 
     def _draw_picture(self, camera: Camera, clock: Clock, out: NDArray[np.uint32] | None) -> DrawnPicture:
         """Draw the picture, with edges over it and the ground's shadow under it, and keep what it needed."""
         picture = self._prepared.draw_picture(camera, clock, out)
-        self._plan = self._prepared.summary_of(picture.view_plan.plan, picture.counts.paths)
+        self._plan = picture.seen.drawing.summary._replace(paths=picture.counts.paths)
         linear = (picture.color, picture.alpha) if "color" in self.options.outputs else (None, None)
         if self.options.edges:
             self._prepared.edges.draw_over(camera, picture.rgba, *linear)
@@ -336,16 +334,15 @@ class Renderer:
             clock.lap("ground")
         return picture
 
-    def _stats(self, counts, view_plan, clock, bounds) -> Stats:
-        """Say what happened; `view_plan` is None where no picture was drawn."""
+    def _stats(self, counts, picture: DrawnPicture | None, clock) -> Stats:
+        """Say what happened; `picture` is None where none was drawn."""
         return Stats(
             *counts[:6],
             threads=self._prepared.threads.n_thread,
-            error_bound=0.0 if view_plan is None else view_plan.error_bound,
-            steps=() if view_plan is None else view_plan.steps,
+            error_bound=0.0 if picture is None else picture.seen.error_bound,
+            steps=() if picture is None else picture.seen.steps,
             milliseconds=clock.milliseconds,
             plan=self._plan,
-            error_bounds=bounds,
         )
 
 

@@ -4,7 +4,6 @@ arguments ─ models, outputs ─ load ─ camera ─ Renderer ─ Frame ─ fil
 argparse    names, checked    one model after the other
 """
 
-import math
 from contextlib import contextmanager, nullcontext
 from time import perf_counter
 
@@ -141,20 +140,12 @@ def _describe_look(scene, camera, options) -> str:
 
 def describe_bounds(stats) -> str:
     """Say in a line how far a picture may be off, and what that leaves out; `stats` and --json say where and why."""
-    bounds, words, apart = stats.error_bounds, [], [step[0] for step in stats.steps]
+    apart = [step[0] for step in stats.steps]
     if stats.error_bound is None:
-        words, apart = [cause for cause in apart if cause.startswith("no bound is stated")], []
-    elif bounds.rgb is not None:
-        words = [f"errors are at most {stats.error_bound:.2g} in linear intensity"]
-        words.append(f"{bounds.rgb} level{'' if bounds.rgb == 1 else 's'} of 8 bits")
-    if bounds.depth is not None:
-        share = f" ({bounds.depth_share:.2g} of itself)" if math.isfinite(bounds.depth_share) else ""
-        words.append(f"{bounds.depth:.2g} scene units of depth{share}")
-    words += [] if bounds.normal is None else [f"{bounds.normal:.2g} a component of normals"]
-    words += [] if bounds.face is None else ["faces exact"]
-    apart += ["texture filters"] if bounds.filters else []
+        return ", ".join(cause for cause in apart if cause.startswith("no bound is stated"))
     more = f", and {len(apart) - 1} more" if len(apart) > 1 else ""
-    return ", ".join(words) + (f"; not counted: {apart[0]}{more}" if apart else "")
+    words = f"errors are at most {stats.error_bound:.2g} in linear intensity"
+    return words + (f"; but next to steps: {apart[0]}{more}" if apart else "")
 
 
 def _record(target, frame, scene, seconds, warnings) -> dict:
@@ -171,6 +162,5 @@ def _record(target, frame, scene, seconds, warnings) -> dict:
         "coverage": frame.stats.coverage,
         "seconds": round(seconds, 4),
         "error_bound": frame.stats.error_bound,
-        "error_bounds": frame.stats.error_bounds.as_json(),
         "warnings": warnings,
     }

@@ -9,6 +9,7 @@ What is known before the first stage, in the order in which it is made:
 
     scene_tables        the scene as tables: materials, lights, the tint
     texture_tables      textures: in 16 bits with mip levels, and those that are looked up in float64
+    domains             where float32 is enough, and what is stated of a picture
     plan                what this scene needs, and nothing else: types, channels and paths of its materials
     plan_summary        the plan in words and counts
     kernels_of_plan     the kernels that the plan calls, each with its signature
@@ -24,10 +25,8 @@ Tables that take an entry for each type, also those of your own (registries.py):
     reflections         what it asks of each reflection model
     buffers             what it asks of each output buffer
 
-Bounds, and what is drawn beside a picture:
+What is drawn beside a picture:
 
-    bounds              how far each output may be off
-    rounding            what all bounds of rounding share
     edges               edges over a picture
     ground_shadow       the soft shadow on the ground under a scene
     point_lighting      the illumination equation at points, without a picture; one light, one reflection model

@@ -26,6 +26,7 @@ from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding,
 from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
+from .reflections import is_metallic
 from .scene_tables import brightest_texel, has_alpha
 from .texture_tables import DARKEST
 
@@ -48,7 +49,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     off, what the whole one gives off, texture coordinates
     """
     groups = list_groups(geometry)
-    textured = [group for group in groups if plan.materials[group.material].texture is not None]
+    textured = [group for group in groups if plan.tables.materials[group.material].texture is not None]
 
     def light_here(geometry, groups):
         return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups)
@@ -109,7 +110,7 @@ def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, gr
     intensities = blank((n_side, len(geometry.normals), n_channel), groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
-    least = MIN_PART // max(1, len(plan.lights))  # points that are worth a thread of its own
+    least = MIN_PART // max(1, len(plan.tables.lights))  # points that are worth a thread of its own
     pieces = [
         Group(group.material, group.start + first, group.start + end)
         for group in groups
@@ -119,9 +120,9 @@ def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, gr
     def light_bundle(bundle):
         batches = {dtype: make_batch(dtype) for dtype in lightings}
         for side, out in enumerate(intensities):
-            sign = 0 if plan.is_flat else 1 - 2 * side
+            sign = 0 if plan.options.is_flat else 1 - 2 * side
             for material, start, end in bundle:
-                dtype = of_materials.dtype_of(material)
+                dtype = np.dtype(np.float64 if of_materials.is_double[material] else np.float32)
                 light_points(points, (start, end), screen, sign, lightings[dtype], material, batches[dtype], out)
 
     threads.map(light_bundle, bundles_of(pieces, least))
@@ -184,13 +185,16 @@ def make_coding(plan: Plan, tolerance) -> Coding:
 
     What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given with
     the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle bends them by
-    more they have weights, and err by next to nothing.
+    more they have weights, and err by next to nothing. Texture coordinates aren't rounded to float32: large pictures
+    need many digits of them.
     """
-    of_materials, n_material = plan.of_materials, len(plan.materials)
-    rows = of_materials.paths, of_materials.features, of_materials.reads_double, of_materials.n_attributes
+    of_materials, n_material = plan.of_materials, len(plan.tables.materials)
+    reads_double = of_materials.is_double | of_materials.is_looked_up
+    rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
     if of_materials.is_double.all():  # so all are exact
         return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, NO_DEPTHS)
-    left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
+    left = tolerance * (1.0 - np.where(of_materials.is_double, 1.0, of_materials.shares))
+    brightest = max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
         has_albedo = (of_materials.features & HAS_ALBEDO) != 0
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
@@ -213,15 +217,28 @@ def code_textures(plan: Plan, limits) -> TextureCoding | None:
     """
     if plan.packed_textures is None:
         return None
-    brightest = max(brightest_texel(plan.materials), DARKEST)
-    slopes = plan.brightness.at(plan.clearances).texel_slopes(brightest)
-    limits = np.where(has_alpha(plan.materials), 0.0, limits / np.maximum(slopes, 1e-30))
+    brightest = max(brightest_texel(plan.tables.materials), DARKEST)
+    slopes = texel_slopes(plan) / brightest
+    limits = np.where(has_alpha(plan.tables.materials), 0.0, limits / np.maximum(slopes, 1e-30))
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
     is_good = of_materials >= 0
     packed, textures = plan.packed_textures, of_materials[is_good]
     is_blended = packed.filters[textures] != FILTER_NEAREST  # next to a texel's edge, nothing but exact will do
     is_good[is_good] = is_blended & (packed.errors[textures, int(ALWAYS)] <= limits[is_good])
     return TextureCoding(packed, of_materials, limits, is_good)
+
+
+def texel_slopes(plan: Plan) -> NDArray[np.float64]:
+    """Return what an intensity of each material changes by, at most, where its texture changes by the largest component
+    of all textures, (n_material,): that is in what they reflect.
+
+    Colours multiply what is reflected diffusely, and F0 of a metal; other highlights keep their light.
+    """
+    brightness = plan.brightness
+    is_metal = np.array([is_metallic(material) for material in plan.tables.materials])
+    with np.errstate(over="ignore"):
+        metal = np.where(is_metal, brightness.specular.sum(axis=1), 0.0)
+        return brightness.undirected + brightness.diffuse.sum(axis=1) + metal
 
 
 def sampled_in_double(plan: Plan, coding: Coding) -> NDArray[np.int64]:

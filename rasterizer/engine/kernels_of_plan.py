@@ -34,10 +34,10 @@ from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
 from ..scene.mesh import Mesh
-from . import lights as light_table
 from .attributes import make_coding, make_encoding, sampled_in_double, scale_depths
 from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
+from .domains import measure_clearances, nearness_in
 from .plan import Plan, make_plan
 from .scene_tables import SceneTables
 from .shadow_maps import corners_of, leaves_casters_out
@@ -102,18 +102,10 @@ def list_mesh_kernels() -> list[Job]:
 
 
 def plan_ahead(tables: SceneTables, options: Options, camera: Camera) -> Plan:
-    """The plan of a scene whose surfaces aren't known yet: lights are as far away as from the nearest vertex."""
-    colors = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in tables.meshes]
-    albedo = [ROWS, *(each[..., :3].reshape(-1, 3) for each in colors if each is not None)]
-    clearances, view = np.full(tables.is_lit.shape, np.inf), camera.view()
-    for mesh, of_mesh in zip(tables.meshes, tables.palettes, strict=True):
-
-        def distance(position, vertices=mesh.vertices):
-            return float(np.linalg.norm(vertices - np.asarray(position), axis=1).min(initial=np.inf))
-
-        of_lights = [light_table.entry_of(light).clearance(light, view, distance) for light in tables.lights]
-        clearances[of_mesh] = np.minimum(clearances[of_mesh], of_lights)
-    return make_plan(tables, options, np.concatenate(albedo), 0.5 * clearances)
+    """The plan of a scene in a view, but for what its surfaces are needed for."""
+    plan, view = make_plan(tables, options, clearances := measure_clearances(tables)), camera.view()
+    roundings = plan.roundings.at(nearness_in(tables, clearances, view))
+    return plan.with_shares(plan.shares_at(roundings, False), False)
 
 
 class KernelList:
@@ -168,8 +160,7 @@ class PictureKernels(KernelList):
             super().add_equal_rows()
 
     def add_geometry(self) -> None:
-        """Add what gathers the geometry: normals and creases; and what measures how near lights are to it."""
-        plan, view = self.plan, self.camera.view()
+        """Add what gathers the geometry: normals and creases."""
         if self.options.is_flat:
             self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
         else:
@@ -185,17 +176,8 @@ class PictureKernels(KernelList):
             bodies, is_border = closed.Bodies(FACES, LENGTHS, LENGTHS), np.empty(0, np.bool_)
             self.add(normals.list_corners, FACES, FACES, FACES)
             self.add(closed.find_bodies, ROWS, WORDS, NO_FANS, NUMBERS, bodies, SIDES, is_border)
-        if plan.has_shadows:
+        if self.tables.has_shadows:
             self.add(surfaces.compute_shapes, ROWS, CORNERS, np.empty((0, 5)))
-        asked: list = []  # of lights whose clearance is measured
-        for light in plan.lights:
-            light_table.entry_of(light).clearance(light, view, lambda position: asked.append(position) or 1.0)
-        if asked and plan.is_lit_per_sample:
-            self.add(surfaces.compute_clearance, ROWS, CORNERS, 0.0, 0.0, 0.0)
-        elif asked:
-            self.add(surfaces.compute_point_clearance, ROWS, 0.0, 0.0, 0.0)
-        if plan.is_lit_per_sample and plan.brightness.turn_slopes.max(initial=0.0) > 0.0:
-            self.add(surfaces.find_shortest_normal, ROWS, CORNERS)
 
     # ------------------------------------------------ the stages up to scan
 
@@ -251,7 +233,7 @@ class PictureKernels(KernelList):
         self.add_stages(parts, with_deferred=plan.opacity is not None)
         self.add_clipping(screen)
         self.add_lights()
-        rows, metals = np.empty((0, 0), np.float32), [material.metallic_roughness for material in plan.materials]
+        rows, metals = np.empty((0, 0), np.float32), [material.metallic_roughness for material in plan.tables.materials]
         listed = [texture for texture in (*(plan.textures.textures if plan.textures else ()), *metals) if texture]
         has_levels, is_packed = any(texture.n_level > 1 for texture in listed), plan.packed_textures is not None
         if (has_levels or is_packed) and any(texture.encoded is not None for texture in listed):
@@ -280,11 +262,11 @@ class PictureKernels(KernelList):
             functions = {function for row in used_functions(plan, dtype) for function in row}
             for function in functions - {None}:
                 self.add_batch_function(function, dtype)
-            if plan.has_shadows:
+            if plan.tables.has_shadows:
                 self.add_batch_function(shadow_lookup.occlude, dtype)
                 self.add_shadow_map(dtype)
         corners = corners_of(self.tables.bounds)
-        if plan.has_shadows and leaves_casters_out(plan.reflected_lights, corners, self.camera.view()):
+        if plan.tables.has_shadows and leaves_casters_out(plan.reflected_lights, corners, self.camera.view()):
             self.add(cull.compute_outcodes, ROWS, np.empty(3), ROWS, FLAGS)
             self.add(cull.list_seen, CORNERS, FLAGS, FACES)
 
@@ -321,7 +303,7 @@ class PictureKernels(KernelList):
 
     def lighting(self, dtype: np.dtype) -> Any:
         """The illumination in one type, as kernels take it."""
-        shadows = ShadowMaps(0, NUMBERS) if self.plan.has_shadows else None
+        shadows = ShadowMaps(0, NUMBERS) if self.plan.tables.has_shadows else None
         return list_materials(self.plan, dtype)._replace(shadows=shadows)
 
     def texturing(self, parts: Parts) -> Texturing | None:
@@ -386,8 +368,6 @@ class PictureKernels(KernelList):
         )  # fmt: skip
         for name in names:
             self.add_buffer(name, visible)
-        if "normal" in names and not self.options.is_flat:
-            self.add(surfaces.find_shortest_normal, ROWS, CORNERS)
 
     def add_buffer(self, name: str, visible: buffers.VisibleSurfaces) -> None:
         """Add what writes one buffer."""

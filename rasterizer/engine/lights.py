@@ -1,15 +1,14 @@
-"""What the engine knows of the types of light: one class a type, one line a type in LIGHT_TABLE.
+"""What the engine knows of the types of light: one row a type in LIGHT_TABLE, which says all of it.
 
 Who asks, and for what:
 
     scene_tables    which lights are ambient, and which lights stand for one
-    plan            how near the lit points come to it, and whether float32 holds its numbers
-    bounds          how strong it is at most, how far its factors magnify rounding errors, where it jumps
-    uniforms        the pipeline's function for it, and the coefficients that this function reads
+    domains         how strong it is at most, how far its factors magnify rounding errors, where it jumps
+    uniforms        the function that evaluates it, and the coefficients that this function reads
     shadow_maps     the beam that a map has to show
     analysis/mach   the beam, too: which side of a face is lit
 
-Light of one's own is a class that derives from `registries.CustomLight`; CustomEntry says here what it says.
+Light of one's own is a class that derives from `registries.CustomLight`; CustomEntry is its row.
 """
 
 import math
@@ -17,18 +16,32 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..pipeline import lights as pipeline
 from ..scene.camera import View
 from ..scene.lights import light_type_of
-from .rounding import SINGLE, Discontinuity, step_cosine, times
 
-Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
-
+OWN = "a light or reflection model of one's own"
+FAR = "distances and numbers of lights beyond float32"
 MIN_FALL = 2.0**-18  # of cosines: a spot light that falls within less has an edge
 MIN_SHARE = 2.0**-10  # of the fall between its cones: from there on its slope has a bound
+LENGTHS = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
+
+
+class Step(NamedTuple):
+    """Where a picture may jump, so that no error is small: what rounding carries across is no part of the bound."""
+
+    cause: str
+    near: float  # how near to that the bound doesn't hold
+    unit: str  # of `near`
+
+
+def step_cosine(is_double: bool) -> float:
+    """Return how near to a step of a cosine no bound holds: twice what counts as 0, see `grazing` in
+    pipeline/power.py."""
+    return 2.0**-39 if is_double else 2.0**-19
 
 
 class Beam(NamedTuple):
@@ -39,22 +52,6 @@ class Beam(NamedTuple):
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
 
 
-class LightBound(NamedTuple):
-    """How strong a light is at most, and how far it magnifies errors.
-
-    Parameters
-    ----------
-    strength : the largest part of its colour that arrives anywhere, above 0
-    normal : what the strength changes by, at most, for each radian that the normal turns
-    position : what the direction turns by, radians, and the strength changes by, as a part of the largest, at most,
-        for each scene unit that a point moves
-    """
-
-    strength: float = 1.0
-    normal: float = 0.0
-    position: float = 0.0
-
-
 class LightEntry:
     """Hold what the engine knows of a type of light.
 
@@ -62,19 +59,18 @@ class LightEntry:
     that is never stronger than its colour and casts no shadows.
     """
 
+    needs_position = False  # its function reads where a point lies
+    is_own = False  # it is registered: nobody knows how its formula rounds
+
     is_ambient = False  # it comes from all sides alike, and only its colour counts
     is_share = False  # it comes from all sides, and how much of it a point gets depends on the normal or the position
-
-    def has_bound(self, light: Any) -> bool:
-        """Tell whether the methods below say how strong it is, and how errors grow."""
-        return True
 
     def expand(self, light: Any) -> tuple[Any, ...]:
         """Return the lights, of types that have a `function`, that stand for this one."""
         return (light,)
 
-    def function(self, light: Any) -> pipeline.LightFunction:
-        """Return the pipeline's function for the light, and what it needs."""
+    def function(self, light: Any) -> Callable[..., None]:
+        """Return the pipeline's function for the light, which is compiled by `batch_function`."""
         raise NotImplementedError(f"{type(self).__name__} has no function: `expand` stands other lights for it")
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
@@ -92,17 +88,9 @@ class LightEntry:
         """Return where the light shines; None where that is no single place or direction. Then it casts no shadows."""
         return None
 
-    def clearance(self, light: Any, view: View, distance: Distance) -> float:
-        """Return the distance that no lit point comes nearer to the light than, scene units.
-
-        Over this length the rounding of a position turns the direction to the light, or changes its strength: an error
-        of e changes the strength by at most 2 e/clearance of it. Infinite where positions play no part.
-        """
-        return math.inf
-
-    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """Return how much stronger than its colour the light is at most, at the clearance (...) and beyond; infinite
-        where it has no limit."""
+    def strength(self, light: Any, distance: float) -> float:
+        """Return how much stronger than its colour the light is at most, at a distance (scene units) and beyond;
+        infinite where it has no limit."""
         return 1.0
 
     def steepness(self, light: Any) -> float:
@@ -113,16 +101,12 @@ class LightEntry:
         """Return how far they magnify a turn of the direction, radians."""
         return self.steepness(light)
 
-    def normal_slope(self, light: Any) -> float:
-        """Return what share of the largest strength it changes by, at most, for each radian that the normal turns."""
-        return 0.0
+    def reason_for_float64(self, light: Any) -> str:
+        """Return why float32 won't do, in a few words; empty where it does."""
+        return ""
 
-    def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
-        """Return where the strength jumps; u is the unit roundoff."""
-        return ()
-
-    def lengths(self, light: Any) -> tuple[float, ...]:
-        """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
+    def steps(self, light: Any, is_double: bool) -> tuple[Step, ...]:
+        """Return where the strength jumps."""
         return ()
 
 
@@ -139,9 +123,9 @@ class AmbientEntry(LightEntry):
 class DirectionalEntry(LightEntry):
     """Light from infinitely far away."""
 
-    def function(self, light: Any) -> pipeline.LightFunction:
+    def function(self, light: Any) -> Callable[..., None]:
         """Return the function of parallel rays."""
-        return pipeline.light_function_of("directional")
+        return pipeline.directional
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the unit direction to the light."""
@@ -155,9 +139,11 @@ class DirectionalEntry(LightEntry):
 class PointEntry(LightEntry):
     """Light from one point to all sides."""
 
-    def function(self, light: Any) -> pipeline.LightFunction:
+    needs_position = True
+
+    def function(self, light: Any) -> Callable[..., None]:
         """Return the function of a light that shines alike to all sides."""
-        return pipeline.light_function_of("point")
+        return pipeline.point
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the position relative to the eye, and what weakens the light with the distance."""
@@ -173,36 +159,32 @@ class PointEntry(LightEntry):
         """Return a beam to all sides."""
         return Beam(world_position(light, view), None, math.inf)
 
-    def clearance(self, light: Any, view: View, distance: Distance) -> float:
-        """Return the distance of the nearest lit point."""
-        return distance(world_position(light, view))
-
-    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
+    def strength(self, light: Any, distance: float) -> float:
         """1/(kc + kl d + kq d²) is largest at the least distance d; nothing arrives beyond the range."""
+        if light.range is not None and distance > light.range * (1.0 + 2.0**-20):
+            return 0.0
         constant, linear, quadratic = light.attenuation
-        d = np.asarray(clearance, float)
-        with np.errstate(divide="ignore", over="ignore"):
-            found = 1.0 / (constant + times(linear, d) + times(times(quadratic, d), d))
-        found = found if light.amplify else np.minimum(found, 1.0)
-        end = math.inf if light.range is None else light.range * (1.0 + 16.0 * SINGLE)
-        return np.where(d > end, 0.0, found)
+        weakened = constant + (linear * distance if linear else 0.0)
+        weakened += quadratic * distance * distance if quadratic else 0.0  # 0 times infinity is no number
+        found = 1.0 / weakened if weakened > 0.0 else math.inf
+        return found if light.amplify else min(found, 1.0)
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""
         return 4.0 if light.range is not None else 0.0
 
-    def lengths(self, light: Any) -> tuple[float, ...]:
-        """Return the coefficients of the attenuation, and the range."""
-        ends = () if light.range is None else (light.range,)
-        return tuple(coefficient for coefficient in light.attenuation if coefficient > 0.0) + ends
+    def reason_for_float64(self, light: Any) -> str:
+        """Return that coefficients of the attenuation, or the range, don't keep their digits."""
+        lengths = [*(number for number in light.attenuation if number > 0.0), light.range or 1.0]
+        return "" if all(LENGTHS[0] <= length <= LENGTHS[1] for length in lengths) else FAR
 
 
 class SpotEntry(PointEntry):
     """Light from one point into a cone."""
 
-    def function(self, light: Any) -> pipeline.LightFunction:
+    def function(self, light: Any) -> Callable[..., None]:
         """Return the function of the cone, another one where its fall is raised to a power."""
-        return pipeline.light_function_of("shaped spot" if light.falloff != 1.0 else "spot")
+        return pipeline.shaped_spot if light.falloff != 1.0 else pipeline.spot
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write what a point light has, and the cone."""
@@ -235,15 +217,19 @@ class SpotEntry(PointEntry):
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
         return super().steepness(light) + sine * fall_rise(light) + of_exponent
 
-    def discontinuities(self, light: Any, u: float) -> tuple[Discontinuity, ...]:
+    def reason_for_float64(self, light: Any) -> str:
+        """Add that an edge is one: rounding to float32 carries positions across it."""
+        return "a sharp spot light" if self.steps(light, False) else super().reason_for_float64(light)
+
+    def steps(self, light: Any, is_double: bool) -> tuple[Step, ...]:
         """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
         inner, outer = cone_cosines(light)
-        near = max(step_cosine(u), MIN_FALL) if inner - outer < MIN_FALL else 0.0
+        near = MIN_FALL if inner - outer < MIN_FALL else 0.0
         if light.falloff < 0.5:
             near = max(near, MIN_SHARE * (inner - outer))
         if light.exponent < 1.0 and outer < MIN_FALL:
             near = max(near, MIN_FALL)
-        return (Discontinuity("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
+        return (Step("the edge of a sharp spot light", near, "cosine of an angle"),) if near > 0.0 else ()
 
 
 class AreaEntry(LightEntry):
@@ -273,20 +259,22 @@ class Frame(NamedTuple):
 class CustomEntry(LightEntry):
     """Light of one's own: what its class says, a `registries.CustomLight`.
 
-    Where it says no bound it may have any strength: then it is drawn in float64, and no bound is stated.
+    It may have any strength, and nobody knows how its formula rounds: so it is lit in float64, and no bound is stated.
     """
 
+    is_own = True
+
     def __init__(self, cls: Any) -> None:
-        self.is_share = cls.share is not None
+        self.is_share, self.needs_position = cls.share is not None, cls.needs_position
         make = pipeline.function_of_share if self.is_share else pipeline.function_of_arrival
-        self._function = pipeline.LightFunction(make(cls.share or cls.arrival), cls.needs_position)
+        self._function = make(cls.share or cls.arrival)
         self.has_beam = cls.beam is not None
 
     def expand(self, light: Any) -> tuple[Any, ...]:
         """Return the lights of one colour that stand for it."""
         return tuple(light.parts())
 
-    def function(self, light: Any) -> pipeline.LightFunction:
+    def function(self, light: Any) -> Callable[..., None]:
         """Return the function of the formula."""
         return self._function
 
@@ -302,32 +290,13 @@ class CustomEntry(LightEntry):
         """Return where it shines, if it says so."""
         return light.beam(view) if self.has_beam else None
 
-    def has_bound(self, light: Any) -> bool:
-        """Tell whether it states one."""
-        return light.bound() is not None
+    def strength(self, light: Any, distance: float) -> float:
+        """Return that there is no limit."""
+        return math.inf
 
-    def clearance(self, light: Any, view: View, distance: Distance) -> float:
-        """Return the length over which the position turns it, or changes its strength, by as much as it has."""
-        slope = _bound_of(light).position
-        return 1.0 / slope if slope > 0.0 else math.inf
-
-    def strength(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """Return the largest strength that it states."""
-        return _bound_of(light).strength
-
-    def normal_slope(self, light: Any) -> float:
-        """Return what it states, as a share of the strength."""
-        return _bound_of(light).normal / _bound_of(light).strength
-
-    def lengths(self, light: Any) -> tuple[float, ...]:
-        """Return the lengths that the bound names."""
-        slope = _bound_of(light).position
-        return (slope, 1.0 / slope) if slope > 0.0 else ()
-
-
-def _bound_of(light: Any) -> LightBound:
-    """Return the bound that a light of one's own states; where it states none its strength has no limit."""
-    return light.bound() or LightBound(strength=math.inf)
+    def reason_for_float64(self, light: Any) -> str:
+        """Return that it is one's own."""
+        return OWN
 
 
 # By the words of scene.lights.LIGHT_TYPES.

@@ -81,9 +81,9 @@ def illuminate(
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
     options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
-    meshes = (SimpleNamespace(palette=(material,), uv=None),)
+    meshes = (SimpleNamespace(palette=(material,), uv=None, colors=None, face_colors=None),)
     tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
-    plan = make_plan(tables, options, np.empty((0, 3)))
+    plan = make_plan(tables, options)
     lighting = make_lighting(plan, view, plan.dtype)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
@@ -95,7 +95,7 @@ def illuminate(
     found = np.empty((n, plan.n_channel))
     light_points(surface, (0, n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
-        found = found * common_color(plan.materials, plan.lights, plan.ambient)
+        found = found * common_color(plan.tables.materials, plan.tables.lights, plan.tables.ambient)
     return found.reshape(shape)
 
 
@@ -200,11 +200,9 @@ def light_at(
     function = entry.function(part)
     entry.write(row, part, view, dtype)
     # A function that says it needs no position, and reads it, gets no number.
-    position = points - view.eye if function.needs_position else np.full(points.shape, np.nan)
+    position = points - view.eye if entry.needs_position else np.full(points.shape, np.nan)
     light_dir = [f.LIGHT_DIR + k * f.NEXT for k in range(3)]
-    found = _evaluate(
-        function.evaluate, dtype, row, {f.NORMAL: normals, f.POSITION: position}, [f.STRENGTH, *light_dir]
-    )
+    found = _evaluate(function, dtype, row, {f.NORMAL: normals, f.POSITION: position}, [f.STRENGTH, *light_dir])
     return None if entry.is_share else found[:, 1:], found[:, 0]
 
 
@@ -218,19 +216,19 @@ def reflected_at(
     ------
     SceneError : the function can't be compiled
     """
-    function, row = reflection_table.entry_of(material).function(material), np.zeros(m.N_MATERIAL_COEFFICIENT)
+    entry, row = reflection_table.entry_of(material), np.zeros(m.N_MATERIAL_COEFFICIENT)
     row[m.SHININESS], row[m.ROUGHNESS], row[m.TOON_LEVELS] = material.shininess, material.roughness, material.levels
     put = {
         f.NORMAL: normals,
         f.LIGHT_DIR: light_dirs,
         # A function that says it needs no direction to the viewer, and reads it, gets no number.
-        f.VIEW_DIR: view_dirs if function.needs_view else np.full(view_dirs.shape, np.nan),
+        f.VIEW_DIR: view_dirs if entry.needs_view else np.full(view_dirs.shape, np.nan),
         f.N_DOT_L: (normals * light_dirs).sum(axis=1),
         f.N_DOT_V: (normals * view_dirs).sum(axis=1),
         f.STRENGTH: np.ones(len(normals)),
         f.SPECULAR: np.zeros(len(normals)),  # stays where there is no highlight
     }
-    return _evaluate(function.evaluate, dtype, row, put, [f.DIFFUSE, f.SPECULAR])
+    return _evaluate(entry.function(material), dtype, row, put, [f.DIFFUSE, f.SPECULAR])
 
 
 def _evaluate(

@@ -1,9 +1,9 @@
 """A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact buffers.
 
-tables ─ geometry, plan, normals, shadow maps (once) ─ screen, plan of the view, pass (each picture) ─ draw.py
+tables ─ plan, geometry (once) ─ screen, drawing: what float32 is enough for, pass (each picture) ─ draw.py
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..pipeline.textures import Textures
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View
+from . import domains
 from .attributes import (
     NONE,
     NormalAttributes,
@@ -31,13 +32,12 @@ from .attributes import (
     sampled_in_double,
     scale_depths,
 )
-from .bounds import ErrorBounds, bound_buffers, bound_levels, furthest_of
 from .buffers import BUFFER_TABLE, BufferTables
-from .depth_range import are_seen_from_outside, check_depths, check_extent, depths_of_boxes, screen_of
+from .depth_range import are_seen_from_outside, check_depths, check_extent, screen_of
 from .draw import Counts, draw
 from .passes import NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
-from .plan import Plan, ViewPlan, ViewPlans, keep
-from .plan_summary import PathCounts, PlanSummary, summarize
+from .plan import Plan, make_plan
+from .plan_summary import PlanSummary, summarize
 from .scene_tables import SceneTables
 from .texture_tables import lay_textures
 from .uniforms import light_view, list_materials, with_functions
@@ -50,20 +50,28 @@ class DrawnPicture(NamedTuple):
     color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
-    view_plan: ViewPlan
-    screen: Screen
+    seen: "Seen"
 
 
-class PlanParts(NamedTuple):
-    """What follows from the plan of a view alone."""
+class Drawing(NamedTuple):
+    """The plan of a view, and what follows from it: the same for all views with the same shares of the tolerance."""
 
     plan: Plan
-    dtypes: tuple[np.dtype, ...]  # its own
     normals: NDArray[np.float64]  # that Phong's method interpolates; NONE for other methods
     coding: Coding  # without depths
     textures: Textures | None  # see ColorPass
     encoding: Encoding
+    lightings: dict[np.dtype, Lighting]  # by type, without what a view says of them
     summary: PlanSummary
+    steps: tuple[Any, ...]  # see Stats
+
+
+class Seen(NamedTuple):
+    """What a view is drawn with, and what is stated of it: see Stats."""
+
+    drawing: Drawing
+    error_bound: float | None
+    steps: tuple[Any, ...]
 
 
 class PreparedScene:
@@ -75,8 +83,7 @@ class PreparedScene:
     def __init__(self, tables: SceneTables, options: Options, like: "PreparedScene | None" = None) -> None:
         self.tables, self.options = tables, options
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
-        self._lightings: dict[tuple, Lighting] = {}  # what is the same in all views, by type and features
-        self._plan_parts: dict[int, PlanParts] = {}  # by the id of a plan that is kept there
+        self._drawings: dict[bytes, Drawing] = {}  # by the shares of the tolerance, see Plan
         for name in {"geometry", "_inner_sides"}.intersection(() if like is None else vars(like)):
             vars(self)[name] = vars(like)[name]
 
@@ -103,9 +110,21 @@ class PreparedScene:
         return gather_inner_sides(self.tables.meshes, list_opaque_fans(self.tables.meshes))
 
     @cached_property
-    def view_plans(self) -> ViewPlans:
-        """What each view needs."""
-        return ViewPlans(self.tables, self.options, self.geometry, self.threads.map)
+    def _clearances(self) -> NDArray[np.float64]:
+        """How near lights are to materials, see domains.py."""
+        return domains.measure_clearances(self.tables)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What the scene needs in any view."""
+        return make_plan(self.tables, self.options, self._clearances, self.threads.map)
+
+    def prepare(self) -> PlanSummary:
+        """Make what all pictures share: the plan, then the geometry; return the plan in words."""
+        check_extent(self.tables.bounds)
+        summary = summarize(self.plan)
+        vars(self).setdefault("geometry", self.geometry)
+        return summary
 
     @cached_property
     def _normals(self) -> NormalAttributes:
@@ -121,7 +140,7 @@ class PreparedScene:
         from .shadow_maps import Shadows
 
         inner_sides = self._inner_sides if self.options.cull == "auto" else None
-        return Shadows(self.geometry, self.tables.bounds, self.view_plans.plan, inner_sides)
+        return Shadows(self.geometry, self.tables.bounds, self.plan, inner_sides)
 
     @cached_property
     def edges(self) -> Any:
@@ -156,18 +175,46 @@ class PreparedScene:
         """Return the screen of a camera, with `factor` samples a pixel along each axis; `view` is the camera's."""
         return screen_of(camera, view, self.options.size, factor, self.geometry, self.tables.bounds)
 
-    def plan_for(self, camera: Camera) -> ViewPlan:
-        """Return the plan for a view, before anything is drawn."""
+    def see(self, camera: Camera) -> Seen:
+        """Return what a view is drawn with, and what is stated of it, before anything is drawn."""
         view = camera.view()
-        return self._plan_on(view, self.screen_for(camera, view, self.options.factor))
+        return self._see(view, self.screen_for(camera, view, self.options.factor))
 
-    def _plan_on(self, view: View, screen: Screen) -> ViewPlan:
-        """The plan for a view, on the screen of its picture."""
-        return self.view_plans.plan_for(view, screen, lambda: self._shadows.precision.shift(view))
+    def _see(self, view: View, screen: Screen) -> Seen:
+        """The same on the screen of the picture."""
+        tables, plan = self.tables, self.plan
+        furthest = domains.furthest_of(tables.material_boxes, view)
+        nearness = domains.nearness_in(tables, self._clearances, view)
+        roundings = plan.roundings.at(nearness)
+        is_far = domains.is_far(plan, furthest, nearness, screen)
+        if tables.has_shadows and not plan.of_materials.is_double.all():
+            is_far = is_far or self._shadows.is_far(view)
+        shares = plan.shares_at(roundings, is_far)
+        key = shares.tobytes()
+        if key not in self._drawings:
+            self._drawings[key] = self._make_drawing(plan.with_shares(shares, is_far))
+        drawing = self._drawings[key]
+        unstated = domains.list_unstated(drawing.plan, roundings, domains.furthest_over_nearest(screen, furthest.max()))
+        steps = (*drawing.steps, *domains.list_near_lights(tables, nearness, furthest))
+        steps += tuple(domains.Step(reason, np.inf, "everywhere") for reason in unstated)
+        is_single = not drawing.plan.of_materials.is_double.all()
+        stated = max(domains.EXACT, self.options.tolerance if is_single else 0.0)
+        return Seen(drawing, None if unstated else stated, steps)
 
-    def summary_of(self, plan: Plan, paths: PathCounts | None = None) -> PlanSummary:
-        """Return a plan in words, with how many triangles took which path."""
-        return self._parts_of(plan).summary._replace(paths=paths)
+    def _make_drawing(self, plan: Plan) -> Drawing:
+        """Make what follows from a plan."""
+        options = self.options
+        coding = make_coding(plan, options.tolerance)
+        return Drawing(
+            plan=plan,
+            normals=self._normals.of(plan) if plan.is_lit_per_sample else NONE,
+            coding=coding,
+            textures=plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map),
+            encoding=make_encoding(plan, self.tables.background, options.color_range),
+            lightings={dtype: with_functions(list_materials(plan, dtype), plan, dtype) for dtype in plan.dtypes},
+            summary=summarize(plan),
+            steps=domains.list_steps(plan),
+        )
 
     # ------------------------------------------------ the picture
 
@@ -183,8 +230,8 @@ class PreparedScene:
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
         picture = make_picture(options.size, with_color or is_global, out)
         screen = self.screen_for(camera, view, options.factor)
-        view_plan = self._plan_on(view, screen)
-        render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
+        seen = self._see(view, screen)
+        render_pass = self.color_pass(view, screen, seen.drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         if is_global:
             scale = 1.0 / max(1.0, float(picture.color.max()))
@@ -192,58 +239,39 @@ class PreparedScene:
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, screen)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, seen)
 
-    def color_pass(self, view: View, screen, plan: Plan, picture, clock) -> ColorPass:
+    def color_pass(self, view: View, screen, drawing: Drawing, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
-        options, parts = self.options, self._parts_of(plan)
-        maps: dict[np.dtype, Any] = dict.fromkeys(parts.dtypes, ())
-        if plan.has_shadows:
-            maps = {d: self._shadows.draw(plan, view, d, self.workspaces, self.threads) for d in parts.dtypes}
+        options, plan = self.options, drawing.plan
+        maps: dict[np.dtype, Any] = dict.fromkeys(drawing.lightings, ())
+        if plan.tables.has_shadows:
+            maps = {dtype: self._shadows.draw(plan, view, dtype, self.workspaces, self.threads) for dtype in maps}
             clock.lap("shadows")
-        lightings = {d: light_view(self._lighting_in(plan, d), plan, view, maps[d]) for d in parts.dtypes}
+        lightings = {dtype: light_view(each, plan, view, maps[dtype]) for dtype, each in drawing.lightings.items()}
         shared = {
-            "coding": parts.coding._replace(depths=scale_depths(screen)),
+            "coding": drawing.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
             "factor": options.factor,
             "hidden_sides": (hidden_sides := self._hidden_sides(view, screen, options.factor)),
             "plan": plan,
             "screen": screen,
-            "encoding": parts.encoding,
-            "textures": parts.textures,
+            "encoding": drawing.encoding,
+            "textures": drawing.textures,
             "picture": picture,
         }
         if plan.is_lit_per_sample:
-            face_table = FaceTable(self._shadows.shapes) if plan.has_shadows else NO_TABLE
-            return LitPass(attributes=parts.normals, face_table=face_table, lightings=lightings, **shared)
+            face_table = FaceTable(self._shadows.shapes) if plan.tables.has_shadows else NO_TABLE
+            return LitPass(attributes=drawing.normals, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen, hidden_sides)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, **shared)
-
-    def _lighting_in(self, plan: Plan, dtype: np.dtype) -> Lighting:
-        """The illumination in one type, but for what a view says of it."""
-        key = dtype, plan.of_materials.features.tobytes()
-        if key not in self._lightings:
-            self._lightings[key] = with_functions(list_materials(plan, dtype), plan, dtype)
-        return self._lightings[key]
-
-    def _parts_of(self, plan: Plan) -> PlanParts:
-        """What follows from a plan."""
-        if id(plan) not in self._plan_parts:
-            options = self.options
-            coding = make_coding(plan, options.tolerance)
-            encoding = make_encoding(plan, self.tables.background, options.color_range)
-            normals = self._normals.of(plan) if plan.is_lit_per_sample else NONE
-            textures = plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map)
-            parts = PlanParts(plan, plan.dtypes, normals, coding, textures, encoding, summarize(plan))
-            keep(self._plan_parts, id(plan), parts)
-        return self._plan_parts[id(plan)]
 
     def _light_points(self, plan: Plan, lightings, screen, hidden_sides) -> NDArray[np.float64]:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1 and not self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or is_never_flipped else 2
-        normal_offsets = self._shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
+        normal_offsets = self._shadows.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
 
     # ------------------------------------------------ exact buffers
@@ -292,31 +320,3 @@ class PreparedScene:
         render_pass.rows = rows
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         return render_pass.buffers, counts, screen
-
-    # ------------------------------------------------ bounds
-
-    def bound_outputs(
-        self, camera: Camera, outputs: Collection[str], view_plan: ViewPlan | None, screen: Screen
-    ) -> ErrorBounds:
-        """Say how far each output of a picture may be off.
-
-        Parameters
-        ----------
-        outputs : names of what was drawn
-        view_plan : that of the picture; None without one
-        screen : that of the buffers, or of the picture
-        """
-        found: dict[str, Any] = {}
-        if view_plan is not None:
-            error = view_plan.error_bound
-            found |= {"color": error} if "color" in outputs else {}
-            found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
-            if view_plan.plan.has_shadows:
-                found["shadows"] = self._shadows.list_bounds(view_plan.plan)
-        if self.buffer_names:
-            view, bounds = camera.view(), self.tables.bounds
-            has_means = not (self.options.is_flat or {"normal", "normal_camera"}.isdisjoint(outputs))
-            shortest = self.view_plans.shortest_normal if has_means else 1.0
-            nearest = depths_of_boxes(view, bounds)[0]
-            found |= bound_buffers(outputs, screen, furthest_of(bounds, view.eye), nearest, shortest)
-        return ErrorBounds(**found)

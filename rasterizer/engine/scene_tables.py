@@ -1,6 +1,6 @@
 """A scene as tables: read once, and handed on in its place.
 
-    Scene ─ tables (here) ─ geometry (geometry/points.py) ─ plan (plan.py) ─ passes (passes.py)
+    Scene ─ tables (here) ─ plan (plan.py) ─ geometry (geometry/points.py) ─ passes (passes.py)
 
 Its different materials and its lights are listed and numbered, area lights are taken apart, the exposure is multiplied
 in, and where colours are spectra the products of materials and lights. Below that stands what surfaces are beside
@@ -23,6 +23,8 @@ from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table
 from .reflections import count_terms, fresnel_of, has_highlight, has_hued_fresnel, is_metallic
+
+N_BOX = 2**12  # boxes round faces of a mesh, at most: their distances from lights are found in a moment
 
 
 class SceneTables:
@@ -108,14 +110,56 @@ class SceneTables:
         """(n_mesh + 1,): face f of mesh m has the index face_offsets[m] + f in the scene."""
         return np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
 
-    @property
-    def has_vertex_colors(self) -> NDArray[np.bool_]:
-        """(n_material,): which materials have points with colours that are given with the model."""
-        has_colors = np.zeros(len(self.materials), np.bool_)
+    @cached_property
+    def material_boxes(self) -> NDArray[np.float64]:
+        """(n_material, 2, 3) boxes round the meshes that have them, world space."""
+        low, high = np.full((2, len(self.materials), 3), [[[np.inf]], [[-np.inf]]])
+        for (low_here, high_here), numbers in zip(self.bounds, self.palettes, strict=True):
+            low[numbers], high[numbers] = np.minimum(low[numbers], low_here), np.maximum(high[numbers], high_here)
+        return np.stack([low, high], axis=1)
+
+    @cached_property
+    def face_boxes(self) -> list[NDArray[np.float64]]:
+        """Of each material (n, 2, 3) boxes, round some of its faces each, world space."""
+        found: list[list] = [[] for _ in self.materials]
         for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
-            if mesh.colors is not None or mesh.face_colors is not None:
-                has_colors[numbers] = True
-        return has_colors
+            for k, number in enumerate(numbers.tolist()):
+                faces = mesh.faces if mesh.face_material is None else mesh.faces[mesh.face_material == k]
+                if len(faces):
+                    corners, starts = mesh.vertices[faces], np.arange(0, len(faces), -(-len(faces) // N_BOX))
+                    low = np.minimum.reduceat(corners.min(axis=1), starts)
+                    found[number].append(np.stack([low, np.maximum.reduceat(corners.max(axis=1), starts)], axis=1))
+        return [np.concatenate(boxes) if boxes else np.empty((0, 2, 3)) for boxes in found]
+
+    @cached_property
+    def colors_of_meshes(self) -> list[NDArray[np.float64] | None]:
+        """The linear colours (n, 3) that each mesh has at its vertices or faces; None where it has none."""
+        given = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in self.meshes]
+        return [None if colors is None else colors[..., :3].reshape(-1, 3) for colors in given]
+
+    @cached_property
+    def max_albedo(self) -> float:
+        """The largest component of the colours that multiply what materials reflect, textures' included."""
+        given = [float(colors.max(initial=1.0)) for colors in self.colors_of_meshes if colors is not None]
+        return max(given, default=1.0) * brightest_texel(self.materials)
+
+    @cached_property
+    def has_vertex_colors(self) -> NDArray[np.bool_]:
+        """(n_material,): which materials are those of meshes with colours."""
+        return self._materials_of([colors is not None for colors in self.colors_of_meshes])
+
+    @cached_property
+    def has_hues(self) -> NDArray[np.bool_]:
+        """(n_material,): which materials are those of meshes with colours that aren't grey."""
+        given = self.colors_of_meshes
+        return self._materials_of([c is not None and bool((c[:, 1:] != c[:, :1]).any()) for c in given])
+
+    def _materials_of(self, is_asked: Sequence[bool]) -> NDArray[np.bool_]:
+        """(n_material,): which materials some of the meshes have."""
+        found = np.zeros(len(self.materials), np.bool_)
+        for numbers, is_one in zip(self.palettes, is_asked, strict=True):
+            found[numbers] |= is_one
+        return found
 
     @property
     def is_textured(self) -> bool:

@@ -28,15 +28,13 @@ from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
-from ..scene.lights import light_type_of
 from .attributes import scale_depths
-from .bounds import NORMALS, ShadowBound
 from .depth_range import NEAREST, are_seen_from_outside, fit_screen
+from .domains import DOUBLE, SINGLE
 from .draw import NO_CLOCK, draw
 from .lights import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
-from .plan import ANYWHERE, Plan
-from .rounding import DOUBLE, SINGLE
+from .plan import Plan
 
 MAX_TEXELS = 2**28  # of all maps of a scene: 1 GiB in float32
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
@@ -47,6 +45,8 @@ MARGIN = 1.0  # texels that stay free at the borders of a fitted map, beside tho
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 # Float32 may move what shadows are asked for by this share of a texel, where the scene is furthest from the light.
 MAX_SHIFT = 0.125
+NORMALS = 7  # u that an interpolated normal errs by
+ANYWHERE = View(np.zeros(3), *np.eye(3))  # for lights that don't move with the camera
 BEYOND_RANGE = 1.0 + 2.0**-10  # times the range of a light: no rounding brings anything back from there
 
 
@@ -60,7 +60,6 @@ class Shadows:
         self._geometry, self._bounds, self._plan = geometry, bounds, plan
         # By the index of the light, and by the type of the maps: where the light was (`place_of`), and its maps.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
-        self._of_lights: list[ShadowMap | None] = []  # what `draw` returned last
 
     def draw(
         self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
@@ -72,7 +71,7 @@ class Shadows:
         """
         maps: list[ShadowMap | None] = []
         room = MAX_TEXELS
-        for k, light in enumerate(plan.lights):
+        for k, light in enumerate(plan.tables.lights):
             if self._casters is None or not self._is_asked(plan, k):
                 maps.append(None)
                 continue
@@ -87,29 +86,19 @@ class Shadows:
                 shadow_map.fit_view(view.eye, plan)
                 room -= len(shadow_map.block)
             maps.append(shadow_map)
-        self._of_lights = maps
         return maps
 
     def _is_asked(self, plan: Plan, k: int) -> bool:
         """Tell whether a light casts shadows, and some material reflects it."""
-        return shadow_of(plan.lights[k]) is not None and bool(plan.is_lit[:, k].any())
+        return shadow_of(plan.tables.lights[k]) is not None and bool(plan.tables.is_lit[:, k].any())
 
-    def list_bounds(self, plan: Plan) -> tuple[ShadowBound, ...]:
-        """List what the maps of each type of light can't tell, see `ShadowBound`, in the view that they were drawn for
-        last."""
-        found: dict[str, ShadowBound] = {}
-        for light, shadow_map in zip(plan.lights, self._of_lights, strict=True):
-            if shadow_map is None or shadow_map.texel == 0.0:
-                continue
-            name, texel = light_type_of(light), shadow_map.texel
-            near = (shadow_of(light).filter + 1) / 2 * texel
-            last = found.get(name, ShadowBound(name, 0.0, 0.0))
-            found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
-        return tuple(found.values())
+    def is_far(self, view: View) -> bool:
+        """Tell whether float32 moves what shadows are asked for too far in a view, see `Precision`."""
+        return self._precision.is_far(view)
 
     @cached_property
-    def precision(self) -> "Precision":
-        """How far float32 moves what shadows are asked for; made for the first view that may be drawn in float32."""
+    def _precision(self) -> "Precision":
+        """Made for the first view that may be drawn in float32."""
         return Precision(self._plan, self._bounds)
 
     @cached_property
@@ -122,7 +111,7 @@ class Shadows:
     @cached_property
     def normal_offsets(self) -> NDArray[np.float64]:
         """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
-        return compute_normal_offsets(self._geometry, self._plan.is_flat)
+        return compute_normal_offsets(self._geometry, self._plan.options.is_flat)
 
 
 def place_of(light: Any, view: View) -> tuple:
@@ -178,7 +167,6 @@ class ShadowMap(NamedTuple):
 
     block: NDArray[np.floating]  # the header, the texels, and TAPS that aren't written; float32 or float64
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
-    texel: float  # the longest side of one, see `MapViews.texels`
 
     def fit_view(self, eye: NDArray[np.float64], plan: Plan) -> None:
         """Write what depends on the view: the origin relative to the eye, as the positions of surface points are, and
@@ -243,8 +231,7 @@ def draw_shadow_map(
         row[lookup.SLACK] = _slack(projection, size, dtype)
         row[lookup.LAYER] = layer
         layer += 1
-    texel = max((longer for _, longer in maps.texels(casters.corners)), default=0.0)
-    return ShadowMap(block, maps.origin, texel)
+    return ShadowMap(block, maps.origin)
 
 
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
@@ -530,14 +517,14 @@ class Precision:
         self._lights = [light for light in plan.reflected_lights if shadow_of(light) is not None]
         self._lasting = [None if is_carried(light) else self._measure(light, ANYWHERE) for light in self._lights]
 
-    def shift(self, view: View) -> float:
-        """Return how far float32 moves any point in one view, scene units; infinite where that is too far."""
-        largest = 0.0
+    def is_far(self, view: View) -> bool:
+        """Tell whether float32 moves any point too far in one view."""
         for light, lasting in zip(self._lights, self._lasting, strict=True):
             origin, extent, texel = lasting or self._measure(light, view)
             shift = lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum()))
-            largest = max(largest, shift if shift <= MAX_SHIFT * texel else math.inf)
-        return largest
+            if not shift <= MAX_SHIFT * texel:
+                return True
+        return False
 
     def _measure(self, light, view) -> tuple:
         """Where a light is, how far the scene extends from there (sum of components), and the width of a texel."""

@@ -30,12 +30,12 @@ def make_lighting(plan: Plan, view, dtype, shadows=()) -> Lighting:
 def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
     """Put what a view says of the lights into what `list_materials` returns."""
     dtype = lighting.materials.dtype
-    lights = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
-    for k in np.flatnonzero(plan.is_lit.any(axis=0)):
-        light_table.entry_of(plan.lights[k]).write(lights[k], plan.lights[k], view, dtype)
+    lights = np.zeros((len(plan.tables.lights), N_LIGHT_COEFFICIENT))
+    for k in np.flatnonzero(plan.tables.is_lit.any(axis=0)):
+        light_table.entry_of(plan.tables.lights[k]).write(lights[k], plan.tables.lights[k], view, dtype)
     return lighting._replace(
         lights=lights.astype(dtype),
-        shadows=_list_shadows(shadows, dtype) if plan.has_shadows else None,
+        shadows=_list_shadows(shadows, dtype) if plan.tables.has_shadows else None,
     )
 
 
@@ -45,7 +45,7 @@ def list_materials(plan: Plan, dtype) -> Lighting:
     The coefficients of lights and the addresses of functions are zeros, and no light casts shadows.
     """
     material = _material_rows(plan, dtype)
-    models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
+    models = [reflection_table.entry_of(source) for source in plan.tables.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     is_lit = is_lit_in(plan, dtype)
     n_light = is_lit.shape[1]
@@ -56,7 +56,7 @@ def list_materials(plan: Plan, dtype) -> Lighting:
         light_idx=np.argsort(~is_lit, axis=1, kind="stable"),
         reflection_functions=np.zeros(is_lit.shape, np.int64),
         materials=material.astype(dtype),
-        n_terms=np.array([count_terms(source) for source in plan.materials]),
+        n_terms=np.array([count_terms(source) for source in plan.tables.materials]),
         is_view_dependent=is_view_dependent,
         n_channels=np.where(plan.of_materials.is_colored, 3, 1),
         tint=plan.tint,
@@ -71,8 +71,8 @@ def list_materials(plan: Plan, dtype) -> Lighting:
 def is_lit_in(plan: Plan, dtype=None) -> np.ndarray:
     """Tell which materials are lit in a type, None = any, and by which lights: (n_material, n_light) bool."""
     if dtype is None:
-        return plan.is_lit
-    return plan.is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
+        return plan.tables.is_lit
+    return plan.tables.is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
 
 
 def used_functions(plan: Plan, dtype=None) -> list[list]:
@@ -101,8 +101,8 @@ def _list_shadows(shadows, dtype) -> ShadowMaps:
 def _material_rows(plan, dtype) -> np.ndarray:
     """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of
     them."""
-    material = np.zeros((len(plan.materials), m.N_MATERIAL_COEFFICIENT))
-    for k, (row, source) in enumerate(zip(material, plan.materials, strict=True)):
+    material, products = np.zeros((len(plan.tables.materials), m.N_MATERIAL_COEFFICIENT)), plan.tables.products
+    for k, (row, source) in enumerate(zip(material, plan.tables.materials, strict=True)):
         row[m.SHININESS], row[m.TOON_LEVELS] = source.shininess, source.levels
         row[m.ROUGHNESS] = row[m.ROUGHNESS_ACROSS] = source.roughness if isinstance(source.roughness, float) else 0.0
         if isinstance(source.roughness, tuple):
@@ -113,11 +113,11 @@ def _material_rows(plan, dtype) -> np.ndarray:
         row[m.METALLIC] = source.metallic
         row[m.HAS_FRESNEL], row[m.HIGHLIGHT_SCALE] = count_terms(source) > 2, entry.highlight_scale(source)
         diffuse = (1.0 - source.metallic) * np.array(source.diffuse)
-        colors = (source.emissive, np.array(source.ambient) * plan.ambient, diffuse, source.specular)
+        colors = (source.emissive, np.array(source.ambient) * plan.tables.ambient, diffuse, source.specular)
         if count_terms(source) == 4:  # whose sums have all colours: see `_color_lights`
             colors = (*colors[:2], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
-        if plan.products is not None:
-            colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
+        if products is not None:
+            colors = (products.emissive[k], products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
         for column, color in zip(_COLUMNS, colors, strict=True):
             row[column : column + 3] = color
         if not plan.of_materials.is_colored[
@@ -134,16 +134,17 @@ def _material_rows(plan, dtype) -> np.ndarray:
 
 def _color_lights(plan) -> np.ndarray:
     """What the terms of each light are weighted with in the sums, (1 or n_material, n_light, 12): see Lighting."""
-    products, is_colored = plan.products, plan.of_materials.is_colored
+    products, is_colored = plan.tables.products, plan.of_materials.is_colored
     if products is not None:
         return _in_channels([products.diffuse, products.specular, products.grazing, products.metal], is_colored)
-    colors = np.array([light.color for light in plan.lights]).reshape(1, -1, 3) * plan.is_lit.any(axis=0)[:, None]
-    n_terms = [count_terms(material) for material in plan.materials]
+    colors = np.array([light.color for light in plan.tables.lights]).reshape(1, -1, 3)
+    colors = colors * plan.tables.is_lit.any(axis=0)[:, None]
+    n_terms = [count_terms(material) for material in plan.tables.materials]
     if max(n_terms) <= 2 and (colors == colors.max(axis=2, keepdims=True)).all():
         return np.tile(colors, (1, 1, 4))
-    first, rest, metal = split_fresnel(plan.materials)
-    diffuse, shares = np.ones_like(first), diffuse_shares(plan.materials)
-    for k, material in enumerate(plan.materials):
+    first, rest, metal = split_fresnel(plan.tables.materials)
+    diffuse, shares = np.ones_like(first), diffuse_shares(plan.tables.materials)
+    for k, material in enumerate(plan.tables.materials):
         if n_terms[k] == 4:  # W has the albedo's colour in it, so all coefficients stand here
             diffuse[k] = shares[k] * np.array(material.diffuse)
             for weights in (first, rest, metal):
@@ -162,10 +163,10 @@ def _in_channels(terms, is_colored) -> np.ndarray:
 def batch_functions_of(plan: Plan) -> tuple[list, list]:
     """The batch functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
     light."""
-    lights = [light_table.entry_of(source) for source in plan.lights]
-    of_lights = [entry.function(source).evaluate for entry, source in zip(lights, plan.lights, strict=True)]
+    lights = [light_table.entry_of(source) for source in plan.tables.lights]
+    of_lights = [entry.function(source) for entry, source in zip(lights, plan.tables.lights, strict=True)]
     of_materials = []
-    for material in plan.materials:
+    for material in plan.tables.materials:
         function = reflection_table.entry_of(material).function(material)
-        of_materials.append([ambient_share if entry.is_share else function.evaluate for entry in lights])
+        of_materials.append([ambient_share if entry.is_share else function for entry in lights])
     return of_lights, of_materials

@@ -3,8 +3,8 @@
 In:  normals and positions of the batch (fragments.py), and the coefficients of one light.
 Out: LIGHT_DIR, N_DOT_L, and STRENGTH, the part of the light's intensity that arrives; lighting.py applies its colour.
 
-A new type of light is a function here and an entry in LIGHT_FUNCTIONS, by the name that the engine has for it. Area
-lights are many point lights. Light of one's own (registries.py) is one formula for one point: `function_of_arrival` or
+A new type of light is a function here and a row in the engine's table (engine/lights.py). Area lights are many point
+lights. Light of one's own (registries.py) is one formula for one point: `function_of_arrival` or
 `function_of_share` makes a light function of it.
 
 Source of the formulas: the illumination equation, e.g. Foley, van Dam, Feiner & Hughes 1990, section 16.1; the range is
@@ -13,12 +13,10 @@ that of the glTF extension KHR_lights_punctual.
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
 from ..compiler.kernels import as_array, helper, index
-from ..errors import SceneError
 from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -29,13 +27,6 @@ VECTOR, ATTENUATION, MAX_STRENGTH, INVERSE_RANGE = 0, 3, 6, 7
 AXIS, COS_OUTER, CONE_SCALE, CONE_EXPONENT, CONE_FALLOFF = 8, 11, 12, 13, 14  # of spot lights
 N_LIGHT_COEFFICIENT = 15
 LIGHT_SHAPE = (N_LIGHT_COEFFICIENT,)
-
-
-class LightFunction(NamedTuple):
-    """What the pipeline knows of a type of light."""
-
-    evaluate: Callable  # (batch, n, coefficients): compiled by `batch_function`
-    needs_position: bool  # it reads POSITION
 
 
 def directional(batch, n, light):
@@ -72,24 +63,6 @@ def shaped_spot(batch, n, light):
     end_at_range(batch, n, light)
     keep_to_cone(batch, n, light, True)
     weaken_off_axis(batch, n, light)
-
-
-LIGHT_FUNCTIONS = {
-    "directional": LightFunction(directional, needs_position=False),
-    "point": LightFunction(point, needs_position=True),
-    "spot": LightFunction(spot, needs_position=True),
-    "shaped spot": LightFunction(shaped_spot, needs_position=True),
-}
-
-
-def light_function_of(name: str) -> LightFunction:
-    """Return what the pipeline knows of a type of light.
-
-    Raises SceneError where it knows none of this name.
-    """
-    if name not in LIGHT_FUNCTIONS:
-        raise SceneError(f"no light function is called {name!r}; there are {', '.join(sorted(LIGHT_FUNCTIONS))}")
-    return LIGHT_FUNCTIONS[name]
 
 
 @cache  # what is compiled of a formula is kept for good, as all batch functions are

@@ -9,10 +9,10 @@ Out: DIFFUSE, D; and of a highlight S the part SPECULAR = S·(1 - s), with s = 0
     N  unit normal      L  unit vector to the light      V  unit vector to the viewer
     R  L mirrored at N, 2 (N·L) N - L                    H  half vector, (L + V) / |L + V|
 
-A new model is a function here and an entry in REFLECTION_FUNCTIONS, by the name that the engine has for it. One's own
-(registries.py) is one formula for one point: `function_of_reflection` makes a reflection function of it. Which models
-conserve energy, and which are reciprocal: see the table in scene/material.py. At a silhouette N·V may come out below 0,
-by a rounding error or an interpolated normal: no model here divides by it.
+A new model is a function here and a row in the engine's table (engine/reflections.py). One's own (registries.py) is one
+formula for one point: `function_of_reflection` makes a reflection function of it. Which models conserve energy, and
+which are reciprocal: see the table in scene/material.py. At a silhouette N·V may come out below 0, by a rounding error
+or an interpolated normal: no model here divides by it.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import as_array, helper, index
-from ..errors import SceneError
 from ..geometry.vectors import add, cross, dot, length, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
@@ -31,15 +30,6 @@ from .power import exponential, grazing, power
 
 MIN_ALPHA = 0.001  # of GGX, where a texture multiplies it: what a material may have at least
 MIN_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
-
-
-class ReflectionFunction(NamedTuple):
-    """What the pipeline knows of a reflection model. Functions are (batch, n, coefficients), see `batch_function`."""
-
-    evaluate: Callable
-    needs_view: bool  # it reads N_DOT_V and VIEW_DIR
-    has_highlight: bool  # it writes SPECULAR
-    has_fresnel: bool = False  # and GRAZING
 
 
 def lambert(batch, n, material):
@@ -140,7 +130,7 @@ def fill_r_dot_v(batch, n):
     """Fill SPECULAR with R·V = 1 - |R - V|²/2, as both have unit length. Never above 1.
 
     An error e of a vector moves that by e·|R - V| alone, which the n-th power magnifies by about √n
-    (engine/bounds.py); that of R·V itself, or of a vector's length, it would magnify by n.
+    (engine/reflections.py); that of R·V itself, or of a vector's length, it would magnify by n.
     """
     real = batch.dtype.type
     one, two, a_half = real(1), real(2), real(0.5)
@@ -477,33 +467,7 @@ def ggx_of_texture(batch, n, material):
         batch[f.DIFFUSE + k] = batch[f.DIFFUSE + k] * rest if rest > zero else zero
 
 
-# ---------------------------------------------------------------- the table of all models, and models of one's own
-
-REFLECTION_FUNCTIONS = {
-    "lambert": ReflectionFunction(lambert, needs_view=False, has_highlight=False),
-    "phong": ReflectionFunction(phong, needs_view=True, has_highlight=True, has_fresnel=True),
-    "blinn": ReflectionFunction(blinn, needs_view=True, has_highlight=True, has_fresnel=True),
-    "oren-nayar": ReflectionFunction(oren_nayar, needs_view=True, has_highlight=False),
-    "ggx": ReflectionFunction(ggx, needs_view=True, has_highlight=True, has_fresnel=True),
-    "ggx of texture": ReflectionFunction(ggx_of_texture, needs_view=True, has_highlight=True, has_fresnel=True),
-    "beckmann": ReflectionFunction(beckmann, needs_view=True, has_highlight=True, has_fresnel=True),
-    "anisotropic ggx": ReflectionFunction(anisotropic_ggx, needs_view=True, has_highlight=True, has_fresnel=True),
-    "anisotropic ggx by axis": ReflectionFunction(
-        anisotropic_ggx_by_axis, needs_view=True, has_highlight=True, has_fresnel=True
-    ),
-    "toon": ReflectionFunction(toon, needs_view=True, has_highlight=True),
-}
-
-
-def reflection_function_of(model: str) -> ReflectionFunction:
-    """Return what the pipeline knows of a reflection model.
-
-    Raises SceneError where it knows none of this name.
-    """
-    if model not in REFLECTION_FUNCTIONS:
-        legal = ", ".join(sorted(REFLECTION_FUNCTIONS))
-        raise SceneError(f"no reflection function is called {model!r}; there are {legal}")
-    return REFLECTION_FUNCTIONS[model]
+# ---------------------------------------------------------------- models of one's own
 
 
 class Coefficients(NamedTuple):

@@ -94,26 +94,17 @@ def test_json_has_a_line_for_each_picture_and_each_failure(capsys):
     first, second = map(json.loads, out.splitlines())
     assert second == {"status": "failed", "model": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
     assert first.pop("seconds") > 0 and 0 < first.pop("coverage") < 1 and 0 <= first.pop("error_bound") < 0.01
-    bounds = first.pop("error_bounds")
-    assert bounds["rgb"] == 1 and "shadows" not in bounds
     assert first == {
         "status": "drawn", "model": CUBE, "view": None, "seed": None, "output": "cube.png", "arrays": None,
         "size": [24, 16], "faces": 12, "warnings": [],
     }  # fmt: skip
 
 
-def test_the_bound_of_each_output_is_told(capsys):
-    rz.Scene(rz.load(CUBE).meshes, [rz.PointLight((1, 2, 3), shadow=rz.Shadow(size=64))]).save("lit.json")
-    assert run("lit.json", "--array", "depth", "-o", "a.npy", "--json", "-v") == 0
+def test_the_bound_is_told(capsys):
+    assert run(CUBE, "-o", "a.png", "--json", "-v") == 0
     out, err = capsys.readouterr()
-    found = json.loads(out)["error_bounds"]
-    assert set(found) == {"depth", "depth_share"} and 5e-8 < found["depth_share"] < 7e-8
-    assert f"{found['depth']:.2g} scene units of depth ({found['depth_share']:.2g} of itself)" in err
-    assert run("lit.json", "-o", "a.png", "--json", "-v") == 0
-    out, err = capsys.readouterr()
-    (shadow,) = json.loads(out)["error_bounds"]["shadows"]
-    assert shadow["light"] == "point" and 0 < shadow["texel"] <= shadow["near"] < 1
-    assert "1 level of 8 bits; not counted: a highlight ends" in err and err.count("errors are at most") == 1
+    assert json.loads(out)["error_bound"] == 1 / 4096
+    assert "errors are at most 0.00024 in linear intensity; but next to steps: a highlight ends" in err
 
 
 def test_verbose_and_quiet(capsys):
@@ -122,7 +113,7 @@ def test_verbose_and_quiet(capsys):
     assert "cube.obj: 12 faces" in err and "cube.png, <Frame 24x16 rgb, 12 faces" in err and "\x1b" not in err
     assert "4 samples a pixel" in err and len(err.splitlines()) == 4 and "float32" not in err
     assert run(CUBE, "-vv") == 0
-    assert "1 channel, float32" in errors(capsys)
+    assert "1 channel; " in (err := errors(capsys)) and "1 material, all in float32" in err
     away = ["--eye", "9,9,9", "--target", "20,20,20"]
     assert run(CUBE, "-q", *away, "--json") == 0
     out, err = capsys.readouterr()

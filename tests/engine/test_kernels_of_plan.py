@@ -46,7 +46,7 @@ def test_a_picture_calls_no_kernel_that_is_not_listed(first):
         scene, options = renderer.scene, renderer.options
         camera = scene.camera_for(size)
         tables = SceneTables(scene, options)
-        plan = PreparedScene(tables, options).plan_for(camera).plan  # in this view float64 may be needed
+        plan = PreparedScene(tables, options).see(camera).drawing.plan  # in this view float64 may be needed
         after = called()
         listed = {*list_kernels(tables, options, camera), *list_kernels(tables, options, camera, plan)}
         missing = {(kernels.title_of(function), signature) for function, signature in after - before - listed}

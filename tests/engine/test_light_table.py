@@ -1,4 +1,4 @@
-"""Check what the engine's table says of each kind of light: beams, clearances, strengths, slopes, coefficients."""
+"""Check what the engine's table says of each kind of light: beams, strengths, slopes, coefficients."""
 
 from dataclasses import replace
 
@@ -7,7 +7,6 @@ import pytest
 
 import rasterizer as rz
 from rasterizer.engine.lights import LIGHT_TABLE, entry_of, is_black, world_direction, world_position
-from rasterizer.engine.rounding import DOUBLE, SINGLE
 from rasterizer.pipeline import lights as pipeline
 from rasterizer.scene.lights import LIGHT_TYPES
 
@@ -21,11 +20,6 @@ LIGHTS = {
 }
 
 
-def distance_to(position):
-    """How far the only lit point, (5, 2, 3), is from a position."""
-    return float(np.linalg.norm(np.array((5, 2, 3)) - position))
-
-
 def test_every_kind_of_light_has_an_entry_and_stands_for_lights_with_a_function():
     made = {**LIGHTS, "ambient": rz.AmbientLight(), "area": rz.AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0))}
     assert set(made) == set(LIGHT_TYPES) == set(LIGHT_TABLE)
@@ -35,7 +29,7 @@ def test_every_kind_of_light_has_an_entry_and_stands_for_lights_with_a_function(
         parts = entry.expand(light)
         assert len(parts) == {"ambient": 0, "area": 16}.get(kind, 1) and entry.is_ambient == (kind == "ambient")
         for part in parts:
-            assert callable(entry_of(part).function(part).evaluate)
+            assert callable(entry_of(part).function(part))
 
 
 @pytest.mark.parametrize("attached", ["world", "camera"])
@@ -54,11 +48,6 @@ def test_beams_and_vectors_are_those_of_the_world(attached):
     assert world_position(lights["point"], VIEW) == pytest.approx(place)
     wide = replace(lights["spot"], outer=90.0)
     assert entry_of(wide).beam(wide, VIEW).spread == np.inf
-
-
-def test_a_clearance_is_that_of_the_nearest_point():
-    for kind, light in LIGHTS.items():
-        assert entry_of(light).clearance(light, VIEW, distance_to) == (np.inf if kind == "directional" else 4.0)
 
 
 ATTENUATIONS = [
@@ -99,13 +88,13 @@ def test_black_is_no_light():
 
 def test_only_sharp_cones_have_steps():
     sharp = replace(LIGHTS["spot"], inner=40.0)
-    for u in (SINGLE, DOUBLE):
-        (step,) = entry_of(sharp).discontinuities(sharp, u)
-        assert step.cause == "the edge of a sharp spot light" and step.near > u
-        assert not any(entry_of(light).discontinuities(light, u) for light in LIGHTS.values())
+    (step,) = entry_of(sharp).steps(sharp, True)
+    assert step.cause == "the edge of a sharp spot light" and step.near > 2.0**-24
+    assert entry_of(sharp).reason_for_float64(sharp) == "a sharp spot light"
+    assert not any(entry_of(light).steps(light, True) for light in LIGHTS.values())
     assert entry_of(sharp).steepness(sharp) == 2.0, "beside the step the exponent alone counts"
     steep = replace(LIGHTS["spot"], inner=40.0 - 1e-5)
-    assert entry_of(steep).discontinuities(steep, DOUBLE) and entry_of(steep).steepness(steep) < 1e3
+    assert entry_of(steep).steps(steep, True) and entry_of(steep).steepness(steep) < 1e3
 
 
 def test_the_strength_is_no_steeper_than_the_table_says():

@@ -14,12 +14,10 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine.attributes import make_coding, scale_depths
-from rasterizer.engine.bounds import Distances
-from rasterizer.engine.plan import make_plan, plan_of_view
+from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
-from rasterizer.pipeline.gradients import DOUBLE_PRECISION, EXACT, HAS_COLORS, IN_ENTRIES, IN_PLANES, SINGLE_PRECISION
+from rasterizer.pipeline.gradients import EXACT, HAS_COLORS, IN_ENTRIES, IN_PLANES
 from rasterizer.pipeline.visibility import LEVEL_MASK
 
 BALL = octasphere(1)
@@ -46,7 +44,7 @@ def scene_of(materials, lights, **mesh):
 def plan_of(scene, **options):
     """The plan of a scene."""
     options = Options(**options)
-    return make_plan(SceneTables(scene, options), options, gather_geometry(scene.meshes, options.is_flat).albedo)
+    return make_plan(SceneTables(scene, options), options)
 
 
 def screen_for(camera, depth_range):
@@ -100,7 +98,7 @@ def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
     for name, n, shading in (("colors", 18, "gouraud"), ("face_colors", 32, "phong")):
         greys = np.repeat(rng.uniform(0.2, 1.0, (n, 1)), 3, axis=1)
         grey = scene_of([GREY], GREY_LIGHTS, **{name: greys})
-        assert plan_of(grey).n_channel == 1 and plan_of(grey).has_albedo
+        assert plan_of(grey).n_channel == 1
         assert plan_of(scene_of([GREY], GREY_LIGHTS, **{name: greys + [[0, 0, 1e-9]]})).n_channel == 3
         for tolerance in (0, DEFAULT_TOLERANCE):
             budget = max(EXACTLY, tolerance)
@@ -176,9 +174,8 @@ def test_float64_of_one_material_leaves_the_others_their_way():
         way = IN_PLANES if shading == "phong" else IN_ENTRIES
         assert found.of_materials.paths.tolist() == [way, EXACT, EXACT]
         assert [dtype.name for dtype in found.dtypes] == ["float32", "float64"]
-        (none, of_toon, of_mirror), all_reasons = found.of_materials.reasons, found.reasons
+        none, of_toon, of_mirror = found.of_materials.reasons
         assert none == () and "toon" in of_toon[0] and "rounding" in of_mirror[0]
-        assert set(all_reasons) == {*of_toon, *of_mirror}
         exact = plan_of(scene, shading=shading, tolerance=0)
         assert not differences(exact.of_materials.is_double, True)
         assert [r for r in exact.of_materials.reasons if "tolerance 0" not in r] == []
@@ -226,9 +223,9 @@ def test_the_cheapest_way_inside_the_tolerance():
             assert found.dtype == dtype, f"{case}: {found.dtype}, {rows.reasons}"
             assert way == (lit if shading == "phong" else interpolated), f"{case}: way {way}"
             assert bool(rows.reasons[0]) == (dtype == np.float64), f"{case}: {rows.reasons}"
-            assert found.is_lit_per_sample == (shading == "phong") and found.is_flat == (shading == "flat")
+            assert found.is_lit_per_sample == (shading == "phong")
             assert way == EXACT or found.level_scale * found.bound <= LEVEL_MASK, case
-            assert dtype == np.float64 or rows.roundings.max() <= tolerance / 2, case
+            assert dtype == np.float64 or rows.shares.max() <= 1 / 2, case
 
 
 def test_no_intensity_is_above_the_bound():
@@ -240,44 +237,16 @@ def test_no_intensity_is_above_the_bound():
         assert 0 < most <= bound, f"{name}, {shading}: {most:.4g} > the bound {bound:.4g}"
 
 
-LOST = "rounding beyond half of the tolerance"
-
-
-def test_a_light_on_a_surface_needs_float64():
-    found = plan_of(scene_of([GREY], GREY_LIGHTS))
-
-    def fits(furthest, clearance, shortest=1.0):
-        around = Distances(np.array([furthest]), np.array([[np.inf, clearance]]), shortest, True)
-        return plan_of_view(found, DEFAULT_TOLERANCE, around).dtype == np.float32
-
-    assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
-    assert fits(5.0, np.inf, 0.3) and not fits(5.0, np.inf, 1e-6) and not fits(5.0, np.inf, 0.0)
-    # Squares of lengths must be numbers of float32, too.
-    for unit in (1e-30, 1e-21, 1e19, 1e30):
-        assert not fits(5.0 * unit, unit), unit
-    assert not fits(5.0, 1e25)
-    around = Distances(np.array([5.0]), np.array([[np.inf, 0.0]]), 1.0, True)
-    lost = plan_of_view(found, DEFAULT_TOLERANCE, around)
-    assert lost.dtype == np.float64 and lost.of_materials.paths.tolist() == [EXACT]
-    assert lost.of_materials.features.tolist() == [DOUBLE_PRECISION] and lost.reasons == (LOST,)
-    assert found.of_materials.features.tolist() == [SINGLE_PRECISION], "the plan of the scene is another"
-
-
 def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
-    """A highlight loses digits with the distance; diffuse light does not."""
-    dull, shiny = rz.Material(diffuse=0.3, specular=0), rz.Material(specular=0.5, shininess=400)
-    found = plan_of(scene_of([dull, shiny], (rz.DirectionalLight((0, -1, -1), 0.6),)), shading="phong")
-    ways = {}
-    for shortest in (1.0, 0.1, 0.03, 0.01, 1e-3):
-        around = Distances(np.full(2, 5.0), np.full((2, 1), np.inf), shortest, True)
-        of_view = plan_of_view(found, DEFAULT_TOLERANCE, around).of_materials
-        is_double = of_view.is_double.tolist()
-        ways[shortest] = is_double
-        for k, double in enumerate(is_double):
-            assert of_view.paths[k] == (EXACT if double else IN_PLANES)
-            assert of_view.reasons[k] == ((LOST,) if double else ())
-            assert double or of_view.roundings[k] <= DEFAULT_TOLERANCE / 2
-    assert ways[1.0] == [False, False] and [False, True] in ways.values(), ways
+    found = plan_of(scene_of([GREY, DULL_CLAY], GREY_LIGHTS), shading="phong")
+    few, many = 100.0, 1e6  # roundings
+    near = found.with_shares(found.shares_at(np.array([many, few]), False), False).of_materials
+    assert near.is_double.tolist() == [True, False] and near.paths.tolist() == [EXACT, IN_PLANES]
+    assert near.reasons == (("rounding beyond half of the tolerance",), ())
+    assert near.shares.tolist() == [np.inf, 1 / 8]
+    far = found.with_shares(found.shares_at(np.array([few, few]), True), True)
+    assert far.dtype == np.float64 and all("beyond float32" in reason for (reason,) in far.of_materials.reasons)
+    assert found.dtypes == (np.float32,), "the plan of the scene is another"
 
 
 def test_entries_accept_what_is_left_of_the_tolerance():
@@ -286,7 +255,7 @@ def test_entries_accept_what_is_left_of_the_tolerance():
     screen = screen_for(camera, (1.0, 9.0))
     found = plan_of(scene_of([GREY], GREY_LIGHTS), shading="gouraud")
     coding = make_coding(found, DEFAULT_TOLERANCE)._replace(depths=scale_depths(screen))
-    assert coding.limits[0] + found.of_materials.roundings.max() == pytest.approx(DEFAULT_TOLERANCE)
+    assert coding.limits[0] == pytest.approx(DEFAULT_TOLERANCE * (1 - found.of_materials.shares.max()))
     assert not coding.needs_distance
     for w in (1.0, 3.7, 9.0):
         z = screen.z_offset + screen.z_scale / w

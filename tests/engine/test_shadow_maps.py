@@ -1,6 +1,7 @@
 """Check shadow maps: against rays in random scenes of separate solids, their texels against rational numbers, which
 are drawn, and which are kept."""
 
+from copy import copy
 from dataclasses import replace
 from fractions import Fraction
 from itertools import cycle
@@ -14,9 +15,8 @@ from helpers.pinhole import QUAD, octasphere, unit
 import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.prepared import PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.shadow_maps import Casters, Precision, Shadows, draw_shadow_map, gather_casters
+from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
 from rasterizer.geometry.closed import gather_inner_sides, list_opaque_fans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
@@ -340,7 +340,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
     carried = rz.DirectionalLight((0.1, 0, -1), attached="camera", shadow=rz.Shadow(64, 5))
     scene = rz.Scene([mesh], [rz.DirectionalLight((0, 0, -1), shadow=rz.Shadow(64)), carried])
-    plan = make_plan(SceneTables(scene, rz.Options(shading="phong")), rz.Options(shading="phong"), np.empty((0, 3)))
+    plan = make_plan(SceneTables(scene, rz.Options(shading="phong")), rz.Options(shading="phong"))
     shadows = Shadows(gather_geometry(scene.meshes, False), mesh.bounds[None], plan)
     rows = plan.of_materials
     turned = plan._replace(of_materials=rows._replace(normal_limits=8 * rows.normal_limits))
@@ -360,21 +360,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     assert again is first and again.block[lookup.HEADER : -lookup.TAPS].tobytes() == texels
     assert not deviations(again.block[lookup.ORIGIN : lookup.ORIGIN + 3], again.origin - elsewhere.eye, atol=1e-06)
     assert moved is not moving, "a light that moves with the camera sees something else"
-    dull = plan._replace(is_lit=np.zeros_like(plan.is_lit))
+    tables = copy(plan.tables)
+    tables.is_lit = np.zeros_like(plan.tables.is_lit)
+    dull = plan._replace(tables=tables)
     assert draw(dull) == [None, None], "nothing reflects them"
-
-
-def test_neighbouring_views_share_a_plan_that_states_what_float32_moves_in_each():
-    """A plan for each view of a turn would take a good part of a small picture's time."""
-    light = rz.DirectionalLight((0.3, -1, -1), attached="camera", shadow=rz.Shadow(64))
-    scene, options = rz.Scene([FLOOR, BALL], light), rz.Options(shading="phong")
-    prepared = PreparedScene(SceneTables(scene, options), options)
-    precision = Precision(prepared.view_plans.plan, prepared.tables.bounds)
-    plans, shifts = {}, set()
-    for camera in rz.Camera.orbit(scene, [35 + 0.25 * k for k in range(24)]):
-        found, shift = prepared.plan_for(camera), precision.shift(camera.view())
-        (stated,) = (near for cause, near, _ in found.steps if "shadow in float32" in cause)
-        assert 0.0 < shift <= stated <= 1.05 * shift
-        plans[id(found.plan)] = found.plan
-        shifts.add(shift)
-    assert len(plans) <= 8 < 20 <= len(shifts)

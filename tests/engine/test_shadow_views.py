@@ -113,7 +113,6 @@ def test_float32_is_taken_where_it_moves_edges_by_less_than_an_eighth_of_a_texel
         with rz.Renderer(rz.Scene(meshes, light, camera), 32, shading="phong", samples=1) as renderer:
             stats = renderer.render().stats
         assert stats.plan.dtype == expected, f"{distance} units, {texels} texels: {stats.plan.dtype}"
-        assert any("float32" in cause for cause, _, _ in stats.steps) == (expected == "float32")
     assert rz.render(rz.Scene(meshes, light, camera), 32, tolerance=0, samples=1).stats.plan.dtype == "float64"
 
 

@@ -39,7 +39,7 @@ def lighting_of(lights, *materials, shadows=(), **options):
     """(Lighting, plan) of lights and materials as VIEW sees them."""
     meshes = [rz.Mesh(*TRIANGLE, material=material) for material in materials or (rz.Material(),)]
     chosen = Options(shading="phong", tolerance=0, **options)
-    plan = make_plan(SceneTables(rz.Scene(meshes, lights, CAMERA), chosen), chosen, np.empty((0, 3)))
+    plan = make_plan(SceneTables(rz.Scene(meshes, lights, CAMERA), chosen), chosen)
     return make_lighting(plan, VIEW, plan.dtype, shadows), plan
 
 
@@ -105,7 +105,7 @@ def test_beside_a_coloured_material_a_grey_one_has_one_channel():
 def test_only_the_materials_of_a_type_have_functions_in_it():
     toon, view = rz.Material(reflection="toon"), VIEW
     scene = rz.Scene([rz.Mesh(*TRIANGLE, material=look) for look in (rz.Material(), toon)], rz.PointLight((1, 2, 3)))
-    plan = make_plan(SceneTables(scene, Options(shading="phong")), Options(shading="phong"), np.empty((0, 3)))
+    plan = make_plan(SceneTables(scene, Options(shading="phong")), Options(shading="phong"))
     single, double = (make_lighting(plan, view, dtype) for dtype in plan.dtypes)
     assert single.materials.dtype == np.float32 and double.materials.dtype == np.float64
     assert (single.reflection_functions != 0).tolist() == [[True], [False]]
@@ -125,7 +125,7 @@ def test_with_spectra_every_material_has_sums_of_its_own():
     assert not differences(lighting.materials[:, m.DIFFUSE : m.DIFFUSE + 3], 1)
     assert not differences(lighting.materials[:, m.SPECULAR : m.SPECULAR + 3], 1)
     assert not deviations(lighting.materials[1, m.EMISSION : m.EMISSION + 3], 0.2)
-    assert plan.products is not None
+    assert plan.tables.products is not None
 
 
 def test_a_scene_without_lights():

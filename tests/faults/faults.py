@@ -112,8 +112,8 @@ FAULTS = (
     Fault(
         "ambient light is reflected by the diffuse coefficient",
         "engine/uniforms.py",
-        "np.array(source.ambient) * plan.ambient",
-        "np.array(source.diffuse) * plan.ambient",
+        "np.array(source.ambient) * plan.tables.ambient",
+        "np.array(source.diffuse) * plan.tables.ambient",
         "engine pictures",
     ),
     Fault(
@@ -748,9 +748,9 @@ HELD_OUT = (
         "pictures engine pipeline",
     ),
     Fault(
-        "bounds: a light counts for nothing from half its range on",
+        "brightness: a light counts for nothing from half its range on",
         "engine/lights.py",
-        "light.range * (1.0 + 16.0 * SINGLE)",
+        "light.range * (1.0 + 2.0**-20)",
         "0.5 * light.range",
         "engine pictures",
     ),

@@ -1,7 +1,6 @@
 """Check what is made of meshes before they are drawn: points, normals, colours, the distance to a light."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cores import Workers
 from rasterizer.geometry.points import flat_part, gather_geometry, polygon_centroids, smooth_part
-from rasterizer.geometry.surfaces import compute_clearance, compute_point_clearance, flag_inverted
+from rasterizer.geometry.surfaces import flag_inverted
 from rasterizer.geometry.weld import FEW
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
@@ -246,40 +245,6 @@ def test_the_number_of_threads_changes_no_geometry():
 
 
 # ---------------------------------------------------------------- the distance to a light
-
-
-def distance_to_triangles(point, corners, rng):
-    """The least distance from many points of triangles (n, 3, 3): not less than the true one."""
-    shares = np.concatenate([rng.dirichlet((0.5, 0.5, 0.5), 1000), np.eye(3)])
-    return np.linalg.norm(np.einsum("sc,ncx->nsx", shares, corners) - point, axis=2).min()
-
-
-def test_clearance_is_never_more_than_the_distance():
-    rng = np.random.default_rng(4)
-    for (scale, offset), n in product(((1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)), (1, 5, 40)):
-        corners = offset + scale * (rng.normal(size=(n, 1, 3)) + 0.3 * rng.normal(size=(n, 3, 3)))
-        positions = corners.reshape(-1, 3)
-        vertex = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
-        for reach in (0.1, 1.0, 30.0):
-            point = offset + scale * reach * rng.normal(size=3)
-            least = distance_to_triangles(point, corners, rng)
-            found = compute_clearance(positions, vertex, *point)
-            # The samples lie close to each other: no point of a side is further than a thirtieth of it from one.
-            side = max(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(), 1e-30)
-            low, high = least - side / 8 - 1e-12 * offset, least + 1e-12 * (scale + offset)
-            assert max(low, 0) <= found <= high, f"{n} triangles, scale {scale}: {found} is not in {low}..{high}"
-            of_points = compute_point_clearance(positions, *point)
-            nearest = np.linalg.norm(positions - point, axis=1).min()
-            assert of_points == pytest.approx(nearest, rel=1e-9), f"{n} triangles: {of_points} != {nearest}"
-
-
-def test_clearance_of_a_light_in_the_surface_is_nothing():
-    vertices, faces = octasphere(3)
-    positions, vertex = vertices, np.ascontiguousarray(faces.T.astype(np.uint32))
-    assert compute_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) <= 1e-15
-    assert compute_clearance(positions, vertex, *vertices[0]) <= 1e-15
-    assert compute_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)
-    assert compute_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(10.0, abs=1e-12)
 
 
 # ---------------------------------------------------------------- as many as other code is taken for

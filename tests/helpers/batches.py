@@ -5,7 +5,7 @@ import numpy as np
 from rasterizer.compiler.kernels import batch_function
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import material_coefficients as m
-from rasterizer.pipeline.reflection import reflection_function_of
+from rasterizer.pipeline import reflection
 
 DTYPES = [np.float32, np.float64]
 COEFFICIENTS = {
@@ -16,6 +16,19 @@ COEFFICIENTS = {
     m.HIGHLIGHT_SCALE: 0.0,
     m.TOON_LEVELS: 3.0,
 }
+REFLECTION_FUNCTIONS = {
+    "lambert": reflection.lambert,
+    "phong": reflection.phong,
+    "blinn": reflection.blinn,
+    "oren-nayar": reflection.oren_nayar,
+    "ggx": reflection.ggx,
+    "ggx of texture": reflection.ggx_of_texture,
+    "beckmann": reflection.beckmann,
+    "anisotropic ggx": reflection.anisotropic_ggx,
+    "anisotropic ggx by axis": reflection.anisotropic_ggx_by_axis,
+    "toon": reflection.toon,
+}
+DIFFUSE = ("lambert", "oren-nayar")  # they have no highlight
 CLASSIC = COEFFICIENTS | {m.HAS_FRESNEL: 0.0}  # Phong's and Blinn's highlights, which nothing weighs
 
 
@@ -67,7 +80,7 @@ def reflect(
     if given is None:
         given = CLASSIC if model in ("phong", "blinn") else COEFFICIENTS
     material[list(given)] = list(given.values())
-    has_fresnel = reflection_function_of(model).has_fresnel and material[m.HAS_FRESNEL] > 0.0
+    has_fresnel = model not in ("lambert", "oren-nayar", "toon") and material[m.HAS_FRESNEL] > 0.0
     quantities = [*axes_of(f.NORMAL), *axes_of(f.LIGHT_DIR), *axes_of(f.VIEW_DIR), f.N_DOT_L, f.N_DOT_V, f.STRENGTH]
     rows = [*normal.T, *light_dir.T, *view_dir.T, *cosines, np.full(n, strength)]
     for start in range(0, n, f.BATCH_SIZE):
@@ -76,7 +89,7 @@ def reflect(
         write(batch, axes_of(f.TANGENT), np.repeat([[3.0], [0.0], [-1.0]], f.BATCH_SIZE, axis=1))
         write(batch, quantities, [row[start : start + f.BATCH_SIZE] for row in rows])
         n_fragment = min(f.BATCH_SIZE, n - start)
-        call(reflection_function_of(model).evaluate, batch, n_fragment, material)
+        call(REFLECTION_FUNCTIONS[model], batch, n_fragment, material)
         diffuse, specular, grazing = read(batch, (f.DIFFUSE, f.SPECULAR, f.GRAZING), n_fragment)
         results.append(np.stack([diffuse, fresnel * specular + grazing if has_fresnel else specular]))
     return np.concatenate(results, axis=1)

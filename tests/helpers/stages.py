@@ -190,12 +190,10 @@ def exact_means(edges, depth, values, is_perspective=True):
 def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
     """(Lighting, plan) of materials under lights, all computed in `dtype`."""
     triangle = np.eye(3), [[0, 1, 2]]
-    scene = rz.Scene([rz.Mesh(*triangle, material=material) for material in materials], lights)
+    colors = np.stack([albedo.max(axis=0), albedo[0], albedo[-1]]) if len(albedo) else None
+    scene = rz.Scene([rz.Mesh(*triangle, material=material, colors=colors) for material in materials], lights)
     options = Options(shading="phong")
-    plan = computed_in(make_plan(SceneTables(scene, options), options, albedo), dtype)
-    if len(albedo):
-        has_albedo = np.ones(len(plan.materials), np.bool_)
-        plan = plan._replace(of_materials=plan.of_materials._replace(has_albedo=has_albedo))
+    plan = computed_in(make_plan(SceneTables(scene, options), options), dtype)
     return make_lighting(plan, view, np.dtype(dtype)), plan
 
 

@@ -52,9 +52,6 @@ class SlabLight(registries.CustomLight):
         share = dot(subtract(position, read_vector(numbers, 3)), light_dir) * numbers[6]
         return light_dir, one / (one + share * share)
 
-    def bound(self):
-        return registries.LightBound(position=1.0 / self.width)  # the slope of 1/(1 + x²) is 0.65 at most
-
     def beam(self, view):
         return registries.Beam(None, world_direction(self, view), 0.0)
 
@@ -66,8 +63,6 @@ class SlabLight(registries.CustomLight):
 
 class Minnaert(registries.CustomReflection):
     """Minnaert's model, and a highlight."""
-
-    bound = registries.ReflectionBound(turn=3.0, highlight=1.0)  # three cosines
 
     @staticmethod
     def reflect(normal, light_dir, view_dir, _coefficients):

@@ -3,12 +3,11 @@
 from itertools import product
 
 import numpy as np
-import pytest
 from helpers.batches import DTYPES, axes_of, call, read, write
 from helpers.pairs import pairs
 
-from rasterizer.errors import SceneError
 from rasterizer.pipeline import fragments as f
+from rasterizer.pipeline import lights
 from rasterizer.pipeline.lights import (
     ATTENUATION,
     AXIS,
@@ -17,11 +16,9 @@ from rasterizer.pipeline.lights import (
     CONE_SCALE,
     COS_OUTER,
     INVERSE_RANGE,
-    LIGHT_FUNCTIONS,
     MAX_STRENGTH,
     N_LIGHT_COEFFICIENT,
     VECTOR,
-    light_function_of,
 )
 
 WRITTEN = (*axes_of(f.LIGHT_DIR), f.N_DOT_L, f.STRENGTH)
@@ -54,7 +51,7 @@ def test_directional_light_is_the_same_everywhere():
         batch, normals, _ = points(n, n, dtype)
         before, case = batch.copy(), f"{n} points, {dtype.__name__}"
         direction = np.array([0.6, -0.48, 0.64])
-        call(light_function_of("directional").evaluate, batch, n, light(dtype, direction))
+        call(lights.directional, batch, n, light(dtype, direction))
         *light_dir, n_dot_l, strength = read(batch, WRITTEN, n)
         error, budget = np.abs(n_dot_l - normals @ direction).max(initial=0), 4 * np.finfo(dtype).eps
         assert error <= budget, f"{case}: {error:.3g} > {budget:.3g}"
@@ -69,7 +66,7 @@ def test_point_light_falls_off_in_closed_form():
     falls = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0.1, 0.05), (0.01, 0, 0.3), (0.5, 0, 0)
     for attenuation, most, dtype in product(falls, (1.0, np.inf), DTYPES):
         batch, normals, positions = points(1, n, dtype)
-        call(light_function_of("point").evaluate, batch, n, light(dtype, position, attenuation, most))
+        call(lights.point, batch, n, light(dtype, position, attenuation, most))
         *found, n_dot_l, strength = read(batch, WRITTEN, n)
         light_dir = position - positions
         distance = np.linalg.norm(light_dir, axis=1)
@@ -93,7 +90,7 @@ def test_point_light_at_a_known_distance():
         for attenuation, strength in (((0, 0, 1), distance**-2), ((0, 2, 0), 0.5 / distance), ((4, 0, 0), 0.25)):
             for side, most in ((1.0, np.inf), (-1.0, 1.0)):
                 lamp = light(dtype, (0, 0, side * distance), attenuation, most)
-                call(light_function_of("point").evaluate, batch, 1, lamp)
+                call(lights.point, batch, 1, lamp)
                 wanted = [0.0, 0.0, side, side, min(most, dtype(strength))]
                 assert read(batch, WRITTEN, 1)[:, 0].tolist() == wanted, f"{distance}, {attenuation}, {dtype.__name__}"
 
@@ -103,24 +100,15 @@ def test_a_light_in_the_surface_point_lights_nothing():
     for dtype, most, attenuation in product(DTYPES, (1.0, np.inf), ((1, 0, 0), (0, 0, 1), (0, 1, 0))):
         batch = points(3, 5, dtype)[0]
         position = read(batch, axes_of(f.POSITION), 5)[:, 2]
-        call(light_function_of("point").evaluate, batch, 5, light(dtype, position, attenuation, most))
+        call(lights.point, batch, 5, light(dtype, position, attenuation, most))
         found, case = read(batch, WRITTEN, 5), f"{attenuation}, {most=}, {dtype.__name__}"
         assert (found[:4, 2] == 0).all() and not np.isnan(found).any(), case
         assert found[4, 2] == min(most, np.inf if attenuation[0] == 0 else 1.0), case
         coefficients = cone(light(dtype, position, attenuation, most), (0, 0, 1), 10, 20, 3)
         coefficients[INVERSE_RANGE] = 0.5
-        call(light_function_of("spot").evaluate, batch, 5, coefficients)
+        call(lights.spot, batch, 5, coefficients)
         found = read(batch, WRITTEN, 5)
         assert not np.isnan(found).any() and (found[:, 2] == 0).all(), f"spot, {case}"
-
-
-def test_lights_say_whether_they_have_a_position():
-    assert {name: function.needs_position for name, function in LIGHT_FUNCTIONS.items()} == {
-        "directional": False,
-        "point": True,
-        "spot": True,
-        "shaped spot": True,
-    }
 
 
 def cone(coefficients, axis, inner, outer, exponent):
@@ -136,11 +124,11 @@ def test_the_strength_ends_at_the_range():
     for kind, reach, dtype in product(("point", "spot"), (0.5, 3.0, 100.0), DTYPES):
         batch, _, positions = points(4, n, dtype)
         coefficients = cone(light(dtype, position, (0, 0, 1), np.inf), (1, 0, 0), 0, 180, 0)
-        call(light_function_of("point").evaluate, batch, n, coefficients)
+        call(lights.point, batch, n, coefficients)
         before = read(batch, WRITTEN, n)[4]
         coefficients[INVERSE_RANGE] = 1 / reach
         coefficients[COS_OUTER], coefficients[CONE_SCALE] = -2, np.inf  # a cone that holds everything
-        call(light_function_of(kind).evaluate, batch, n, coefficients)
+        call({"point": lights.point, "spot": lights.spot}[kind], batch, n, coefficients)
         strength = read(batch, WRITTEN, n)[4]
         share = np.linalg.norm(position - positions, axis=1) / reach
         error = np.abs(strength - before * np.maximum(0, 1 - share**4)).max()
@@ -167,11 +155,11 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
         ways = axis * np.cos(angle)[:, None] + across * np.sin(angle)[:, None]
         write(batch, axes_of(f.POSITION), (position + rng.uniform(0.5, 4, n)[:, None] * ways).T)
         coefficients = light(dtype, position, (0, 1, 0))
-        call(light_function_of("point").evaluate, batch, n, coefficients)
+        call(lights.point, batch, n, coefficients)
         of_point = read(batch, WRITTEN, n)
         coefficients[CONE_FALLOFF] = falloff
-        name = "spot" if falloff == 1.0 else "shaped spot"
-        call(light_function_of(name).evaluate, batch, n, cone(coefficients, axis, inner, outer, exponent))
+        name, function = ("spot", lights.spot) if falloff == 1.0 else ("shaped spot", lights.shaped_spot)
+        call(function, batch, n, cone(coefficients, axis, inner, outer, exponent))
         found, case = read(batch, WRITTEN, n), f"{name}, {inner}°..{outer}°, {exponent=}, {falloff=}, {dtype.__name__}"
         assert (found[:4] == of_point[:4]).all(), case
         c, (c_inner, c_outer) = -(found[:3].T @ axis), np.cos(np.radians([inner, outer]))
@@ -184,8 +172,3 @@ def test_a_spot_light_is_a_point_light_in_a_cone():
         error = np.abs(found[4] - expected)[is_sure].max()
         assert error <= budget, f"{case}: {error:.3g} > {budget:.3g}"
         assert is_sure.sum() > n - 5 and (expected == 0).sum() > 20 and (expected > 0).sum() > 20, case
-
-
-def test_an_unknown_kind_is_an_error_that_lists_the_known_ones():
-    with pytest.raises(SceneError, match=r"'lava lamp'; there are directional, point, shaped spot, spot"):
-        light_function_of("lava lamp")

@@ -50,7 +50,7 @@ class Points:
         self.maps, self.blocks = [], []
         for tolerance in (rz.Options().tolerance, 0.0):
             options = rz.Options(shading="phong", tolerance=tolerance)
-            plan = make_plan(SceneTables(scene, options), options, geometry.albedo)
+            plan = make_plan(SceneTables(scene, options), options)
             shadows = Shadows(geometry, bounds, plan)
             self.maps.append(shadows.draw(plan, view, plan.dtype, WorkspacePool(), Workers(1))[0])
             self.blocks.append(self.maps[-1].block)

@@ -5,7 +5,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from rasterizer.engine.rounding import DOUBLE, SINGLE
+from rasterizer.engine.domains import DOUBLE, SINGLE
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
 

@@ -85,10 +85,9 @@ def test_the_classes_that_extend_it_are_those_that_are_tested():
 
 def test_the_limits_that_the_page_states_are_those_of_the_code():
     from rasterizer import options
-    from rasterizer.engine.bounds import EXACT
     from rasterizer.engine.depth_range import MAX_DEPTH_RATIO, NEAREST
-    from rasterizer.engine.reflections import MIN_SUM
-    from rasterizer.engine.rounding import DOUBLE, SINGLE
+    from rasterizer.engine.domains import EXACT
+    from rasterizer.engine.reflections import min_sum
     from rasterizer.pipeline import scan, setup, transform, visibility
     from rasterizer.pipeline.power import grazing
     from rasterizer.scene.texture import MAX_IN_PICTURE, MAX_TEXELS
@@ -97,7 +96,7 @@ def test_the_limits_that_the_page_states_are_those_of_the_code():
     def power(base, exponent) -> str:
         return f"{base}{str(round(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
 
-    single, double = (np.degrees(2 * np.arcsin(MIN_SUM[u] / 2)) for u in (SINGLE, DOUBLE))
+    single, double = (np.degrees(2 * np.arcsin(min_sum(is_double) / 2)) for is_double in (False, True))
     parallel = [power(2, np.log2(grazing(cosine))) for cosine in (1.0, np.float32(1.0))]
     said = " ".join(text_of(PAGE).split())
     for text in (

@@ -86,7 +86,7 @@ def slab_light(**fields):
 # ---------------------------------------------------------------- what is registered is drawn
 
 
-def test_the_picture_is_the_references_within_the_stated_bound(toys):
+def test_the_picture_is_the_references(toys):
     """Each shading, tolerance and material with each group of lights once."""
     materials = moon(), rz.Material(), rz.Material(reflection="blinn", shininess=9)
     lights = rz.AmbientLight(0.1), slab_light(), rz.PointLight((3, 2, 1), 0.4, "1/(d+1)")
@@ -96,10 +96,9 @@ def test_the_picture_is_the_references_within_the_stated_bound(toys):
             scene = scene_of(materials[(j + k) % 3], *lit)
             frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1)
             error = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance).color
-            bound, case = frame.stats.error_bound, f"{shading}, material {(j + k) % 3}, lights {j}"
-            assert error <= bound, f"{case}: {error:.3g} > the stated bound {bound:.3g}"
-            assert bound <= max(2 * tolerance, 1e-5), f"{case}: a bound of {bound:.3g} > {max(2 * tolerance, 1e-5):.3g}"
-            assert np.ptp(frame.color) > 0.1, case
+            case = f"{shading}, material {(j + k) % 3}, lights {j}: {error:.3g}"
+            assert error <= 1e-6 and np.ptp(frame.color) > 0.1, case
+            assert frame.stats.error_bound is None and "SlabLight" in " ".join(s.cause for s in frame.stats.steps), case
 
 
 def test_colours_spectra_and_exposure_reach_it(toys):
@@ -112,14 +111,8 @@ def test_colours_spectra_and_exposure_reach_it(toys):
 def test_the_plan_knows_it(toys):
     with rz.Renderer(scene_of(moon(), slab_light()), SIZE, shading="phong", samples=1) as renderer:
         plan = renderer.plan
-        assert plan.light_functions == ("arrival",) and plan.reflection_functions == ("reflect",)
-        assert (plan.dtype, plan.channels) == ("float32", 1)
-        assert 0.3 < renderer.render().color.max() <= plan.bound == pytest.approx(0.9 * (0.7 + 0.3))
-    narrow = scene_of(moon(), slab_light(width=2.0**-50))
-    with rz.Renderer(
-        narrow, SIZE, samples=1, shading="gouraud"
-    ) as renderer:  # a number that float32 can't be trusted with
-        assert renderer.plan.dtype == "float64" and "numbers of lights beyond float32" in renderer.plan.reasons
+        assert (plan.dtype, plan.channels) == ("float64", 1) and renderer.render().color.max() > 0.3
+        assert "a light or reflection model of one's own" in plan.reasons
 
 
 def test_illuminate_gives_what_the_formulas_say(toys):
@@ -336,13 +329,6 @@ class Colder(hemisphere_light.HemisphereLight):
         return (self,)
 
 
-class Liar(hemisphere_light.HemisphereLight):
-    """The bound is too small."""
-
-    def bound(self):
-        return registries.LightBound(strength=1.0, normal=0.1)
-
-
 class Hasty(SlabLight):
     """It reads a position, and says that it needs none."""
 
@@ -364,7 +350,6 @@ def test_lights_that_disagree_are_refused_with_the_place():
             r"disagree at the point \(.*\) with the normal \(.*\) of Darker\(.*ambient share is .* by the engine in",
         ),
         (Colder, "ambient share is"),
-        (Liar, r"the bound says normal=0.1; at the point .* it is 0.4"),
         (Hasty, "light that arrives is .*nan.* by the engine"),
         (Uncompiled, "share can't be compiled for float64"),
     ):
@@ -379,13 +364,7 @@ def test_models_that_disagree_are_refused_with_the_place():
             diffuse, specular = super().reference(*arguments)
             return diffuse, 1.01 * specular
 
-    class Flat(Minnaert):
-        bound = registries.ReflectionBound(turn=0.5)
-
-    for cls, match in (
-        (Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),
-        (Flat, r"the bound says turn=0.5; at N = "),
-    ):
+    for cls, match in ((Brighter, r"disagree at N = .*, L = .*, V = .*: D and S are .* by the engine in"),):
         with pytest.raises(rz.SceneError, match=match):
             registries.add_reflection("odd", cls)
     test_all_tables_have_the_same_words()
@@ -421,10 +400,9 @@ def test_a_hemisphere_light_is_the_references_in_every_shading():
                 slow = {name: value for name, value in settings.items() if name != "tolerance"}
                 expected = reference.render(scene, SIZE, shading=shading, **slow)
                 error = np.abs(frame.color - expected.color).max()
-                bound = frame.stats.error_bound
-                case = f"case {k}, {shading}: {error:.3g}, bound {bound}"
-                assert bound is not None and error <= bound and np.ptp(frame.color) > 0.1, case
-                assert plan.channels == n_channel, case
+                case = f"case {k}, {shading}: {error:.3g}"
+                assert error <= 2e-3 and np.ptp(frame.color) > 0.1, case
+                assert plan.channels == n_channel and frame.stats.error_bound is None, case
 
 
 def test_a_hemisphere_light_is_explained_and_illuminates():
@@ -446,29 +424,13 @@ def test_a_hemisphere_light_is_explained_and_illuminates():
     assert np.abs(np.array(rows["0 diffuse"]) - frame.color[24, 32]).max() < 1e-6 and not any(rows["0 specular"])
 
 
-class Silent(hemisphere_light.HemisphereLight):
-    """It says no bound."""
-
-    def bound(self):
-        return None
-
-
-def test_what_says_no_bound_is_drawn_in_float64_and_states_none():
-    class Dumb(Minnaert):
-        bound = None
-
-    ball = octasphere(2)
-    with registries.add_light("silent", Silent), registries.add_reflection("dumb", Dumb):
-        for material, light, name in (
-            (rz.Material(), Silent(0.5, 0.1), "Silent"),
-            (rz.Material(reflection="dumb"), rz.PointLight((2, 3, 2)), "dumb"),
-        ):
-            scene = rz.Scene([rz.Mesh(*ball, material=material)], [light, rz.AmbientLight(0.1)], CAMERA)
-            with rz.Renderer(scene, SIZE, shading="phong", samples=1) as renderer:
-                frame, plan = renderer.render(), renderer.plan
-            assert plan.dtype == "float64" and frame.stats.error_bound is None
-            assert f"no bound is stated: {name}, which is registered, says none" in [s.cause for s in frame.stats.steps]
-            assert np.abs(frame.color - reference.render(scene, SIZE, shading="phong").color).max() < 1e-6
+def test_a_model_of_ones_own_is_drawn_in_float64_and_states_no_bound():
+    with add_minnaert():
+        scene = rz.Scene([rz.Mesh(*octasphere(2), material=moon())], [rz.PointLight((2, 3, 2))], CAMERA)
+        stats = rz.render(scene, SIZE, shading="phong", samples=1).stats
+    assert stats.plan.dtype == "float64" and stats.error_bound is None
+    said = [step.cause for step in stats.steps if np.isinf(step.near)]
+    assert said == ["no bound is stated: nobody knows how the formula of minnaert rounds"]
 
 
 def test_a_program_with_a_light_of_its_own_is_the_command_line(tmp_path):

@@ -99,7 +99,7 @@ def test_depths_of_entries_fade_within_the_bound(camera):
 def test_grey_pictures_keep_one_channel_and_others_pay_nothing():
     def planned(cue, **material):
         shown = scene(depth_cue=cue, **material)
-        return make_plan(SceneTables(replace(shown, meshes=shown.meshes[:1]), Options()), Options(), np.empty((0, 3)))
+        return make_plan(SceneTables(replace(shown, meshes=shown.meshes[:1]), Options()), Options())
 
     assert planned(0.5).n_channel == planned(rz.DepthCue(1, color="gray")).n_channel == 1
     assert planned(CUE).n_channel == 3

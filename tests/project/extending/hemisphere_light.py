@@ -35,9 +35,6 @@ class HemisphereLight(registries.CustomLight):
     def share(normal, position, up):  # compiled: the part of a half sphere that a plane with this normal faces
         return 0.5 + 0.5 * (normal[0] * up[0] + normal[1] * up[1] + normal[2] * up[2])
 
-    def bound(self):
-        return registries.LightBound(strength=1.0, normal=0.5)
-
     def reference(self, points, normals, frame):  # both halves at once
         sky = (1.0 + normals @ frame.vector(self.up)) / 2.0
         return [(self.color, None, sky), (self.ground, None, 1.0 - sky)]
