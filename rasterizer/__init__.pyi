@@ -25,6 +25,7 @@ from .frame import Frame as Frame
 from .frame import MissingArray as MissingArray
 from .io.loader import demo_model as demo_model
 from .io.loader import load as load
+from .io.scene_file_write import save as save
 from .options import Options as Options
 from .picking import Pick as Pick
 from .reference.explain import Explanation as Explanation

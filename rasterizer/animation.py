@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .errors import SceneError, counted, shown
 from .frame import Frame
 from .io.animation import Timing, encode_animation
+from .io.camera_file import viewpoint_of
 from .io.files import write_whole
 from .io.loader import read_source
 from .keywords import divided, takes_words
@@ -140,7 +141,7 @@ def turntable(
     if not is_whole(n_frame, 1, _MAX_FRAMES):
         raise SceneError(f"n_frame must be within 1..{_MAX_FRAMES}; given {shown(n_frame)}")
     side, others = divided(words, Viewpoint)
-    viewpoint, others = Viewpoint(**side), others | {"outputs": "rgb"}
+    viewpoint, others = viewpoint_of(side), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]
     look = Look(**divided(others, Look)[0])
     read = read_source(scene, camera=viewpoint.of_file, **look.reading)

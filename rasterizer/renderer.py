@@ -19,6 +19,7 @@ from .engine.prepared import DrawnPicture, PreparedScene
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
+from .io.camera_file import viewpoint_of
 from .io.files import name_of
 from .io.loader import FileLike, SceneFile, read_source
 from .keywords import divided, takes_words
@@ -111,7 +112,7 @@ def render(
         Viewpoint(**words)
         Renderer(scene, size, **words)
     side, others = divided(words, Viewpoint)
-    viewpoint = Viewpoint(**side)  # what is not legal is told before a file is read
+    viewpoint = viewpoint_of(side)  # what is not legal is told before a file is read
     with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
         return renderer.render(out=out, **vars(viewpoint))
 
@@ -233,7 +234,9 @@ class Renderer:
         SceneError : what is no camera, a camera beside angles, an `out` that doesn't fit, a picture that this machine's
             memory can't hold; and after `close`
         """
-        seen_by = self._camera_of(Viewpoint(camera=camera, **words))
+        if TYPE_CHECKING:  # how Jedi finds the words
+            Viewpoint(**words)
+        seen_by = self._camera_of(viewpoint_of({"camera": camera, **words}))
         pixels = None if out is None else checked_out(out, self.options)
         with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, seen_by)):
             return self._render(seen_by, pixels)
@@ -255,7 +258,7 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         x, y = checked_pixel(x, y, self.options.size)
-        camera = self._camera_of(Viewpoint(camera=camera))
+        camera = self._camera_of(viewpoint_of({"camera": camera}))
         with self._prepared.threads.lock:
             self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]

@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -30,13 +29,12 @@ _FRAMED = frozenset(("view", "azimuth", "elevation", "margin"))  # fields that s
 class Viewpoint:
     """Hold where a picture is taken from; `render` says what each field is.
 
-    A path of a camera is read at once, and replaced by the Camera that it holds. Where the file, or a Viewpoint that is
-    given as the camera, has words instead, they become those of this one.
+    A path of a camera is read before, by `io.camera_file.viewpoint_of`. The words of a Viewpoint that is given as the
+    camera become those of this one.
 
     Raises
     ------
     SceneError : a value that is not legal, or fields that contradict each other
-    ModelError : a camera's file that can't be read
     """
 
     camera: Camera | str | os.PathLike[str] | None = None
@@ -54,8 +52,7 @@ class Viewpoint:
         check_words(vars(self))
         camera = self.camera
         if isinstance(camera, (str, os.PathLike)) and camera not in ("file", "frame"):
-            camera = import_module("rasterizer.io.scene_file").read_camera_file(camera)
-            object.__setattr__(self, "camera", camera)
+            raise TypeError(f"the camera in {camera} must be read first, see io/camera_file.py")
         if isinstance(camera, Viewpoint):
             found = vars(camera) | {"zoom": camera.zoom * self.zoom}
             for name, value in found.items():

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..io.camera_file import viewpoint_of
 from ..io.loader import FileLike
 from ..keywords import divided, takes_words
 from ..look import Look
@@ -56,7 +57,7 @@ def explain(
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
     side, others = divided(words, Viewpoint)
-    viewpoint = Viewpoint(**side)
+    viewpoint = viewpoint_of(side)
     scene, options, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
     scene = replace(scene, camera=viewpoint.over(framing).camera_of(scene, options.size))
     return explaining.explain(scene, x, y, options)

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
+from ..io.camera_file import viewpoint_of
 from ..io.files import identity_of, make_folder_of, write_all
 from ..io.loader import SceneFile, read_source
 from ..keywords import checked_keywords
@@ -23,7 +24,6 @@ from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
-from ..viewpoint import Viewpoint
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
 from .manifest import Manifest, checked_path, depth_scale
 from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
@@ -244,7 +244,7 @@ class Batch:
         """Return a task as an item; its record where its files are there and shall stay."""
         options = task.check()
         if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
-            task = replace(task, camera=Viewpoint(camera=task.camera))  # type: ignore[arg-type]  # its file is read here
+            task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
         path, outputs = source_of(task), {name: os.path.abspath(name) for name in task.files(options)}
         for k, (name, output) in enumerate(outputs.items()):
             other = self._outputs.get(output)

@@ -127,8 +127,9 @@ class RenderTask:
         elif is_random(self.view) or is_random(self.lights):
             raise SceneError("what is random needs a seed: a whole number, another one for each task")
         from ..io.array_files import check_arrays
+        from ..io.camera_file import viewpoint_of
 
-        Viewpoint(**self.side)
+        viewpoint_of(self.side)
         options = self.options_over({})
         files = self.files(options)
         for path, names in files.items():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ..errors import SceneError
+from ..io.camera_file import viewpoint_of
 from ..scene.camera import Camera
 from ..viewpoint import Viewpoint, check_words, words_given, zoomed
 from .values import seed_of
@@ -36,9 +37,9 @@ def check_camera(arguments) -> None:
             if given:
                 raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
             continue
-        viewpoint = Viewpoint(**words)
+        viewpoint = viewpoint_of(words)
         if isinstance(arguments.camera, str) and arguments.camera not in ("file", "frame"):
-            held = Viewpoint(camera=arguments.camera)
+            held = viewpoint_of({"camera": arguments.camera})
             arguments.camera_file = arguments.camera
             arguments.camera = held.camera if isinstance(held.camera, Camera) else held
         if arguments.camera != "file":

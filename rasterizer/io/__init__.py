@@ -14,7 +14,8 @@ A format's reader is one file; loader.py is where reading begins.
     text_numbers        numbers in text, exactly rounded, by whole arrays
     text_kernels        the same, and corners in OBJ: the compiled part
     scene_file          a whole scene in JSON or TOML
-    scene_file_write    the same, written
+    scene_file_write    save: the same, written
+    camera_file         a camera out of one, or of a file of its own
     png                 PNG files, in bands on threads
     array_files         arrays: .npy, .npz, PNG with a stated scale, EXR
     animation           moving pictures: GIF, WebP, APNG, MP4

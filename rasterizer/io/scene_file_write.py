@@ -16,22 +16,29 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SceneError, shown
+from ..keywords import checked_keywords
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.lights import describe_fields, light_type_of
 from ..scene.material import Material
+from ..scene.scene import Scene
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
 from .files import write_all
 from .scene_file import ARRAYS, COLORS, TEXTURES
 
 
-def write_scene(scene, path) -> Path:
-    """Write a scene to a .json or .toml file, and its arrays and textures beside it.
+@checked_keywords
+def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
+    """Write a scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth cue come
+    back.
+
+    Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no 8-bit
+    pictures; files of these names are replaced. Each file appears whole or not at all.
 
     Parameters
     ----------
     scene : Scene
-    path : where to; the suffix chooses the format
+    path : where to; the suffix chooses the format, .json or .toml
 
     Returns
     -------
@@ -39,9 +46,11 @@ def write_scene(scene, path) -> Path:
 
     Raises
     ------
-    SceneError : another suffix, a name that can't be written as Unicode text
+    SceneError : what is no Scene, another suffix, a name that can't be written as Unicode text
     OutputError : a file can't be written
     """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"what is saved must be a Scene; given {shown(scene)}")
     if not isinstance(path, (str, os.PathLike)):
         raise SceneError(f"a scene is saved to a path; given {shown(path)}")
     path = Path(path)

@@ -1,10 +1,7 @@
 """A scene: meshes, lights, a camera, a background and a depth cue, checked and ready to be drawn."""
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -12,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
 from ..errors import SceneError, counted, shown
-from ..keywords import checked_fields, checked_keywords
+from ..keywords import checked_fields
 from ..locks import cached_property
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
@@ -132,50 +129,6 @@ class Scene:
         camera = "framed" if self.camera is None else "given"
         size = f"{counted(len(self.meshes), 'mesh')}, {counted(self.n_face, 'face')}"
         return f"Scene({size}, lights: {lights}, camera: {camera})"
-
-    @classmethod
-    @checked_keywords
-    def load(cls, path: str | os.PathLike[str]) -> "Scene":
-        """Read a scene from a .json or .toml file, as `save` writes it or as a person does.
-
-        Parameters
-        ----------
-        path : path of a scene file; the names of files in it are relative to its folder
-
-        Returns
-        -------
-        Scene; the options that the file has for its picture are left out. Where the file asks for framing, the camera
-        is made for a picture of the file's size, else of 4:3
-
-        Raises
-        ------
-        ModelError : a file that can't be read or is no JSON or TOML, or a mesh that is not legal
-        SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
-            legal
-        """
-        return import_module("rasterizer.io.scene_file").read_scene(path).finished_scene()
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
-        cue come back.
-
-        Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no
-        8-bit pictures; files of these names are replaced. Each file appears whole or not at all.
-
-        Parameters
-        ----------
-        path : where to; the suffix chooses the format, .json or .toml
-
-        Returns
-        -------
-        Path, the same as given
-
-        Raises
-        ------
-        SceneError : another suffix
-        OutputError : a file can't be written
-        """
-        return import_module("rasterizer.io.scene_file_write").write_scene(self, path)
 
     @property
     def n_face(self) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ..choices import install_command
 from ..errors import SceneError, error_of
 from ..frame import Frame
+from ..io.camera_file import viewpoint_of
 from ..keywords import divided, takes_words
 from ..look import Look
 from ..options import Options
@@ -101,7 +102,7 @@ def view(
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
     side, others = divided(words, Viewpoint)
-    viewpoint = Viewpoint(**side)
+    viewpoint = viewpoint_of(side)
     scene, made, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
     camera = viewpoint.over(framing).camera_of(scene, made.size) if side or framing else None

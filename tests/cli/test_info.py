@@ -53,7 +53,7 @@ def test_lines_say_what_json_says(capsys):
 def test_a_files_camera_is_told_with_its_lens(folder, capsys):
     scene = rz.load(CUBE)
     camera = rz.Camera(position=(0, 0, 9), fov=40, aspect=16 / 9)
-    rz.Scene(scene.meshes, camera=camera).save("wide.json")
+    rz.save(rz.Scene(scene.meshes, camera=camera), "wide.json")
     (wide,) = records(capsys, "wide.json")
     assert (wide["camera"]["fov"], wide["camera"]["height"], wide["camera"]["aspect"]) == (40, None, 16 / 9)
     assert raster("info", "wide.json") == 0
@@ -125,6 +125,6 @@ def test_a_model_comes_from_stdin_and_is_called_so(capsys, monkeypatch):
 def test_a_material_under_a_spectrum_can_be_said(folder, capsys):
     mesh = rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], colors=np.full((3, 4), 0.5),
                    material=rz.Material(diffuse=rz.Spectrum.blackbody(4000)))  # fmt: skip
-    rz.Scene(mesh).save("lamp.json")
+    rz.save(rz.Scene(mesh), "lamp.json")
     (lamp,) = records(capsys, "lamp.json")
     assert len(lamp["materials"][0]["diffuse"]) == 3 and lamp["not_drawn"] == ["the alpha of vertex colours"]

@@ -270,7 +270,7 @@ def test_what_a_file_says_of_the_scene_is_used_unless_flags_say_otherwise(folder
     assert loaded(name, "--up", "x").scene.up == "x" and loaded(name, "--up", "auto").scene.up == "z"
     assert loaded(name, "--crease-angle", "7").scene.meshes[0].crease_angle == 7
     (cube,) = rz.load(CUBE).meshes
-    rz.Scene(rz.Mesh(cube.vertices, cube.faces, weighting="uniform"), depth_cue=rz.DepthCue(3, 1)).save("own.json")
+    rz.save(rz.Scene(rz.Mesh(cube.vertices, cube.faces, weighting="uniform"), depth_cue=rz.DepthCue(3, 1)), "own.json")
     for model, flags, weighting, cue in (
         (CUBE, "", "angle", None),
         (CUBE, "--weighting area --depth-cue 2", "area", rz.DepthCue(2)),

@@ -152,10 +152,10 @@ def test_what_is_there_already_can_be_left_out(folder, capsys):
 def test_a_camera_comes_from_a_file(folder, capsys):
     scene = rz.load(CUBE)
     camera = rz.Camera.perspective((4, 3, 2), fov=40)
-    rz.Scene(scene.meshes, camera=camera).save("cam.json")
+    rz.save(rz.Scene(scene.meshes, camera=camera), "cam.json")
     (folder / "alone.json").write_text(json.dumps({"position": [4, 3, 2], "fov": 40}))
     (folder / "framing.json").write_text(json.dumps({"camera": {"azimuth": 90, "elevation": 0}}))
-    rz.Scene(scene.meshes).save("none.json")
+    rz.save(rz.Scene(scene.meshes), "none.json")
     for model, flags, through in (
         (CUBE, "--camera cam.json", camera),
         (CUBE, "--camera alone.json", camera),

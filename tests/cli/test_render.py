@@ -126,9 +126,9 @@ def test_doubtful_pictures(folder, capsys):
     (folder / "away.obj").write_text("v 0 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n")
     (folder / "lost.obj").write_text("mtllib lost.mtl\nusemtl red\n" + face)
     camera = rz.Camera.perspective((9, 9, 9), (20, 20, 20))
-    rz.Scene(rz.load(CUBE).meshes, camera=camera).save("away.json")
-    rz.Scene(rz.load(CUBE).meshes, camera=replace(camera, target=(0, 0, 0), near=0.1, far=1.0)).save("far.json")
-    rz.Scene(rz.load(CUBE).meshes, camera=replace(camera, target=(0, 0, 0), near=90.0)).save("near.json")
+    rz.save(rz.Scene(rz.load(CUBE).meshes, camera=camera), "away.json")
+    rz.save(rz.Scene(rz.load(CUBE).meshes, camera=replace(camera, target=(0, 0, 0), near=0.1, far=1.0)), "far.json")
+    rz.save(rz.Scene(rz.load(CUBE).meshes, camera=replace(camera, target=(0, 0, 0), near=90.0)), "near.json")
     away = "the picture is empty: the camera looks away, all of the model is behind it; the model reaches from "
     for argv, words in (
         (f"{CUBE} --zoom 9 --eye 9,9,9 --target 20,20,20", away + "(-1, -1, -1) to (1, 1, 1); try another --eye"),

@@ -132,7 +132,7 @@ def test_words_of_what_a_file_brings(folder, capsys):
         draw(flags, words, "a.gltf")
     lights = (SUN[0], rz.DirectionalLight((1, -0.5, 0), 0.5, shadow=False))
     camera = rz.Camera.perspective((3, 3, 3))
-    rz.Scene(rz.load(TORUS).meshes, lights, camera, background="navy", depth_cue=2).save("a.json")
+    rz.save(rz.Scene(rz.load(TORUS).meshes, lights, camera, background="navy", depth_cue=2), "a.json")
     (folder / "eye.json").write_text('{"position": [3, 2, 4], "fov": 50}')
     assert draw("--up z --camera file", {"up": "z", "camera": "file"}, "a.json") == draw("", {}, "a.json")
     assert rz.load("a.json").lights == lights
@@ -157,7 +157,7 @@ def test_words_of_what_a_file_brings(folder, capsys):
 
 def test_a_scene_file_asks_for_framing_and_options(folder, capsys):
     """Whatever the size: the file's framing is that of the picture, words replace some of it."""
-    rz.Scene(rz.load(TORUS).meshes, rz.headlight()).save("b.json")
+    rz.save(rz.Scene(rz.load(TORUS).meshes, rz.headlight()), "b.json")
     table = json.loads((folder / "b.json").read_text())
     table |= {"camera": {"view": "left", "fov": 50}, "options": {"samples": 1, "shading": "gouraud", "size": 30}}
     (folder / "b.json").write_text(json.dumps(table))

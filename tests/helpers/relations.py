@@ -154,7 +154,7 @@ def called(case, rng, folder):
 def saved(case, rng, folder):
     """From a scene file."""
     path = Path(folder) / str(rng.choice(["scene.json", "scene.toml"]))
-    frame = draw(case._replace(scene=rz.load(case.scene.save(path))))
+    frame = draw(case._replace(scene=rz.load(rz.save(case.scene, path))))
     return Twin(arrays_of(frame), frame)
 
 
@@ -218,7 +218,7 @@ def copies(case, rng, folder):
     turn = np.eye(4)
     turn[:3, :3] = rng.choice([-1.0, 1.0], 3) * np.eye(3)[rng.permutation(3)] * 2.0 ** int(rng.integers(-2, 3))
     mesh = case.scene.meshes[0]
-    path = replace(case.scene, meshes=mesh).save(Path(folder) / "placed.json")
+    path = rz.save(replace(case.scene, meshes=mesh), Path(folder) / "placed.json")
     tables = json.loads(path.read_text())
     (table,) = tables["meshes"]
     tables["meshes"] = [table, table | {"transform": turn.tolist()}]

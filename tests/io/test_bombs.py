@@ -292,7 +292,7 @@ def test_names_that_are_no_text_of_unicode_are_drawn_but_not_saved(tmp_path):
     scene = rz.load(gltf_with(change), format="gltf")
     assert scene.n_face == 12 and rz.render(scene, 8, samples=1).stats.covered
     with pytest.raises(rz.SceneError, match="Unicode"):
-        scene.save(tmp_path / "x.toml")
+        rz.save(scene, tmp_path / "x.toml")
 
 
 # --- every container ----------------------------------------------------------------------------------------

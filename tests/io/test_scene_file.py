@@ -43,7 +43,7 @@ def test_models_are_found_beside_the_scene_file(tmp_path, monkeypatch):
     (tmp_path / "scene.json").write_text('{"meshes": [{"file": "part.obj", "name": "part", "crease_angle": 7}]}')
     (tmp_path / "scene.toml").write_text('[[meshes]]\nfile = "part.obj"\nname = "part"\ncrease_angle = 7\n')
     monkeypatch.chdir(ROOT)
-    scenes = [rz.load(tmp_path / "scene.json"), rz.Scene.load(tmp_path / "scene.json")]
+    scenes = [rz.load(tmp_path / "scene.json")]
     if HAS_TOML:
         scenes.append(rz.load(str(tmp_path / "scene.toml")))
     with open(tmp_path / "scene.json", "rb") as stream:
@@ -316,7 +316,7 @@ def test_text_that_is_no_scene(tmp_path):
     assert_refused(load, [(each, f"a.{each[0]}: {each[2]}") for each in texts], rz.ModelError)
     (tmp_path / "b.json").mkdir()
     cases = [(tmp_path / "none.json", "none.json: no such file"), (tmp_path / "b.json", "b.json: is a folder")]
-    assert_refused(rz.Scene.load, cases, rz.ModelError)
+    assert_refused(rz.load, cases, rz.ModelError)
     with pytest.raises(rz.ModelError, match="unknown format 'yaml' of a scene file"):
         read({}, format="yaml")
 

@@ -64,8 +64,7 @@ def calls(folder):
         (CAMERA.to_opencv, {"size": (4, 4)}), (CAMERA.projection, {"size": (4, 4)}),
         (rz.Mesh.from_any, {"source": MESH}),
         (MESH.subdivide, {}), (MESH.transformed, {"matrix": np.eye(4)}), (SCENE.framed, {"aspect": 1.0}),
-        (SCENE.camera_for, {"size": (4, 4)}), (rz.Scene.load, {"path": folder / "x.json"}),
-        (SCENE.save, {"path": folder / "x.json"}),
+        (SCENE.camera_for, {"size": (4, 4)}), (rz.save, {"scene": SCENE, "path": folder / "y.json"}),
         (frame.save, {"path": folder / "x.png"}), (frame.encode, {}), (frame.encode_array, {}),
         (frame.encode_file, {"format": "png"}),
         (frame.has, {"name": "rgb"}),
@@ -103,7 +102,7 @@ def fault_of(function, arguments) -> str | None:
 @pytest.mark.parametrize("is_whole", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_wrong_arguments_raise_errors_of_the_package(folder, is_whole):
     """Each parameter is given a few things of the list, the next one others; at night, all of them."""
-    SCENE.save(folder / "x.json")
+    rz.save(SCENE, folder / "x.json")
     faults, others = [], cycle(BAD)
     for function, right in calls(folder):
         assert fault_of(function, right) is None, function

@@ -95,7 +95,7 @@ def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(tmp_path):
         lambda: rz.load(TRIANGLE, up="w"),
         lambda: rz.Mesh(*holed),
         lambda: rz.Material(diffuse=(255, 0, 0)),
-        lambda: rz.Scene.load("none.json"),
+        lambda: rz.save(3, "none.json"),
         lambda: rz.render(TRIANGLE, 8, material="cheese"),
         lambda: rz.render(TRIANGLE, 8, eye=(1, 2, 3), view="top"),
         lambda: rz.render(TRIANGLE, 8, nonsense=3),

@@ -29,7 +29,6 @@ def doors(path, scene):
         "Renderer": lambda: rz.Renderer(path, 8),
         "explain": lambda: rz.explain(path, 4, 4, 8),
         "load a scene file": lambda: rz.load(scene),
-        "Scene.load": lambda: rz.Scene.load(scene),
         "Mesh": lambda: rz.Mesh(BOW, [[0, 1, 2, 3]]),
         "Mesh.from_any": lambda: rz.Mesh.from_any((BOW, [[0, 1, 2, 3]])),
         "Scene": lambda: rz.Scene((BOW, [[0, 1, 2, 3]])),

@@ -54,6 +54,6 @@ def draw_pictures(folder: Path) -> list[Path]:
     rz.sheet([frame, turned, pair.rgba], columns=2, background="white", labels=["a", "b", "c"]).save(
         folder / "sheet.png"
     )
-    names = [scene.save(folder / "scene.json"), frame.save(folder / "face.npy", array="face")]
+    names = [rz.save(scene, folder / "scene.json"), frame.save(folder / "face.npy", array="face")]
     loaded = rz.load(names[0])
     return [*names, rz.render(loaded, SIZE, threads=1, samples=1).save(str(folder / "picture.png"), compress_level=1)]

@@ -96,5 +96,5 @@ def test_files_say_how_many_they_have(tmp_path):
         (mesh,) = rz.load(tmp_path / name, log=facts.append).meshes
         assert corners_of(mesh).tolist() == [[[0, 0, 1], [0, 1, 0], [0, 0, 1]]], name
         assert any("2 file normals are zero" in fact and "computed from the faces" in fact for fact in facts), facts
-    rz.Scene(mesh).save(tmp_path / "a.json")
+    rz.save(rz.Scene(mesh), tmp_path / "a.json")
     assert corners_of(rz.load(tmp_path / "a.json").meshes[0]).tolist() == corners_of(mesh).tolist()
