@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.clip import NO_PLANES, clip
+from ..pipeline.clip import Clipped, clip
 from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import make_deferred
-from ..pipeline.transform import Drawables, Triangles, transform
+from ..pipeline.transform import Drawables, Triangles, Vertices, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
-from .passes import FaceTable, Pass
+from .passes import Pass
 from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
 
@@ -47,13 +47,17 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     Raises SceneError where the scene has more triangles than records can number.
     """
     vertices, n_outside = transform(geometry.positions, screen, threads)
+    clock.lap("transform")
+    n_face, n_clipped, source = geometry.vertex.shape[1], 0, NO_SOURCES
+    if n_outside:
+        clipped = clip(geometry.positions, geometry.vertex, vertices, screen)
+        vertices, n_clipped, source = clipped.vertices, clipped.n_clipped, clipped.faces
+        render_pass = render_pass.of_clipped(clipped, geometry.corner)
+        geometry = clip_geometry(geometry, clipped)
+        clock.lap("clip")
     if not render_pass.keeps_planes:
         vertices.true_x[:], vertices.true_y[:] = vertices.x, vertices.y
-    clock.lap("transform")
-    drawn = Drawn.whole(geometry, vertices, render_pass)
-    if n_outside:
-        drawn = clip_outside(geometry, drawn, screen)
-        clock.lap("clip")
+    drawn = gather_drawn(geometry, vertices, render_pass, source)
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
     shape = render_pass.workspace_shape(n_row)
@@ -63,7 +67,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
 
     counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass))
     clock.lap("scan, shade, resolve")
-    return Counts.of(geometry, drawn, lists, render_pass, counts)
+    return Counts.of((n_face, n_clipped), lists, render_pass, counts)
 
 
 def draw_band(
@@ -71,8 +75,6 @@ def draw_band(
 ) -> "BandCounts":
     """Draw the rows of one band: find what is visible, shade it, write it."""
     workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
-    if workspace.records.clipped_planes is not drawn.clipped_planes:
-        workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
 
     # Scan: the nearest opaque triangle of each sample goes into the visibility buffer, transparent ones are deferred.
     deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
@@ -81,7 +83,7 @@ def draw_band(
     # Shade: the radiance of the visible samples.
     translucent = None
     if deferred is None or deferred.is_empty:
-        render_pass.shade(workspace, band, found, drawn.face_table)
+        render_pass.shade(workspace, band, found)
     else:
         task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
         found, translucent = draw_transparent_band(task, found, deferred.listed())
@@ -96,37 +98,30 @@ def draw_band(
 
 
 class Drawn(NamedTuple):
-    """The triangles that the stages after clip work on, and what is known of them."""
+    """The triangles that the stages after clip work on."""
 
     drawables: Drawables
-    face_table: FaceTable
-    clipped_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
-    n_clipped: int
-    source: np.ndarray = NO_SOURCES  # (n_triangle,) the triangle of the scene that each is a part of, or empty
-
-    @classmethod
-    def whole(cls, geometry, vertices, render_pass) -> "Drawn":
-        """All triangles of the scene as they are."""
-        triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
-        drawables = Drawables(triangles, vertices, render_pass.attributes)
-        return checked(cls(drawables, render_pass.face_table, NO_PLANES, 0))
+    source: np.ndarray  # (n_triangle,) uint32: the triangle of the scene that each is a part of, or empty
 
 
-def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
-    """Put parts in the place of the triangles that have a vertex outside."""
-    clipped = clip(geometry.positions, drawn.drawables.triangles, drawn.drawables.vertices, screen)
-    drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
+def clip_geometry(geometry, clipped: Clipped):
+    """Return the Geometry of the triangles that are left; their new vertices and points stand behind all others."""
     faces = clipped.faces
-    face_table = drawn.face_table.of_parts(faces)
-    return checked(Drawn(drawables, face_table, clipped.planes, clipped.n_clipped, faces))
+    return geometry._replace(
+        vertex=clipped.rows_of(geometry.vertex, len(geometry.positions)),
+        corner=clipped.rows_of(geometry.corner, len(geometry.normals)),
+        is_inverted=geometry.is_inverted[faces],
+        face_material=geometry.face_material[faces] if len(geometry.face_material) else geometry.face_material,
+    )
 
 
-def checked(drawn: Drawn) -> Drawn:
-    """Return the triangles if records have numbers for all of them."""
-    n = drawn.drawables.triangles.vertex_idx.shape[1]
+def gather_drawn(geometry, vertices: Vertices, render_pass: Pass, source: np.ndarray) -> Drawn:
+    """Gather the triangles of a Geometry for the stages after clip; SceneError where records can't number them all."""
+    n = geometry.vertex.shape[1]
     if n > MAX_FACES:
         raise SceneError(f"a scene may have {MAX_FACES} triangles; this one has {n}")
-    return drawn
+    triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
+    return Drawn(Drawables(triangles, vertices, render_pass.attributes), source)
 
 
 # ---------------------------------------------------------------- bands
@@ -144,8 +139,6 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     n_face, hidden_sides = triangles.vertex_idx.shape[1], render_pass.hidden_sides
     if hidden_sides is None:
         hidden_sides = np.zeros(n_face, np.int8)
-    elif len(drawn.source):
-        hidden_sides = hidden_sides[drawn.source]
     is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > MIN_THREADED_TIME
     n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
     while True:
@@ -209,13 +202,12 @@ class Counts(NamedTuple):
     paths: PathCounts
 
     @classmethod
-    def of(cls, geometry, drawn: Drawn, lists: BandLists, render_pass: Pass, counts: list[BandCounts]) -> "Counts":
-        """Sum up the counts of the stages and bands."""
+    def of(cls, given: tuple[int, int], lists: BandLists, render_pass: Pass, counts: list[BandCounts]) -> "Counts":
+        """Sum up the counts of the stages and bands; `given` are the scene's triangles, and those that were clipped."""
         width, height = render_pass.n_sample
         covered, *paths = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
         n_visible = lists.n_visible
-        n_face = geometry.vertex.shape[1]
-        return cls(n_face, drawn.n_clipped, lists.n_culled, n_visible, covered, width * height, PathCounts(*paths))
+        return cls(*given, lists.n_culled, n_visible, covered, width * height, PathCounts(*paths))
 
 
 class Clock:

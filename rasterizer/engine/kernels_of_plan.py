@@ -363,7 +363,7 @@ class PictureKernels(KernelList):
         self.add_clipping(screen)
         self.add(buffers.clear_band, workspace.visibility, 0)
         visible = buffers.VisibleSurfaces(
-            workspace.visibility, FACES, NO_TRIANGLES, FACES, clip.NO_PLANES, scale_depths(screen), False,
+            workspace.visibility, FACES, NO_TRIANGLES, FACES, scale_depths(screen), False,
             workspace.batch,
         )  # fmt: skip
         for name in names:

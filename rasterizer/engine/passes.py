@@ -9,14 +9,15 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `shade`, then `finish`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ..locks import cached_property
 from ..pipeline.a_buffer import Opacity
-from ..pipeline.buffers import VisibleSurfaces, clear_band
+from ..pipeline.buffers import CornerTable, VisibleSurfaces, clear_band
+from ..pipeline.clip import Clipped
 from ..pipeline.cull import Band
 from ..pipeline.gradients import DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, SINGLE_PRECISION, Coding
 from ..pipeline.interpolate import ScannedBand
@@ -100,11 +101,21 @@ class Pass:
         scan_index(band, drawn.drawables, workspace.block, workspace.visibility)
         return NOTHING_FOUND
 
-    def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
+    def of_clipped(self, clipped: Clipped, corner_idx):
+        """Return the pass of the triangles that are left after clipping; `corner_idx` (3, n_face) is where the corners
+        of those before have their attributes."""
+        planes = self.face_table.planes
+        return replace(
+            self,
+            attributes=clipped.add_values(self.attributes, corner_idx),
+            face_table=FaceTable(planes[clipped.faces]) if len(planes) else self.face_table,
+            hidden_sides=None if self.hidden_sides is None else self.hidden_sides[clipped.faces],
+        )
+
+    def shade(self, workspace: Workspace, band: Band, counts: ScanCounts) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
 
-        `counts` is what the scan stage found, `face_table` that of the triangles that are drawn, clipped parts
-        included.
+        `counts` is what the scan stage found.
         """
 
     def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, translucent, drawn: "Drawn") -> int:
@@ -201,16 +212,16 @@ class ColorPass(Pass):
         is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
         return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel
 
-    def shade(self, workspace, band, counts, face_table):
+    def shade(self, workspace, band, counts):
         """Find the light that comes from the visible samples, or from the points that pixels are shaded at; then let
         what is further away fade."""
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
         radiance = workspace.radiance[: self.n_channel_of(counts)]
-        self.light(workspace, scanned, face_table, radiance)
+        self.light(workspace, scanned, radiance)
         if self.plan.cue is not None:
             fade(scanned.uncoded(), self.coding.depths, self.screen.is_perspective, self.plan.cue, radiance)
 
-    def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
+    def light(self, workspace: Workspace, band: ScannedBand, radiance: np.ndarray) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
@@ -242,7 +253,7 @@ class InterpolatedPass(ColorPass):
         """Whether all materials have a texture: `shade_textured` fills all samples."""
         return bool((self.coding.features & HAS_TEXTURE).all())
 
-    def light(self, workspace, band, face_table, radiance):
+    def light(self, workspace, band, radiance):
         """Interpolate the intensities, then those of textured surfaces."""
         if not self.is_all_textured:
             shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
@@ -257,7 +268,7 @@ class LitPass(ColorPass):
 
     lightings: dict[np.dtype, Lighting]  # for each type that materials are lit in
 
-    def light(self, workspace, band, face_table, radiance):
+    def light(self, workspace, band, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
         self.look_up(workspace, band)
         texturing = self.texturing_in(workspace) if self.textures is not None else None
@@ -266,7 +277,7 @@ class LitPass(ColorPass):
         for feature, dtype, batch in types:
             if band.counts.features & feature:
                 lighting = self.lightings[np.dtype(dtype)]
-                shade_lit(band, self.screen, lighting, face_table, tangents, texturing, batch, radiance)
+                shade_lit(band, self.screen, lighting, self.face_table, tangents, texturing, batch, radiance)
 
 
 @dataclass(**AS_PASS)
@@ -279,16 +290,29 @@ class BufferPass(Pass):
     tables: dict[str, tuple]  # by name: what those look up that need a table
     is_filled: bool = True
 
+    def of_clipped(self, clipped, corner_idx):
+        """Return the pass of the triangles that are left after clipping, with what its buffers look up for them."""
+        tables = {name: tuple(clip_table(table, clipped) for table in tables) for name, tables in self.tables.items()}
+        return replace(super().of_clipped(clipped, corner_idx), tables=tables)
+
     def finish(self, workspace, band, counts, translucent, drawn):
         """Write what is visible into each buffer; the rest of the band's rows is empty."""
         surfaces = VisibleSurfaces(
-            workspace.visibility, band.faces, drawn.drawables, drawn.source, drawn.clipped_planes, self.depths,
-            self.is_perspective, workspace.batch,
+            workspace.visibility, band.faces, drawn.drawables, drawn.source, self.depths, self.is_perspective,
+            workspace.batch,
         )  # fmt: skip
         for name, buffer in self.buffers.items():
             buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty
             BUFFER_TABLE[name].write(surfaces, band, buffer, *self.tables.get(name, ()))
         return clear_band(workspace.visibility, band.n_row)
+
+
+def clip_table(table, clipped: Clipped):
+    """Return what a buffer looks up, for the triangles that are left after clipping: only values of corners change."""
+    if not isinstance(table, CornerTable):
+        return table
+    rows = clipped.rows_of(table.rows, len(table.values))
+    return CornerTable(clipped.add_values(table.values[None], table.rows)[0], rows)
 
 
 @dataclass(**AS_PASS)

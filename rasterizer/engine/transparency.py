@@ -81,7 +81,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
         features=found.features | colors,
     )
     in_front = in_front._replace(features=in_front.features | colors)
-    render_pass.shade(workspace, band, behind, drawn.face_table)
+    render_pass.shade(workspace, band, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
     if count_fragments(task, surfaces, a_buffer):
@@ -102,11 +102,10 @@ def scan_by_index(task: Task):
     """
     band, drawn, render_pass, (workspace, pool, shape) = task
     second = pool.acquire(shape, render_pass.max_records(len(band.faces)))
-    records = second.records._replace(clipped_planes=workspace.records.clipped_planes)
     coding, deferred = render_pass.coding, make_deferred(len(band.faces), second.extents)
     coding = coding._replace(paths=np.where(coding.paths == IN_ENTRIES, np.uint8(IN_PLANES), coding.paths))
-    scan(band, drawn.drawables, coding, second.block, second.visibility, records, deferred)
-    yield Surfaces(second.visibility, records, deferred.listed())
+    scan(band, drawn.drawables, coding, second.block, second.visibility, second.records, deferred)
+    yield Surfaces(second.visibility, second.records, deferred.listed())
     forget_extents(second.extents)
     clear_band(second.visibility, band.n_row)
     pool.release(shape, second)
@@ -190,7 +189,7 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0
     while show_layer(number, layer, lists, a_buffer.transmittance, opacity.min_transmittance):
-        render_pass.shade(shaded, of_picture, counts, drawn.face_table)
+        render_pass.shade(shaded, of_picture, counts)
         composite(layer, surfaces.records, a_buffer, opacity)
         number += 1
     return put_behind(*rows, workspace.visibility, lists, a_buffer, radiance, translucent)

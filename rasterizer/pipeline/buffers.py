@@ -26,11 +26,9 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
-from .clip import FACE_DEPTH, MAX_SUM, MIN_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .fragments import BATCH_SIZE, NEXT, NORMAL
 from .interpolate import (
     ExactTriangle,
-    corner_values,
     corner_weights,
     inverse_range,
     mean,
@@ -54,7 +52,6 @@ class VisibleSurfaces(NamedTuple):
     faces: np.ndarray  # (n,) uint32: the band's triangles; entries hold places in it
     drawables: Drawables  # attributes 0-2 are the normals, where a buffer needs them
     sources: np.ndarray  # (n,) the triangle of the scene that each is a part of; empty where none was clipped
-    clipped_planes: np.ndarray  # (n_clipped, 14) float64, see clip.Clipped
     depths: DepthScale
     is_perspective: bool
     batch: np.ndarray  # scratch, see fragments.py, float32
@@ -268,9 +265,8 @@ def line_of_run(triangle, depths, is_perspective, x, y):
         slack = 2.0**-47 * largest / least
         slack = slack if slack <= MAX_SLACK else np.inf
     else:
-        least, largest = triangle.sums
-        slack = 2.0**-47 * max(abs(depths[0]), abs(depths[1]), abs(depths[2])) if least == largest == 1.0 else np.inf
-    return first / triangle.area, step / triangle.area, np.inf if triangle.is_clipped else slack
+        slack = 2.0**-47 * max(abs(depths[0]), abs(depths[1]), abs(depths[2]))
+    return first / triangle.area, step / triangle.area, slack
 
 
 @helper
@@ -364,7 +360,7 @@ class CornerTable(NamedTuple):
     """What the corners of triangles have: rows of values, and which row belongs to which corner."""
 
     values: np.ndarray  # (n, n_component) float64
-    rows: np.ndarray  # (3, n_triangle) uint32, of the triangles before any is clipped, corners in the order of the file
+    rows: np.ndarray  # (3, n_triangle) uint32, corners in the order of the file
 
 
 def write_mean(surfaces, band, out, table):
@@ -398,22 +394,8 @@ def write_means(surfaces, band, out, table):
 @helper
 def table_rows(face, surfaces, table):
     """Return the rows of a table for the corners of a triangle, in the order of its weights."""
-    sources = surfaces.sources
-    source = index(sources[face]) if len(sources) > 0 else face
-    i, j, k = corner_order(face, surfaces.drawables)
-    return index(table.rows[i, source]), index(table.rows[j, source]), index(table.rows[k, source])
-
-
-@helper
-def corner_order(face, drawables):
-    """Return which corner of a triangle each weight belongs to; parts of clipped faces have those of the face."""
-    i, j, k = index(0), index(1), index(2)
-    clipped_idx = drawables.triangles.clipped_idx
-    is_whole = len(clipped_idx) == 0 or clipped_idx[face] < 0
-    if is_whole:
-        xs, ys = fetch_positions(face, drawables)
-        i, j, k = ordered((i, j, k), order_of(xs, ys))
-    return i, j, k
+    xs, ys = fetch_positions(face, surfaces.drawables)
+    return ordered(fetch_indices(table.rows, face), order_of(xs, ys))
 
 
 @helper
@@ -430,8 +412,7 @@ def fill_means(triangle, corners, values, x, y, out):
 
 # ---------------------------------------------------------------- triangles of visible samples
 
-# The numbers that exact records hold (records.py), fetched from the picture's drawables. The weights of a part of a
-# clipped face come from the planes of the face.
+# The numbers that exact records hold (records.py), fetched from the picture's drawables.
 
 
 class VertexOrder(NamedTuple):
@@ -445,35 +426,14 @@ class VertexOrder(NamedTuple):
 @helper
 def fetch_triangle(face, surfaces):
     """Return a triangle, and the depths of its vertices, as an exact record holds them."""
-    triangles = surfaces.drawables.triangles
-    clipped = np.int64(triangles.clipped_idx[face]) if len(triangles.clipped_idx) > 0 else np.int64(-1)
-    if clipped >= 0:
-        return fetch_part(index(clipped), surfaces)
-    return fetch_whole(face, surfaces.drawables, surfaces.depths)
-
-
-@helper
-def fetch_part(clipped, surfaces):
-    """Return the planes of the weights of a part of a clipped face, and the depths of the face's corners; `clipped` is
-    the row of the planes."""
-    planes, zeros, zero = surfaces.clipped_planes, (0.0, 0.0, 0.0), np.int64(0)
-    q, q_x = corner_values(planes, clipped, index(WEIGHT)), corner_values(planes, clipped, index(WEIGHT_X))
-    q_y, depths = corner_values(planes, clipped, index(WEIGHT_Y)), corner_values(planes, clipped, index(FACE_DEPTH))
-    sums = (planes[clipped, index(MIN_SUM)], planes[clipped, index(MAX_SUM)])
-    triangle = ExactTriangle(True, zero, zero, zero, zero, zero, zero, zeros, q, q_x, q_y, sums, 1.0)
-    return triangle, (1.0, 1.0, 1.0) if surfaces.is_perspective else depths
-
-
-@helper
-def fetch_whole(face, drawables, depths):
-    """Return a triangle that is not clipped, and the depths of its vertices; `depths` is the DepthScale."""
+    drawables, depths = surfaces.drawables, surfaces.depths
     xs, ys = fetch_positions(face, drawables)
     order, vertices = order_of(xs, ys), drawables.vertices
     a, b, c = fetch_indices(drawables.triangles.vertex_idx, face)
     (x0, x1, x2), (y0, y1, y2) = ordered(xs, order), ordered(ys, order)
     true_x, true_y, z = vertices.true_x, vertices.true_y, vertices.z
     z0, z1, z2 = ordered((z[a], z[b], z[c]), order)
-    (own0, own1, own2), _, _ = depths_on_plane(
+    (own0, own1, own2), _ = depths_on_plane(
         ordered((true_x[a], true_x[b], true_x[c]), order), ordered((true_y[a], true_y[b], true_y[c]), order),
         (float(x0), float(x1), float(x2)), (float(y0), float(y1), float(y2)), (z0, z1, z2),
         vertices.pixel,
@@ -481,9 +441,7 @@ def fetch_whole(face, drawables, depths):
     offset, step = depths.inv_w_offset, depths.inv_w_scale
     inv_w = (offset + step * z0, offset + step * z1, offset + step * z2)
     dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
-    zeros, sums = (0.0, 0.0, 0.0), (min(inv_w), max(inv_w))
-    area = float(dx1 * dy2 - dx2 * dy1)
-    triangle = ExactTriangle(False, x0, y0, dx1, dy1, dx2, dy2, inv_w, zeros, zeros, zeros, sums, area)
+    triangle = ExactTriangle(x0, y0, dx1, dy1, dx2, dy2, inv_w, float(dx1 * dy2 - dx2 * dy1))
     own_depths = depth_at_corner(z0, own0, depths), depth_at_corner(z1, own1, depths), depth_at_corner(z2, own2, depths)
     return triangle, own_depths
 
@@ -499,11 +457,7 @@ def fetch_normals(face, drawables):
     order = order_of(xs, ys)
     is_flipped = order.is_front == (triangles.is_inverted[face] != 0)
     side = index(attributes.shape[0] - 1) if is_flipped else index(0)
-    corners = fetch_indices(triangles.corner_idx, face)
-    is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[face] < 0
-    if is_whole:  # the attributes of a part are those of its face, in the order of the planes
-        corners = ordered(corners, order)
-    a, b, c = corners
+    a, b, c = ordered(fetch_indices(triangles.corner_idx, face), order)
     x = (attributes[side, a, index(0)], attributes[side, b, index(0)], attributes[side, c, index(0)])
     y = (attributes[side, a, index(1)], attributes[side, b, index(1)], attributes[side, c, index(1)])
     z = (attributes[side, a, index(2)], attributes[side, b, index(2)], attributes[side, c, index(2)])

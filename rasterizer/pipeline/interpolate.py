@@ -6,10 +6,6 @@ Out: means of what the three corners of a triangle have, weighted for one sample
 It is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is Σ q_i·a_i / Σ q_i
 (Blinn 1992, "Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are exact integers, so slivers are as
 good as any.
-
-Of a part of a clipped face, q_i are those of the whole face, from its planes (clip.py). A part's corners are rounded to
-1/256 px, so a sample may lie outside the face by as much: a negative q_i counts as 0, and Σ q_i = 1/w stays within the
-face's range.
 """
 
 from typing import NamedTuple
@@ -17,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index
-from .clip import MAX_SUM, MIN_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .gradients import Coding
-from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
+from .records import ATTRIBUTE, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
 from .transform import HALF, SUBPIXEL
 from .visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
@@ -43,7 +38,6 @@ class ScannedBand(NamedTuple):
 class ExactTriangle(NamedTuple):
     """What the weights q_i of an exact record's three corners are computed from."""
 
-    is_clipped: bool  # a part of a clipped face: the weights come from planes; else from edge functions
     x0: int  # the first vertex and the two edges that leave it, 1/256 px
     y0: int
     dx1: int
@@ -51,11 +45,7 @@ class ExactTriangle(NamedTuple):
     dx2: int
     dy2: int
     inv_w: tuple  # at the three vertices
-    q: tuple  # planes of a clipped face: at the picture's corner, and what 1/256 px to the right, and down, adds
-    q_x: tuple
-    q_y: tuple
-    sums: tuple  # least and largest Σ q_i, before it is multiplied by the area
-    area: float  # Σ e_i; 1 where weights come from planes: 1/w = Σ q_i / area
+    area: float  # Σ e_i: 1/w = Σ q_i / area
 
 
 # ---------------------------------------------------------------- runs of samples
@@ -131,20 +121,9 @@ def exact_triangle(records, record):
     dx1, dy1 = np.int64(row[first + index(2)]), np.int64(row[first + index(3)])
     dx2, dy2 = np.int64(row[first + index(4)]), np.int64(row[first + index(5)])
     w0, w1, w2 = corner_values(records.reals, record, index(INV_W))
-    inv_w = (float(w0), float(w1), float(w2))
-    clipped = row[index(CLIPPED_IDX)]
-    if clipped >= 0:
-        planes, k = records.clipped_planes, index(clipped)
-        sums = (planes[k, index(MIN_SUM)], planes[k, index(MAX_SUM)])
-        q, q_x = corner_values(planes, k, index(WEIGHT)), corner_values(planes, k, index(WEIGHT_X))
-        q_y = corner_values(planes, k, index(WEIGHT_Y))
-        area = 1.0
-    else:
-        q = q_x = q_y = (0.0, 0.0, 0.0)
-        sums = (min(inv_w), max(inv_w))
-        area = float(dx1 * dy2 - dx2 * dy1)
     x0, y0 = np.int64(row[first]), np.int64(row[first + index(1)])
-    return ExactTriangle(clipped >= 0, x0, y0, dx1, dy1, dx2, dy2, inv_w, q, q_x, q_y, sums, area)
+    area = float(dx1 * dy2 - dx2 * dy1)
+    return ExactTriangle(x0, y0, dx1, dy1, dx2, dy2, (float(w0), float(w1), float(w2)), area)
 
 
 @helper
@@ -175,8 +154,6 @@ def corner_weights(triangle, x, y):
     The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
     """
     sx, sy = x * SUBPIXEL + HALF, y * SUBPIXEL + HALF
-    if triangle.is_clipped:
-        return plane_weights(triangle, float(sx), float(sy))
     ux, uy = sx - triangle.x0, sy - triangle.y0
     e1 = ux * triangle.dy2 - uy * triangle.dx2
     e2 = uy * triangle.dx1 - ux * triangle.dy1
@@ -191,26 +168,8 @@ def sample_weights(triangle, first, k):
 
 
 @helper
-def plane_weights(triangle, sx, sy):
-    """Return the weights of a clipped face at (sx, sy), 1/256 px: none below 0, their sum within its range."""
-    q, q_x, q_y = triangle.q, triangle.q_x, triangle.q_y
-    q0 = max(q[0] + q_x[0] * sx + q_y[0] * sy, 0.0)
-    q1 = max(q[1] + q_x[1] * sx + q_y[1] * sy, 0.0)
-    q2 = max(q[2] + q_x[2] * sx + q_y[2] * sy, 0.0)
-    total = q0 + q1 + q2
-    within = min(max(total, triangle.sums[0]), triangle.sums[1])
-    if not total > 0.0:
-        return within / 3.0, within / 3.0, within / 3.0
-    scale = within / total
-    return q0 * scale, q1 * scale, q2 * scale
-
-
-@helper
 def weight_steps(triangle):
     """Return what one sample to the right, and one down, adds to the weights: two triples."""
-    if triangle.is_clipped:
-        q_x, q_y, step = triangle.q_x, triangle.q_y, float(SUBPIXEL)
-        return (q_x[0] * step, q_x[1] * step, q_x[2] * step), (q_y[0] * step, q_y[1] * step, q_y[2] * step)
     inv_w = triangle.inv_w
     x1, x2 = float(triangle.dy2 * SUBPIXEL), float(-triangle.dy1 * SUBPIXEL)
     y1, y2 = float(-triangle.dx2 * SUBPIXEL), float(triangle.dx1 * SUBPIXEL)
@@ -277,7 +236,5 @@ def plane_inverse(triangle, depths, q):
 @helper
 def inverse_range(triangle, depths):
     """Return the least and the largest 1/w of a triangle's plane within it, in perspective."""
-    if triangle.is_clipped:
-        return triangle.sums
     a, b, c = triangle.inv_w[0] * depths[0], triangle.inv_w[1] * depths[1], triangle.inv_w[2] * depths[2]
     return min(a, b, c), max(a, b, c)

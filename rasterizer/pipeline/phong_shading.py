@@ -51,10 +51,6 @@ class FaceTable(NamedTuple):
 
     planes: np.ndarray  # (n_face, 5) float64: plane and normal offset, see shadow_lookup.py; read only for shadows
 
-    def of_parts(self, faces) -> "FaceTable":
-        """Return the table of triangles that are parts of the faces `faces`, (n,) indices."""
-        return FaceTable(self.planes[faces] if len(self.planes) else self.planes)
-
 
 @kernel
 def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch, out_radiance):

@@ -19,16 +19,15 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from . import setup as s
-from .clip import FACE_DEPTH, NO_PLANES
 from .gradients import HAS_ALBEDO, HAS_TEXTURE, MAX_CHANNELS, LevelCoding, NormalCoding
 from .samples import PLANE_GROUP, PlaneGroup
 from .textures import TEXCOORD_PLANE
 from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
 
-# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and
-# the side that is seen; the row of the planes of the clipped face that it is a part of, or -1; the material.
-EDGES, FACE, SIDE, CLIPPED_IDX, MATERIAL = 0, 6, 7, 8, 9
-N_INTEGER = 10
+# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, the
+# side that is seen, the material.
+EDGES, FACE, SIDE, MATERIAL = 0, 6, 7, 8
+N_INTEGER = 9
 # Columns of an exact record's reals, each at the three vertices: 1/w; the depth of the triangle's plane where they are
 # rounded to, with perspective 1/w of that over the 1/w; each attribute.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
@@ -51,7 +50,6 @@ class Records(NamedTuple):
     reals: np.ndarray  # (n, ATTRIBUTE + 3 * n_attribute) float64
     int_planes: np.ndarray  # int32, UNIT for each, and room behind the last
     float_planes: np.ndarray  # the same memory as float32
-    clipped_planes: np.ndarray  # (n_clipped, 14) float64, see clip.Clipped: those of the picture, not of the band
 
 
 def make_records(n, n_attribute) -> Records:
@@ -62,7 +60,7 @@ def make_records(n, n_attribute) -> Records:
     """
     integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute))
     int_planes = np.zeros((n + LONGEST - 1) << UNIT_SHIFT, np.int32)
-    return Records(integers, reals, int_planes, int_planes.view(np.float32), NO_PLANES)
+    return Records(integers, reals, int_planes, int_planes.view(np.float32))
 
 
 def max_units(coding) -> int:
@@ -206,9 +204,6 @@ def write_value_group(planes, target, k, first, n, block):
 def write_exact(records, n_record, k, face, n_attribute, coding, block):
     """Write record number `n_record`: where triangle k lies on the screen; 1/w, depth and attributes of its corners.
 
-    Of a part of a clipped face the depths and attributes are those of the face's corners, and the weights come from its
-    planes, which are those of its depth, too.
-
     Parameters
     ----------
     face : the triangle's index in the picture
@@ -222,15 +217,9 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
     integers[row, FACE] = face
     integers[row, SIDE] = -1 if ints[s.IS_FLIPPED + k] else 1
     integers[row, MATERIAL] = ints[s.MATERIAL + k]
-    clipped = ints[s.CLIPPED_IDX + k]
-    integers[row, CLIPPED_IDX] = clipped
     for corner in range(index(3)):
         z, own = reals[s.Z0 + corner * s.NEXT + k], reals[s.OWN_Z0 + corner * s.NEXT + k]
         out[row, index(INV_W) + corner] = depths.inv_w_offset + depths.inv_w_scale * z
         out[row, index(DEPTH) + corner] = s.depth_at_corner(z, own, depths)
-    if clipped >= 0:
-        for corner in range(index(3)):
-            depth = records.clipped_planes[index(clipped), index(FACE_DEPTH) + corner]
-            out[row, index(DEPTH) + corner] = 1.0 if depths.is_perspective else depth
     for column in range(index(3 * n_attribute)):
         out[row, index(ATTRIBUTE) + column] = reals[s.ATTRIBUTE + column * s.NEXT + k]

@@ -293,14 +293,11 @@ class Payload(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """The z of a triangle's plane at its rounded vertices, float64, z-buffer units, and the range that its samples may
-    have."""
+    """The z of a triangle's plane at its rounded vertices, float64, z-buffer units."""
 
     z0: float
     z1: float
     z2: float
-    min_z: float
-    max_z: float
 
 
 class Surface(NamedTuple):
@@ -340,9 +337,7 @@ def surface_of(k, payload, block):
     anchor_x, anchor_y = np.uint64(np.int64(ints[s.ANCHOR_X + k])), np.uint64(np.int64(ints[s.ANCHOR_Y + k]))
     dx, dy = pack(longs[s.PLANE_Z_DX + k], payload.dx), pack(longs[s.PLANE_Z_DY + k], payload.dy)
     plane = Plane(pack(longs[s.PLANE_Z + k], payload.value) - anchor_x * dx - anchor_y * dy, dx, dy)
-    depths = Depths(
-        reals[s.OWN_Z0 + k], reals[s.OWN_Z1 + k], reals[s.OWN_Z2 + k], reals[s.MIN_Z + k], reals[s.MAX_Z + k]
-    )  # fmt: skip
+    depths = Depths(reals[s.OWN_Z0 + k], reals[s.OWN_Z1 + k], reals[s.OWN_Z2 + k])
     return Surface(triangle, ints[s.IS_SLIVER + k] != 0, plane, depths, payload.value)
 
 
@@ -541,7 +536,7 @@ def fill_sliver_span(span, x_start, y, surface):
 
 @helper
 def entry_of_sliver(x, y, surface):
-    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range.
+    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the z-buffer.
 
     A weighted mean, none of whose weights is negative: so where a corner lies far before all that is seen, its z
     doesn't take the digits of the others'.
@@ -553,7 +548,7 @@ def entry_of_sliver(x, y, surface):
     ux, uy = x * SUBPIXEL + HALF - triangle.x0, y * SUBPIXEL + HALF - triangle.y0
     e1, e2 = ux * dy2 - uy * dx2, uy * dx1 - ux * dy1
     z = (float(area - e1 - e2) * depths.z0 + float(e1) * depths.z1 + float(e2) * depths.z2) / float(area)
-    return np.int64(pack(np.rint(min(max(z, depths.min_z), depths.max_z)), surface.payload))
+    return np.int64(pack(np.rint(min(max(z, 0.0), s.FURTHEST)), surface.payload))
 
 
 # ---------------------------------------------------------------- fragments of transparent surfaces

@@ -44,33 +44,29 @@ ANCHOR_X, ANCHOR_Y = _starts(10, 12)
 EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
 IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
-CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
-MATERIAL = index(BLOCK * 22)
+MATERIAL = index(BLOCK * 21)
 # What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
-PATH, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
-IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
-IS_EDGE_ON = index(BLOCK * 26)  # see depths_on_plane in transform.py
-N_INT = 27
+PATH, N_OWN = index(BLOCK * 22), index(BLOCK * 23)
+IS_WEIGHTED = index(BLOCK * 24)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
+N_INT = 25
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
-# in samples; the range of z that a sample may have; z of the triangle's plane where the vertices are rounded to, and
-# how far it is from theirs at most; attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows
-# each, see gradients.py; the error that its material accepts. Before there are planes, the vertices stand in their
-# place as they come, 1/256 px.
+# in samples; z of the triangle's plane where the vertices are rounded to, and how far it is from theirs at most;
+# attributes at vertex 0, 1, 2, one after the other; planes of attributes, three rows each, see gradients.py; the error
+# that its material accepts. Before there are planes, the vertices stand in their place as they come, 1/256 px.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
-MIN_Z, MAX_Z = _starts(9, 11)
-OWN_Z0, OWN_Z1, OWN_Z2, PLANE_SHIFT = _starts(11, 15)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 15), 13
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (15 + 3 * MAX_ATTRIBUTES)), 10
-TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(15 + 3 * MAX_ATTRIBUTES, 21 + 3 * MAX_ATTRIBUTES)
-LIMIT = index(BLOCK * (15 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
-N_REAL = 16 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+OWN_Z0, OWN_Z1, OWN_Z2, PLANE_SHIFT = _starts(9, 13)
+ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 13), 13
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (13 + 3 * MAX_ATTRIBUTES)), 10
+TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(13 + 3 * MAX_ATTRIBUTES, 19 + 3 * MAX_ATTRIBUTES)
+LIMIT = index(BLOCK * (13 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+N_REAL = 14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -94,9 +90,6 @@ MAX_LEVERAGE = 2.0**53
 # within the z-buffer.
 MAX_PLANE_SHIFT = DEPTH_MARGIN / 2
 FURTHEST = 2.0**DEPTH_BITS - 2.0  # what lies there is still seen
-# Of a part of a clipped face it may be the slope over 512. One that is seen edge-on (`depths_on_plane`) is kept within
-# the face's range.
-MAX_CLIPPED_SLOPE = MAX_PLANE_SHIFT * (2 * SUBPIXEL)
 # Steeper planes of depth would leave 64 bits, a sample: a triangle that reaches far out of the picture may have one.
 MAX_SLOPE = 2.0**60
 
@@ -134,12 +127,6 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[CORNER2 + k] = triangles.corner_idx[2, face]
         ints[IS_FLIPPED + k] = triangles.is_inverted[face]
         ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
-        clipped = triangles.clipped_idx[face] if len(triangles.clipped_idx) > 0 else np.int32(-1)
-        ints[CLIPPED_IDX + k] = clipped
-        reals[MIN_Z + k], reals[MAX_Z + k] = 0.0, FURTHEST
-        if clipped >= 0:
-            reals[MIN_Z + k] = triangles.z_ranges[index(clipped), 0]
-            reals[MAX_Z + k] = triangles.z_ranges[index(clipped), 1]
     for k in range(index(len(faces)), index(BLOCK)):
         ints[MATERIAL + k] = 0
 
@@ -190,15 +177,12 @@ def order_vertices(pixel, block):
         ints[Y0 + k], ints[Y1 + k], ints[Y2 + k] = np.int32(y[0]), np.int32(y[1]), np.int32(y[2])
         za, zb, zc = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
         z = rotate_to_first(za, zb, zc, is_b_first, is_c_first, is_front)
-        own_z, is_edge_on, shift = depths_on_plane(true_x, true_y, x, y, z, pixel)
+        own_z, reals[PLANE_SHIFT + k] = depths_on_plane(true_x, true_y, x, y, z, pixel)
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = z
         reals[OWN_Z0 + k], reals[OWN_Z1 + k], reals[OWN_Z2 + k] = own_z
-        ints[IS_EDGE_ON + k], reals[PLANE_SHIFT + k] = is_edge_on, shift
         ca, cb, cc = ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k]
-        # A part's attributes are those of its face, in the order of the planes.
-        is_whole = ints[CLIPPED_IDX + k] < 0
         ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k] = rotate_to_first(
-            ca, cb, cc, is_b_first & is_whole, is_c_first & is_whole, is_front & is_whole
+            ca, cb, cc, is_b_first, is_c_first, is_front
         )
 
 
@@ -298,12 +282,10 @@ def compute_depth_planes(block):
         offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
         offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
-        is_part = ints[CLIPPED_IDX + k] >= 0
-        is_steep = abs(dx) + abs(dy) > (MAX_CLIPPED_SLOPE if is_part else MAX_SLOPE)
-        is_steep |= ((ints[IS_EDGE_ON + k] != 0) & is_part) | (reals[PLANE_SHIFT + k] > MAX_PLANE_SHIFT)
+        is_steep = (abs(dx) + abs(dy) > MAX_SLOPE) | (reals[PLANE_SHIFT + k] > MAX_PLANE_SHIFT)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
         ints[IS_SLIVER + k] = is_sliver | is_steep
-        ints[HAS_PLANES + k] = not (is_sliver | is_steep | is_part)
+        ints[HAS_PLANES + k] = not (is_sliver | is_steep)
         reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
         reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
         reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y

@@ -94,8 +94,6 @@ class Triangles(NamedTuple):
     corner_idx: np.ndarray  # (3, n) uint32, into the attributes
     is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
     material: np.ndarray = np.empty(0, np.uint32)  # (n,) uint32; empty where all have one
-    clipped_idx: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
-    z_ranges: np.ndarray = np.empty((0, 2))  # (n_clipped, 2) float64, as there
 
 
 class Drawables(NamedTuple):
@@ -223,8 +221,8 @@ def compute_z(depth, screen):
 
 @helper
 def depths_on_plane(true_x, true_y, x, y, z, pixel):
-    """Return the z of a triangle's plane where its vertices are rounded to, three numbers; whether it is seen so nearly
-    edge-on that these are the z of the vertices instead; and how far they are from those at most.
+    """Return the z of a triangle's plane where its vertices are rounded to, three numbers, and how far these are from
+    the z of the vertices at most. Of one that is seen nearly edge-on they are the z of the vertices.
 
     With the edges e1, e2 and the rises r1, r2 of z along them, the slopes g = dz/d(x, y) of the plane solve e1·g = r1,
     e2·g = r2. A vertex was moved by half a 256th of a pixel along either axis at most. Where z could change by more
@@ -249,7 +247,7 @@ def depths_on_plane(true_x, true_y, x, y, z, pixel):
     z0 = z[0] - slope_x * (true_x[0] - x[0]) - slope_y * (true_y[0] - y[0])
     z1 = z[1] - slope_x * (true_x[1] - x[1]) - slope_y * (true_y[1] - y[1])
     z2 = z[2] - slope_x * (true_x[2] - x[2]) - slope_y * (true_y[2] - y[2])
-    return (z0, z1, z2), is_edge_on, 0.0 if is_edge_on else shift
+    return (z0, z1, z2), 0.0 if is_edge_on else shift
 
 
 def skew_stretch(screen) -> float:

@@ -1,8 +1,8 @@
 """The frame of the eye: faces of the world are brought there, cut where they leave what is seen, and put on the screen.
 
 In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the
-viewing axis. A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see
-`Pieces.corners`.
+viewing axis. A piece of a face that is cut is a triangle like any other; where its corners lie on the face, and so what
+they have of all that is interpolated, is said by `Pieces.weights`.
 """
 
 from typing import NamedTuple
@@ -35,10 +35,7 @@ class Pieces(NamedTuple):
 
     face: NDArray[np.int64]  # (n_piece,) ascending
     position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth
-    plane_depth: NDArray[np.float64]  # (n_piece, 3) of the face, where the grid shows `position`: see `plane_depths`
-    is_cut: NDArray[np.bool_]  # (n_piece,) the face is in several pieces, or only a part of it is left
-    corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face
-    depth_range: NDArray[np.float64]  # (n_piece, 2) least and largest depth of what is left of the face
+    weights: NDArray[np.float64]  # (n_piece, 3, 3) of each corner on the corners of the face
 
 
 def to_eye(points: NDArray, view: View) -> NDArray[np.float64]:
@@ -81,12 +78,8 @@ def choose_range(depth: NDArray, is_perspective: bool, near: float | None, far: 
     return Range(near, deepest if far is None else far, far is not None)
 
 
-def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_rounded: bool = True) -> Pieces:
-    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
-
-    Unless `is_rounded`, all faces count as
-    cut: rounding to the grid then decides what is covered, and nothing else.
-    """
+def clip_to_view(position: NDArray, projection: Projection, depths: Range) -> Pieces:
+    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen."""
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
     planes: list[Plane] = [(0.0, 0.0, 1.0, -depths.near)]
     if depths.is_far_given:
@@ -96,29 +89,32 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
     distances = np.stack([_plane_distance(triangles, plane) for plane in planes], axis=-1)
     is_whole = (distances >= 0).all(axis=(1, 2))
     crossing = np.flatnonzero(~is_whole & (distances >= 0).any(axis=1).all(axis=1))
-    source, fans, ranges = [np.flatnonzero(is_whole)], [triangles[is_whole]], [_depth_range(triangles[is_whole])]
+    # A corner is its position, and its weights on the corners of the face: what is linear on the face is clipped alike.
+    corners = np.concatenate([triangles, np.broadcast_to(np.eye(3), triangles.shape)], axis=2)
+    source, fans = [np.flatnonzero(is_whole)], [corners[is_whole]]
     for triangle_idx in crossing:
-        polygon = triangles[triangle_idx]
+        polygon = corners[triangle_idx]
         for plane in planes:
             polygon = _clip_polygon(polygon, plane)
         fan = _fan(polygon, projection)
         source.append(np.full(len(fan), triangle_idx))
         fans.append(fan)
-        ranges.append(np.broadcast_to(_depth_range(polygon[None]) if len(fan) else 0.0, (len(fan), 2)))
     order = np.argsort(np.concatenate(source), kind="stable")
-    source, fans, ranges = (np.concatenate(rows)[order] for rows in (source, fans, ranges))
-    corners = triangles[source]
-    if not is_rounded:
-        return Pieces(face[source], fans, fans[..., 2], np.ones(len(source), bool), corners, ranges)
-    return Pieces(face[source], fans, plane_depths(fans, projection), ~is_whole[source], corners, ranges)
+    source, fans = (np.concatenate(rows)[order] for rows in (source, fans))
+    return Pieces(face[source], fans[..., :3], fans[..., 3:])
 
 
 def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
     """Project points of the eye's frame (..., 3) to the screen (..., 2), int64 in 1/256 px, rounded half to even."""
+    return np.rint(project(position, projection)).astype(np.int64)
+
+
+def project(position: NDArray, projection: Projection) -> NDArray[np.float64]:
+    """Project points of the eye's frame (..., 3) to the screen (..., 2), in 1/256 px."""
     w = position[..., 2] if projection.is_perspective else 1.0
     x_px = projection.center_x + (projection.scale_x * position[..., 0] - projection.skew * position[..., 1]) / w
     y_px = projection.center_y - projection.scale_y * position[..., 1] / w
-    return np.rint(SUBPIXELS * np.stack([x_px, y_px], axis=-1)).astype(np.int64)
+    return SUBPIXELS * np.stack([x_px, y_px], axis=-1)
 
 
 def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.float64]:
@@ -128,7 +124,7 @@ def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.flo
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 
-def plane_depths(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
+def depths_on_planes(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
     """Return the depths (n, 3) that the planes of faces (n, 3, 3) have where their corners are rounded to 1/256 px.
 
     Faces that are seen so nearly edge-on that half a step of the grid along either axis could change their depth by
@@ -157,19 +153,14 @@ def plane_depths(faces: NDArray, projection: Projection) -> NDArray[np.float64]:
     return np.where(is_edge_on[:, None], faces[..., 2], depth)
 
 
-def _depth_range(polygons: NDArray) -> NDArray[np.float64]:
-    """Return the least and the largest depth (n, 2) of polygons (n, k, 3)."""
-    return np.stack([polygons[..., 2].min(axis=1), polygons[..., 2].max(axis=1)], axis=1)
-
-
 def _fan(polygon: NDArray, projection: Projection) -> NDArray[np.float64]:
-    """Divide a convex polygon (k, 3) into triangles (n, 3, 3) about its topmost, then leftmost corner on the screen.
+    """Divide a convex polygon (k, 6) into triangles (n, 3, 6) about its topmost, then leftmost corner on the screen.
 
     However the face lists its corners, its pieces are the same.
     """
     if len(polygon) < 3:
-        return np.empty((0, 3, 3))
-    screen = snap(polygon, projection)
+        return np.empty((0, 3, 6))
+    screen = snap(polygon[:, :3], projection)
     polygon = np.roll(polygon, -np.lexsort((screen[:, 0], screen[:, 1]))[0], axis=0)
     return np.stack([polygon[[0, k - 1, k]] for k in range(2, len(polygon))])
 
@@ -192,12 +183,12 @@ def _screen_planes(projection: Projection) -> list[Plane]:
 
 
 def _clip_polygon(polygon: NDArray, plane: Plane) -> NDArray[np.float64]:
-    """Clip a convex polygon (k, 3) at a plane.
+    """Clip a convex polygon (k, 6) at a plane: positions, and what is linear on it.
 
     A new vertex is computed from the inside vertex to the outside one: both faces of an edge get the same.
     Source: Sutherland & Hodgman 1974, Comm. ACM 17(1), 32-42.
     """
-    distances = _plane_distance(polygon, plane)
+    distances = _plane_distance(polygon[:, :3], plane)
     kept = []
     for here in range(len(polygon)):
         after = (here + 1) % len(polygon)

@@ -19,7 +19,16 @@ from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .buffers import SurfaceBuffers, describe_surface
-from .clip import are_outside, choose_range, clip_to_view, depths_of_boxes, snap, to_eye
+from .clip import (
+    are_outside,
+    choose_range,
+    clip_to_view,
+    depths_of_boxes,
+    depths_on_planes,
+    project,
+    snap,
+    to_eye,
+)
 from .closed import find_inner_sides
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
@@ -193,15 +202,18 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     lighting = make_lighting(look.scene, surface, view, projection, look.shading, options.spectral, options.exposure)
     position = to_eye(surface.corners, view)
     depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits)
-    pieces = clip_to_view(position, projection, depths, look.is_rounded)
+    pieces = clip_to_view(position, projection, depths)
     screen = snap(pieces.position, projection)
+    places, plane_depths = screen, depths_on_planes(pieces.position, projection)
+    if not look.is_rounded:  # rounding to the grid then decides what is covered, and nothing else
+        places, plane_depths = project(pieces.position, projection), pieces.position[..., 2]
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     n_face = [mesh.n_face for mesh in look.scene.meshes]
     is_drawn = facing > 0 if options.cull == "back" else facing != 0
     is_outside = np.repeat(are_outside(look.boxes, view, projection, depths.near, grid), n_face)
     is_drawn &= (facing != look.inner_sides[pieces.face]) | ~is_outside[pieces.face]
     side = compute_sides(surface, pieces.face, facing)
-    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
+    return Raster(pieces, screen, places, plane_depths, side, is_drawn, Window(0, 0, *grid), projection), lighting
 
 
 def _draw(look: Look, per_axis: int) -> Layers:

@@ -45,10 +45,10 @@ FAULTS = (
         "pipeline pictures",
     ),
     Fault(
-        "clipped faces: the weights change the other way down the screen",
+        "clipped faces: a new vertex has what the next corner of the face has",
         "pipeline/clip.py",
-        "-rows[:, :, 1] / (screen.scale_y * SUBPIXEL)",
-        "rows[:, :, 1] / (screen.scale_y * SUBPIXEL)",
+        "rows[k, self.faces[self.is_part]]",
+        "rows[(k + 1) % 3, self.faces[self.is_part]]",
         "pipeline pictures",
     ),
     Fault(
@@ -676,10 +676,10 @@ HELD_OUT = (
         "pipeline pictures",
     ),
     Fault(
-        "clipped faces: the second corner's weight has x and y exchanged",
-        "pipeline/interpolate.py",
-        "q[1] + q_x[1] * sx + q_y[1] * sy",
-        "q[1] + q_x[1] * sy + q_y[1] * sx",
+        "clipped faces: shadows are looked up with the planes of other faces",
+        "engine/passes.py",
+        "FaceTable(planes[clipped.faces])",
+        "FaceTable(planes[: len(clipped.faces)])",
         "pipeline pictures",
     ),
     Fault(

@@ -27,7 +27,6 @@ from rasterizer.pipeline.buffers import (
     put_run_of_depths,
     write_depth,
 )
-from rasterizer.pipeline.clip import NO_PLANES
 from rasterizer.pipeline.cull import Band
 from rasterizer.pipeline.interpolate import ExactTriangle, corner_weights, mean_depth
 from rasterizer.pipeline.scan import scan_index
@@ -69,7 +68,7 @@ def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None):
     z = compute_z(np.asarray(depth, float), screen)
     drawables = drawables_of(triangles, z, normals[None], is_inverted)
     surfaces = VisibleSurfaces(
-        workspace.visibility, np.arange(len(triangles), dtype=np.uint32), drawables, NO_FACE, NO_PLANES,
+        workspace.visibility, np.arange(len(triangles), dtype=np.uint32), drawables, NO_FACE,
         coding.depths, screen.is_perspective, workspace.batch,
     )  # fmt: skip
     return workspace, surfaces
@@ -174,8 +173,8 @@ def random_run(rng, is_perspective):
         length = inside.index(False) if False in inside else 256
     depths = 10.0 ** rng.uniform(-3, 6) * 10.0 ** -rng.uniform(0, rng.choice([0.1, 3.0, 9.0]), 3)
     inv_w = tuple((1.0 / depths).tolist()) if is_perspective else (1.0, 1.0, 1.0)
-    sums, area = (min(inv_w), max(inv_w)), float(sum(edge_functions(corner, edges, x, y)))
-    triangle = ExactTriangle(False, *corner, *edges[0], *edges[1], inv_w, None, None, None, sums, area)
+    area = float(sum(edge_functions(corner, edges, x, y)))
+    triangle = ExactTriangle(*corner, *edges[0], *edges[1], inv_w, area)
     return triangle, tuple(depths.tolist()), x, y, length
 
 

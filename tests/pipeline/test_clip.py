@@ -14,19 +14,18 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.pipeline import clip as stage
 from rasterizer.pipeline.clip import MAX_CORNERS, N_CORNER_COLUMN, clip, find_nearest
-from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, Triangles, transform
+from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
 
 
-def clip_mesh(points, faces, screen, corner=None):
+def clip_mesh(points, faces, screen):
     """Transform and clip a mesh; return (Clipped, vertices before it)."""
     positions = np.ascontiguousarray(points, float)
     vertex = np.ascontiguousarray(np.asarray(faces, np.uint32).reshape(-1, 3).T)
     with np.errstate(all="ignore"):
         vertices, _ = transform(positions, screen, SERIAL)
-        triangles = Triangles(vertex, vertex if corner is None else corner, np.zeros(vertex.shape[1], np.uint8))
-        return clip(positions, triangles, vertices, screen), vertices
+        return clip(positions, vertex, vertices, screen), vertices
 
 
 def clip_shares(points, screen, faces=((0, 1, 2),)):
@@ -101,16 +100,14 @@ def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective
     with np.errstate(all="ignore"):
         vertices, _ = transform(mesh[0], screen, SERIAL)
         n = stage.clip_faces(*mesh, np.arange(2, dtype=np.uint32), screen, stage.make_clip_scratch(), parts, owners)
-        flat, ranges = np.zeros((2, 3)), np.zeros((2, 2))
-        (x, y, _), _ = stage.snap_corners(parts[:n], np.repeat(owners[:n], 3), flat, ranges, screen)
+        (x, y, *_), _ = stage.place_corners(parts[:n], screen)
     assume((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(owners[:n]))
     # The corners that lie on the edge between the points 0 and 1: those that both faces have.
     edge = np.array(corners)[:2] * (1, 1, -1)
     on_edge = []
     for face in range(2):
-        rows = np.concatenate([parts[:n].reshape(-1, N_CORNER_COLUMN), x[:, None], y[:, None]], axis=1)[
-            np.repeat(owners[:n] == face, 3)
-        ]
+        placed = np.concatenate([parts[:n, :, :3], x[..., None], y[..., None]], axis=2)
+        rows = placed[owners[:n] == face].reshape(-1, 5)
         along = edge[1] - edge[0]
         off = np.cross(rows[:, [1, 2, 0]] - edge[0], along)
         scale = np.abs(edge).max() * np.abs(along).max()
@@ -175,7 +172,8 @@ def test_what_is_not_finite_draws_nothing_and_disturbs_nothing():
         screen = screen._replace(**{name: getattr(screen, name) @ turn for name in ("right", "up", "forward")})
         with np.errstate(all="ignore"):
             clipped, _ = clip_mesh(np.concatenate([good @ turn, [bad]]), faces, screen)
-        x, y = (values[clipped.triangles.vertex_idx].astype(int) for values in clipped.vertices[:2])
+        rows = clipped.rows_of(np.ascontiguousarray(np.array(faces, np.uint32).T), 5)
+        x, y = (values[rows].astype(int) for values in clipped.vertices[:2])
         assert (x != OUTSIDE).all(), bad
         area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         drawn = set(clipped.faces[area != 0].tolist())
@@ -190,18 +188,41 @@ def test_faces_keep_their_order_and_their_points():
     points = rng.uniform(-4, 4, (60, 3)) - (0, 0, 3)
     faces = rng.integers(0, 60, (200, 3))
     screen = plain_screen(True, (NEAR, FAR), far_clip=FAR, scale=30.0)
-    corner = np.ascontiguousarray(rng.integers(0, 500, (3, 200)).astype(np.uint32))
-    clipped, before = clip_mesh(points, faces, screen, corner)
+    clipped, before = clip_mesh(points, faces, screen)
     is_whole = (before.x[faces] != OUTSIDE).all(axis=1)
     assert np.diff(clipped.faces.astype(int)).min() >= 0
     assert clipped.n_clipped == (~is_whole).sum() > 20 and is_whole.sum() > 20
     assert set(np.flatnonzero(is_whole)) <= set(clipped.faces)
-    kept = is_whole[clipped.faces]
-    assert not differences(clipped.triangles.vertex_idx[:, kept], faces[clipped.faces[kept]].T)
-    assert clipped.triangles.vertex_idx[:, ~kept].min() >= 60
-    assert not differences(clipped.triangles.clipped_idx < 0, kept)
-    assert not differences(clipped.triangles.corner_idx, corner[:, clipped.faces])
+    assert not differences(clipped.is_part, ~is_whole[clipped.faces])
+    rows, n_part = clipped.rows_of(np.ascontiguousarray(faces.T.astype(np.uint32)), 60), clipped.is_part.sum()
+    assert not differences(rows[:, ~clipped.is_part], faces[clipped.faces[~clipped.is_part]].T)
+    assert not differences(rows[:, clipped.is_part].T.ravel(), np.arange(60, 60 + 3 * n_part))
     assert [a[:60].tobytes() for a in clipped.vertices[:5]] == [a.tobytes() for a in before[:5]]
+    assert [len(a) for a in clipped.vertices[:5]] == 5 * [60 + 3 * n_part]
+
+
+def test_new_vertices_have_what_is_linear_in_eye_space_where_they_are():
+    """Positions that are clipped as values are where the new vertices lie; constants stay, and nothing leaves the range
+    of a face; values come on both sides, from rows of their own."""
+    rng = np.random.default_rng(7)
+    points, n = rng.uniform(-4, 4, (60, 3)) - (0, 0, 3), 500
+    faces = rng.integers(0, 60, (200, 3))
+    for is_perspective in (True, False):
+        screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR, scale=30.0)
+        clipped, _ = clip_mesh(points, faces, screen)
+        vertex = np.ascontiguousarray(faces.T.astype(np.uint32))
+        found = clipped.add_values(points[None], vertex)[0]
+        assert found[:60].tobytes() == points.tobytes()
+        x, y, w = found[60:, 0], found[60:, 1], -found[60:, 2] if is_perspective else 1.0
+        for true, values in ((clipped.vertices.true_x, 256 * 30 * x / w), (clipped.vertices.true_y, -256 * 30 * y / w)):
+            assert np.abs(true[60:] - values).max() <= 1e-10 * np.abs(true[60:]).max(), is_perspective
+        corner = np.ascontiguousarray(rng.integers(0, n, (3, 200)).astype(np.uint32))
+        values = np.concatenate([rng.normal(size=(2, n, 4)), np.full((2, n, 1), 1 / 3)], axis=2)
+        of_faces = values[:, corner[:, clipped.faces[clipped.is_part]]]
+        new = clipped.add_values(values, corner)[:, n:].reshape(2, -1, 3, 5)
+        assert (new[..., 4] == 1 / 3).all()
+        assert (new >= of_faces.min(axis=1)[:, :, None]).all() and (new <= of_faces.max(axis=1)[:, :, None]).all()
+        assert clipped.add_values(np.empty((1, 0, 0)), corner).shape == (1, 0, 0)
 
 
 def test_the_nearest_depth_that_is_seen():
