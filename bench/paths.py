@@ -52,14 +52,14 @@ PATHS = (
         (
             (
                 "engine/plan.py",
-                "features = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION",
-                "is_double, features = True, g.DOUBLE_PRECISION",
+                "is_double = np.array(list(map(bool, reasons)))",
+                "is_double = np.ones(len(reasons), np.bool_)",
             ),
         ),
     ),
     Variant(
         "one channel",
-        (("engine/scene_tables.py", "(self.products is not None and self.products.is_spectral) or", "True or"),),
+        (("engine/scene_tables.py", "if is_spectral or self.has_texture[k]", "if True or self.has_texture[k]"),),
     ),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
     Variant("spans: by hand", (("pipeline/scan.py", '@spelled_out("build_fill_span")', "@helper"),)),

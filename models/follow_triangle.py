@@ -89,7 +89,7 @@ def go(scene) -> Followed:
 def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
     plan = make_plan(tables := SceneTables(scene, OPTIONS), OPTIONS, measure_clearances(tables))
-    lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.dtypes}
+    lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.of_materials.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
         coding=make_coding(plan, OPTIONS.tolerance)._replace(depths=scale_depths(screen)),

@@ -27,7 +27,7 @@ from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 from .reflections import is_metallic
-from .scene_tables import brightest_texel, has_alpha
+from .scene_tables import has_alpha
 from .texture_tables import DARKEST
 
 NONE = np.empty((1, 0, 0))  # no attributes
@@ -217,7 +217,7 @@ def code_textures(plan: Plan, limits) -> TextureCoding | None:
     """
     if plan.packed_textures is None:
         return None
-    brightest = max(brightest_texel(plan.tables.materials), DARKEST)
+    brightest = max(plan.tables.max_texel, DARKEST)
     slopes = texel_slopes(plan) / brightest
     limits = np.where(has_alpha(plan.tables.materials), 0.0, limits / np.maximum(slopes, 1e-30))
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
@@ -234,11 +234,11 @@ def texel_slopes(plan: Plan) -> NDArray[np.float64]:
 
     Colours multiply what is reflected diffusely, and F0 of a metal; other highlights keep their light.
     """
-    brightness = plan.brightness
+    intensities = plan.intensities
     is_metal = np.array([is_metallic(material) for material in plan.tables.materials])
     with np.errstate(over="ignore"):
-        metal = np.where(is_metal, brightness.specular.sum(axis=1), 0.0)
-        return brightness.undirected + brightness.diffuse.sum(axis=1) + metal
+        metal = np.where(is_metal, intensities.specular.sum(axis=1), 0.0)
+        return intensities.undirected + intensities.diffuse.sum(axis=1) + metal
 
 
 def sampled_in_double(plan: Plan, coding: Coding) -> NDArray[np.int64]:

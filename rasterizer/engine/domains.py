@@ -13,7 +13,7 @@ A material is lit in float32 where all of this holds, else in float64:
     intensities                 finite                      a light that amplifies without limit has no bound
     lengths                     2^-40 to 2^60               squares of others lose their digits
     furthest / nearest depth    2^22 at most                what depths lose of float64 must be less than a float32 does
-    depth cue                   fades what entries say of   an eighth of the tolerance is for that: `fading_of`
+    depth cue                   fades what entries say of   a quarter of the tolerance is for that: `fading_of`
                                 depth by little
     shadows                     a point moves by 1/8 texel  else they show other shadows (shadow_maps.py)
     roundings                   half of the tolerance       see below; the other half is for planes and entries
@@ -52,14 +52,14 @@ from ..scene.camera import View
 from . import lights as light_table
 from . import reflections as reflection_table
 from .lights import LENGTHS, Step
-from .scene_tables import SceneTables, diffuse_shares
+from .scene_tables import SceneTables
 
 SINGLE, DOUBLE = 2.0**-24, 2.0**-53  # u, the unit roundoff, of float32 and float64
 EXACT = 1e-6  # what is stated of float64
 ROUNDED = 6e-7  # how far float64 may be off before it becomes float32, where EXACT is stated
 MAX_LIGHT = 1024.0  # and the brightest that light may be without highlights
 MAX_DEPTHS = 2.0**22  # furthest over nearest depth that float32 takes
-MAX_FADING = 1.0 / 8.0  # share of the tolerance that a depth cue may be off by
+MAX_FADING = 1.0 / 4.0  # share of the tolerance that a depth cue may be off by
 SHARES = 1 / 8, 1 / 4, 1 / 2  # of the tolerance, which rounding may take; planes and entries have the rest
 NEAREST = 2.0**-10  # a light nearer to a surface than this share of the distance from the eye counts as on it
 SHORT_NORMAL = 1 / 8  # an interpolated normal that is shorter counts as none
@@ -78,15 +78,15 @@ def measure_clearances(tables: SceneTables) -> NDArray[np.float64]:
     faces each. Infinite for parallel light; 0 for lights that move with the camera, see `nearness_in`.
     """
     found = np.full(tables.is_lit.shape, np.inf)
-    places = {i: np.array(light.position) for i, light in enumerate(tables.lights) if hasattr(light, "position")}
-    fixed = [i for i in places if not light_table.is_carried(tables.lights[i])]
-    found[:, list(places)] = 0.0
-    extent = float(np.linalg.norm(tables.bounds[:, 1].max(axis=0) - tables.bounds[:, 0].min(axis=0)))
-    for k, box in enumerate(tables.material_boxes if fixed else ()):
-        for i in fixed:
-            found[k, i] = distance_of_boxes(places[i], box[None])
-            if found[k, i] < extent:
-                found[k, i] = distance_of_boxes(places[i], tables.face_boxes[k])
+    for i, light in enumerate(tables.lights):
+        if not hasattr(light, "position"):
+            continue
+        found[:, i] = 0.0
+        if not light_table.is_carried(light):
+            place, boxes = np.array(light.position), tables.material_boxes
+            found[:, i] = distances_of(boxes, place)
+            for k in np.flatnonzero(found[:, i] < np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)):
+                found[k, i] = distances_of(tables.face_boxes[k], place).min(initial=np.inf)
     return found
 
 
@@ -95,16 +95,14 @@ def nearness_in(tables: SceneTables, clearances: NDArray[np.float64], view: View
     clearances = clearances.copy()
     for i, light in enumerate(tables.lights):
         if hasattr(light, "position") and light_table.is_carried(light):
-            place = light_table.world_position(light, view)
-            clearances[:, i] = [distance_of_boxes(place, box[None]) for box in tables.material_boxes]
+            clearances[:, i] = distances_of(tables.material_boxes, light_table.world_position(light, view))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.fmin(furthest_of(tables.material_boxes, view)[:, None] / clearances, 1.0 / NEAREST)
 
 
-def distance_of_boxes(place: NDArray[np.float64], boxes: NDArray[np.float64]) -> float:
-    """Return the distance of the nearest of boxes (n, 2, 3) from a place; 0 within one."""
-    beside = np.maximum(np.maximum(boxes[:, 0] - place, place - boxes[:, 1]), 0.0)
-    return float(np.linalg.norm(beside, axis=1).min(initial=np.inf))
+def distances_of(boxes: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distances of boxes (n, 2, 3) from a place, (n,); 0 of one round it."""
+    return np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - place, place - boxes[:, 1]), 0.0), axis=1)
 
 
 def furthest_of(boxes: NDArray[np.float64], view: View) -> NDArray[np.float64]:
@@ -115,110 +113,91 @@ def furthest_of(boxes: NDArray[np.float64], view: View) -> NDArray[np.float64]:
 # ---------------------------------------------------------------- how bright a scene may be
 
 
-class Brightness(NamedTuple):
-    """How bright lights make materials at most, linear intensity, the largest of all channels."""
+class Intensities(NamedTuple):
+    """How bright lights make materials at most, linear intensity, the largest of all channels; how far that errs."""
 
     undirected: NDArray[np.float64]  # (n_material,): what needs no light with a direction: ambient and emissive
     diffuse: NDArray[np.float64]  # (n_material, n_light)
     specular: NDArray[np.float64]  # (n_material, n_light): highlights
+    of_materials: NDArray[np.float64]  # (n_material,): all together
+    unweakened: float  # the largest, if no distance made lights stronger or weaker
+    slopes: NDArray[np.float64]  # (n_material,): what an intensity changes by, at most, for each radian of the normal
+    roundings: NDArray[np.float64]  # (n_material,): how many u rounding adds where lights are infinitely far away
+    by_nearness: NDArray[np.float64]  # (n_material, n_light): and more, times x
 
-    @property
-    def of_materials(self) -> NDArray[np.float64]:
-        """The largest intensity that any point of a material can have, (n_material,)."""
-        with np.errstate(over="ignore"):  # infinite where no bound holds
-            return self.undirected + (self.diffuse + self.specular).sum(axis=1)
-
-
-def compute_brightness(tables: SceneTables) -> Brightness:
-    """Compute how bright each light makes each material at most, where its strength is 1."""
-    materials, lights, products, max_albedo = tables.materials, tables.lights, tables.products, tables.max_albedo
-    undirected = np.array([max(m.ambient) * tables.ambient.max() * max_albedo + max(m.emissive) for m in materials])
-    colors = np.array([max(light.color) for light in lights], float)
-    diffuse = (np.array([max(m.diffuse) for m in materials]) * diffuse_shares(materials))[:, None] * colors
-    specular = np.array([max(m.specular) for m in materials])[:, None] * colors
-    if products is not None:
-        undirected = np.abs(products.ambient).max(axis=1) * max_albedo + np.abs(products.emissive).max(axis=1)
-        diffuse = np.abs(products.diffuse).max(axis=2)
-        specular = np.maximum(np.abs(products.specular), np.abs(products.grazing)).max(axis=2)
-        specular = specular + np.abs(products.metal).max(axis=2) * max_albedo
-    else:  # W is 1 at most, but where F0 exceeds it
-        specular = specular * np.array([brightest_weight(m, max_albedo) for m in materials])[:, None]
-    rows = [(reflection_table.entry_of(material), material) for material in materials]
-    peaks = [row.peak(m) if reflection_table.has_highlight(m) else 0.0 for row, m in rows]
-    return Brightness(undirected, diffuse * max_albedo, _times(specular, np.array(peaks)[:, None]))
+    def roundings_at(self, nearness: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sum at the head of this page, (n_material,), for x (n_material, n_light)."""
+        return self.roundings + _times(self.by_nearness, nearness).sum(axis=1)
 
 
-def weaken(brightness: Brightness, tables: SceneTables, clearances: NDArray[np.float64]) -> Brightness:
-    """Return the same with the strengths of lights from half of their clearances (n_material, n_light) on: vertices are
-    rounded to 1/256 px, so a sample may show what lies a little beside its triangle."""
+def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_lit_per_sample: bool) -> Intensities:
+    """Bound the intensities of a scene.
+
+    Parameters
+    ----------
+    clearances : (n_material, n_light), as `measure_clearances` returns them. Lights are as strong as from half of them
+        on: vertices are rounded to 1/256 px, so a sample may show what lies a little beside its triangle
+    """
+    # What materials reflect at most where all is white, and how far that errs. W is 1 at most, but where F0 exceeds it.
+    numbers, products, albedo = np.empty((len(tables.materials), 9)), tables.products, tables.max_albedo
+    for row, material in zip(numbers, tables.materials, strict=True):
+        limits, m = reflection_table.entry_of(material).limits(material), material.metallic
+        is_even = material.metallic_roughness is None
+        weight = max(1.0, 1.0 - m + m * max(material.metal_color) * albedo) if m > 0.0 or not is_even else 1.0
+        row[0], row[1] = max(material.ambient), max(material.emissive)
+        row[2] = max(material.diffuse) * (1.0 - m if is_even else 1.0)
+        row[3] = max(material.specular) * weight
+        row[4] = limits.peak if reflection_table.has_highlight(material) else 0.0
+        row[5:] = limits.rough, limits.roundings, limits.slope, limits.weight
+    ambient, emissive, diffuse, specular, peak, rough, own, slope, weights = numbers.T[:, :, None]
+
+    # How bright lights are, how strong they may be there, and how far that errs.
+    lights = np.empty((len(tables.lights), 3))
     strengths = np.ones(clearances.shape)
     for i, light in enumerate(tables.lights):
-        row = light_table.entry_of(light)
-        strengths[:, i] = [row.strength(light, 0.5 * clearance) for clearance in clearances[:, i].tolist()]
-    diffuse, specular = _times(brightness.diffuse, strengths), _times(brightness.specular, strengths)
-    return brightness._replace(diffuse=diffuse, specular=specular)
+        entry = light_table.entry_of(light)
+        limits = entry.limits(light)
+        lights[i] = max(light.color), limits.slope, limits.steepness
+        for clearance in np.unique(clearances[:, i]).tolist():
+            strengths[clearances[:, i] == clearance, i] = entry.strength(light, 0.5 * clearance)
+    color, bend, steep = lights.T
 
+    # Their products: those of channels, or those that are made of spectra.
+    undirected = (ambient * tables.ambient.max() * albedo + emissive)[:, 0]
+    diffuse, specular = diffuse * color, specular * color
+    if products is not None:
+        undirected = np.abs(products.ambient).max(axis=1) * albedo + np.abs(products.emissive).max(axis=1)
+        diffuse = np.abs(products.diffuse).max(axis=2)
+        specular = np.maximum(np.abs(products.specular), np.abs(products.grazing)).max(axis=2)
+        specular = specular + np.abs(products.metal).max(axis=2) * albedo
+    diffuse, specular = diffuse * albedo, _times(specular, peak)
+    unweakened = float((undirected + (diffuse + specular).sum(axis=1)).max(initial=0.0))
+    diffuse, specular = _times(diffuse, strengths), _times(specular, strengths)
+    whole = undirected + (diffuse + specular).sum(axis=1)
 
-def brightest_weight(material: Any, max_albedo: float) -> float:
-    """Return the largest W of a material, at least 1: F0 of a metal may exceed it, as colours and textures may."""
-    if not reflection_table.is_metallic(material):
-        return 1.0
-    return max(1.0, 1.0 - material.metallic + material.metallic * max(material.metal_color) * max_albedo)
+    # The sum at the head of this page.
+    lit = _times(specular, weights)  # beside the steps of highlights
+    still = _times(diffuse, 7.0 + 27.0 * rough) + _times(lit, own) + _times(diffuse + lit, 6.0 * steep)
+    bent = _times(diffuse, 1.0 + rough) + _times(lit, slope)
+    turned = (OF_SAMPLES if is_lit_per_sample else OF_VERTICES) * (bent + _times(diffuse + lit, 2.0 + bend))
+    roundings = (30.0 + 0.5 * len(lights)) * whole + still.sum(axis=1)
+    return Intensities(undirected, diffuse, specular, whole, unweakened, bent.sum(axis=1), roundings, turned)
 
 
 def _times(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified."""
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(invalid="ignore"):
         return np.nan_to_num(a * b, nan=0.0, posinf=np.inf)
 
 
-# ---------------------------------------------------------------- what rounding adds
-
-
-class Roundings(NamedTuple):
-    """How many u rounding adds to an intensity of each material at most: the sum at the head of this page."""
-
-    own: NDArray[np.float64]  # (n_material,): where lights are infinitely far away
-    by_nearness: NDArray[np.float64]  # (n_material, n_light): times x
-
-    def at(self, nearness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sum (n_material,) for x (n_material, n_light)."""
-        return self.own + _times(self.by_nearness, nearness).sum(axis=1)
-
-
-def count_roundings(tables: SceneTables, brightness: Brightness, is_lit_per_sample: bool) -> Roundings:
-    """Count the roundings in intensities that are no larger than `brightness`."""
-    turn = OF_SAMPLES if is_lit_per_sample else OF_VERTICES
-    rows = [(reflection_table.entry_of(material), material) for material in tables.materials]
-    numbers = [(row.diffuse_slope(m), row.roundings(m), row.slope(m), row.weight(m)) for row, m in rows]
-    rough, own, slope, weight = np.array(numbers).reshape(-1, 4).T[:, :, None]
-    lights = [(light_table.entry_of(light), light) for light in tables.lights]
-    bend, steep = np.array([(row.slope(light), row.steepness(light)) for row, light in lights]).reshape(-1, 2).T
-    diffuse, specular = brightness.diffuse, _times(brightness.specular, weight)
-    still = _times(diffuse, 7.0 + 27.0 * rough) + _times(specular, own) + _times(diffuse + specular, 6.0 * steep)
-    turned = _times(diffuse, 1.0 + rough) + _times(specular, slope) + _times(diffuse + specular, 2.0 + bend)
-    with np.errstate(invalid="ignore"):
-        return Roundings((30.0 + 0.5 * len(lights)) * brightness.of_materials + still.sum(axis=1), turn * turned)
-
-
-def slopes_of(tables: SceneTables, brightness: Brightness) -> NDArray[np.float64]:
-    """Return what an intensity of each material changes by, at most, for each radian that the normal turns,
-    (n_material,); of highlights beside their steps in float32."""
-    rows = [(reflection_table.entry_of(material), material) for material in tables.materials]
-    rough, slope, weight = np.array([(r.diffuse_slope(m), r.slope(m), r.weight(m)) for r, m in rows]).T[:, :, None]
-    parts = _times(brightness.diffuse, 1.0 + rough) + _times(brightness.specular, weight * slope)
-    return parts.sum(axis=1)
+# ---------------------------------------------------------------- what one view says
 
 
 def share_of_tolerance(roundings: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
     """Return the share of the tolerance that rounding takes of each material in float32, (n_material,), one of SHARES;
     infinite where that is more: these are lit in float64."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = roundings * SINGLE / tolerance
-    return np.select([part <= share for share in SHARES], SHARES, np.inf)
-
-
-# ---------------------------------------------------------------- what one view says
+    part, limits = roundings * SINGLE, tolerance * np.array(SHARES)
+    return np.append(SHARES, np.inf)[np.searchsorted(limits, part)] if tolerance > 0.0 else np.full(part.shape, np.inf)
 
 
 def furthest_over_nearest(screen: Screen, furthest: float) -> float:
@@ -268,15 +247,15 @@ def list_unstated(plan: Any, roundings: NDArray[np.float64], depths: float) -> l
     Parameters
     ----------
     plan : Plan of a view
-    roundings : (n_material,), as `Roundings.at` returns them
+    roundings : (n_material,), as `Intensities.roundings_at` returns them
     depths : furthest over nearest depth, q: depths err by 2^-51 q of themselves, where else 20 roundings are counted
     """
     with np.errstate(invalid="ignore"):
-        off = roundings * DOUBLE * (1.0 + depths / 5.0) / np.maximum(plan.brightness.of_materials, 1.0)
-    lit = plan.brightness.undirected + plan.brightness.diffuse.sum(axis=1)
+        off = roundings * DOUBLE * (1.0 + depths / 5.0) / np.maximum(plan.intensities.of_materials, 1.0)
+    lit = plan.intensities.undirected + plan.intensities.diffuse.sum(axis=1)
     if not (plan.of_materials.is_double & ~((off <= ROUNDED) & (lit <= MAX_LIGHT))).any():
         return []
-    own = [type(each).__name__ for each in plan.reflected_lights if light_table.entry_of(each).is_own]
+    own = [type(each).__name__ for each in plan.tables.reflected_lights if light_table.entry_of(each).is_own]
     own += [each.reflection for each in plan.tables.materials if reflection_table.entry_of(each).is_own]
     if own:
         return [f"no bound is stated: nobody knows how the formula of {name} rounds" for name in dict.fromkeys(own)]
@@ -291,12 +270,13 @@ def list_steps(plan: Any) -> tuple[Step, ...]:
     found: list[Step] = []
     for material, is_lit in zip(tables.materials, tables.is_lit, strict=True):
         found += reflection_table.entry_of(material).steps(material, is_double) if is_lit.any() else ()
-    for light in plan.reflected_lights:
+        for texture in material.textures:
+            if texture.filter == "nearest":
+                found.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
+    for light in tables.reflected_lights:
         found += light_table.entry_of(light).steps(light, is_double)
-    shadows = [light_table.shadow_of(light) for light in plan.reflected_lights]
-    found += _edges_of([shadow for shadow in shadows if shadow is not None])
-    if any(texture.filter == "nearest" for material in tables.materials for texture in material.textures):
-        found.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
+    if tables.has_shadows:
+        found += _edges_of(list(filter(None, map(light_table.shadow_of, tables.reflected_lights))))
     return tuple(dict.fromkeys(found))  # each cause once
 
 
@@ -319,8 +299,6 @@ def _edges_of(shadows: list[Any]) -> list[Step]:
     it. What lies before the surface by less than its depth changes over a texel isn't seen; nor what a normal offset
     carries the point across (pipeline/shadow_lookup.py); nor what lies nearer than the map's depths are rounded to.
     """
-    if not shadows:
-        return []
     half = max(shadow.filter for shadow in shadows) / 2 + 0.75
     cause, depth = "what casts a shadow next to the surface", "times what the surface's depth changes by over a texel"
     units = max(shadow.size + shadow.filter for shadow in shadows) + DEPTH_PLANE_ROUNDING  # as in shadow_maps.py

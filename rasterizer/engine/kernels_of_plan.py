@@ -104,7 +104,7 @@ def list_mesh_kernels() -> list[Job]:
 def plan_ahead(tables: SceneTables, options: Options, camera: Camera) -> Plan:
     """The plan of a scene in a view, but for what its surfaces are needed for."""
     plan, view = make_plan(tables, options, clearances := measure_clearances(tables)), camera.view()
-    roundings = plan.roundings.at(nearness_in(tables, clearances, view))
+    roundings = plan.intensities.roundings_at(nearness_in(tables, clearances, view))
     return plan.with_shares(plan.shares_at(roundings, False), False)
 
 
@@ -258,7 +258,7 @@ class PictureKernels(KernelList):
     def add_lights(self) -> None:
         """Add the functions of lights and reflection models, and what draws shadow maps."""
         plan = self.plan
-        for dtype in plan.dtypes:
+        for dtype in plan.of_materials.dtypes:
             functions = {function for row in used_functions(plan, dtype) for function in row}
             for function in functions - {None}:
                 self.add_batch_function(function, dtype)
@@ -266,7 +266,7 @@ class PictureKernels(KernelList):
                 self.add_batch_function(shadow_lookup.occlude, dtype)
                 self.add_shadow_map(dtype)
         corners = corners_of(self.tables.bounds)
-        if plan.tables.has_shadows and leaves_casters_out(plan.reflected_lights, corners, self.camera.view()):
+        if plan.tables.has_shadows and leaves_casters_out(plan.tables.reflected_lights, corners, self.camera.view()):
             self.add(cull.compute_outcodes, ROWS, np.empty(3), ROWS, FLAGS)
             self.add(cull.list_seen, CORNERS, FLAGS, FACES)
 
@@ -281,7 +281,7 @@ class PictureKernels(KernelList):
         plan, workspace, table = self.plan, parts.workspace, FaceTable(np.empty((0, 5)))
         tangents = 0 if plan.has_tangents else None
         self.add_look_up(parts)
-        for dtype in plan.dtypes:
+        for dtype in plan.of_materials.dtypes:
             batch = workspace.batch if dtype == SINGLE else workspace.double_batch
             lighting, texturing = self.lighting(dtype), self.texturing(parts)
             self.add(
@@ -292,7 +292,7 @@ class PictureKernels(KernelList):
         """Add what lights points and interpolates what they give off: flat shading and Gouraud's method."""
         plan, workspace = self.plan, parts.workspace
         points = SurfacePoints(ROWS, ROWS, ROWS if plan.has_tangents else None, ROWS, np.empty((2, 0)))
-        for dtype in plan.dtypes:
+        for dtype in plan.of_materials.dtypes:
             batch = workspace.batch if dtype == SINGLE else workspace.double_batch
             self.add(light_points, points, (0, 0), parts.screen, 0, self.lighting(dtype), 0, batch, np.empty((0, 1)))
         if not ((parts.coding.features & HAS_TEXTURE) != 0).all():

@@ -52,6 +52,14 @@ class Beam(NamedTuple):
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
 
 
+class LightLimits(NamedTuple):
+    """How far a light magnifies errors, and whether float32 will do."""
+
+    slope: float = 0.0  # how far factors of the strength magnify a turn of the direction, radians
+    steepness: float = 0.0  # and an error of a cosine, or a relative one of the distance
+    reason: str = ""  # why float32 won't do, in a few words; empty where it does
+
+
 class LightEntry:
     """Hold what the engine knows of a type of light.
 
@@ -93,17 +101,9 @@ class LightEntry:
         infinite where it has no limit."""
         return 1.0
 
-    def steepness(self, light: Any) -> float:
-        """Return how far factors of the strength magnify an error of a cosine, or a relative one of the distance."""
-        return 0.0
-
-    def slope(self, light: Any) -> float:
-        """Return how far they magnify a turn of the direction, radians."""
-        return self.steepness(light)
-
-    def reason_for_float64(self, light: Any) -> str:
-        """Return why float32 won't do, in a few words; empty where it does."""
-        return ""
+    def limits(self, light: Any) -> LightLimits:
+        """Return how far it magnifies errors, and whether float32 will do."""
+        return LightLimits()
 
     def steps(self, light: Any, is_double: bool) -> tuple[Step, ...]:
         """Return where the strength jumps."""
@@ -169,14 +169,12 @@ class PointEntry(LightEntry):
         found = 1.0 / weakened if weakened > 0.0 else math.inf
         return found if light.amplify else min(found, 1.0)
 
-    def steepness(self, light: Any) -> float:
-        """(d/r)^4 rises by four times the relative error of d."""
-        return 4.0 if light.range is not None else 0.0
-
-    def reason_for_float64(self, light: Any) -> str:
-        """Return that coefficients of the attenuation, or the range, don't keep their digits."""
-        lengths = [*(number for number in light.attenuation if number > 0.0), light.range or 1.0]
-        return "" if all(LENGTHS[0] <= length <= LENGTHS[1] for length in lengths) else FAR
+    def limits(self, light: Any) -> LightLimits:
+        """(d/r)^4 rises by four times the relative error of d. Coefficients and the range must keep their digits."""
+        rise = 4.0 if light.range is not None else 0.0
+        lengths = [*filter(None, light.attenuation), light.range or 1.0]
+        is_single = LENGTHS[0] <= min(lengths) and max(lengths) <= LENGTHS[1]
+        return LightLimits(rise, rise, "" if is_single else FAR)
 
 
 class SpotEntry(PointEntry):
@@ -202,24 +200,18 @@ class SpotEntry(PointEntry):
         spread = math.tan(math.radians(light.outer)) if light.outer < 90.0 else math.inf
         return Beam(world_position(light, view), world_direction(light, view), spread)
 
-    def steepness(self, light: Any) -> float:
-        """Add that of the cone, and of the exponent."""
-        return super().steepness(light) + fall_rise(light) + exponent_rise(light)
+    def limits(self, light: Any) -> LightLimits:
+        """Add what the cone and the exponent magnify; rounding to float32 carries positions across a sharp edge.
 
-    def slope(self, light: Any) -> float:
-        """Return what a turn changes.
-
-        It moves the cosine of the angle from the axis by its sine, which is at most that of the outer cone. With e >= 1
-        the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
+        A turn moves the cosine of the angle from the axis by its sine, which is at most that of the outer cone. With
+        e >= 1 the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
         """
-        sine, of_exponent = math.sin(math.radians(light.outer)), exponent_rise(light)
+        plain, sine, of_exponent = super().limits(light), math.sin(math.radians(light.outer)), exponent_rise(light)
+        steepness = plain.steepness + fall_rise(light) + of_exponent
         if light.exponent >= 1.0:
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
-        return super().steepness(light) + sine * fall_rise(light) + of_exponent
-
-    def reason_for_float64(self, light: Any) -> str:
-        """Add that an edge is one: rounding to float32 carries positions across it."""
-        return "a sharp spot light" if self.steps(light, False) else super().reason_for_float64(light)
+        slope = plain.slope + sine * fall_rise(light) + of_exponent
+        return LightLimits(slope, steepness, "a sharp spot light" if self.steps(light, False) else plain.reason)
 
     def steps(self, light: Any, is_double: bool) -> tuple[Step, ...]:
         """A sharp cone has an edge, and so has one that falls too steeply for a bound."""
@@ -294,9 +286,9 @@ class CustomEntry(LightEntry):
         """Return that there is no limit."""
         return math.inf
 
-    def reason_for_float64(self, light: Any) -> str:
-        """Return that it is one's own."""
-        return OWN
+    def limits(self, light: Any) -> LightLimits:
+        """Return that nothing is known."""
+        return LightLimits(math.inf, math.inf, OWN)
 
 
 # By the words of scene.lights.LIGHT_TYPES.

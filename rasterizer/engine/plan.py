@@ -22,11 +22,12 @@ from ..pipeline.visibility import LEVEL_MASK
 from . import domains
 from . import lights as light_table
 from . import reflections as reflection_table
-from .domains import Brightness, Roundings
+from .domains import Intensities
 from .scene_tables import SceneTables, choose_tint, common_tint, has_alpha, list_opacities, make_cue
 from .texture_tables import TextureList, lay_textures, list_textures, pack_textures
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
+FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 MAX_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
 
 
@@ -38,23 +39,29 @@ class MaterialTable(NamedTuple):
     n_attributes: NDArray[np.int64]  # (n,): how many of the attributes are read
     normal_limits: NDArray[np.float64]  # (n,): how far float32 planes may turn a normal, as there
     shares: NDArray[np.float64]  # (n,): of the tolerance, which rounding takes; infinite in float64
-    has_albedo: NDArray[np.bool_]  # (n,): colours come with the model, or a texture
     reasons: tuple[tuple[str, ...], ...]  # why float32 won't do; none where it does
+    has_albedo: NDArray[np.bool_]  # (n,): colours come with the model, or a texture
+    is_colored: NDArray[np.bool_]  # (n,): three channels are needed
+    is_double: NDArray[np.bool_]  # (n,): float64 is needed
+    is_looked_up: NDArray[np.bool_]  # (n,): texture coordinates may stand in planes
+    dtypes: tuple[np.dtype, ...]  # those that materials are lit in
 
-    @property
-    def is_double(self) -> NDArray[np.bool_]:
-        """Which need float64."""
-        return (self.features & g.DOUBLE_PRECISION) != 0
-
-    @property
-    def is_looked_up(self) -> NDArray[np.bool_]:
-        """Which have textures whose coordinates may stand in planes."""
-        return ((self.features & g.HAS_TEXTURE) != 0) & ~self.is_double
-
-    @property
-    def is_colored(self) -> NDArray[np.bool_]:
-        """Which need three channels."""
-        return (self.features & g.HAS_COLORS) != 0
+    def with_shares(self, shares: NDArray[np.float64], why: str) -> "MaterialTable":
+        """Return the same with other shares; `why` is the reason of those that need float64 now."""
+        is_double, reasons = np.isinf(shares), list(self.reasons)
+        for k in np.flatnonzero(is_double & ~self.is_double):
+            reasons[k] = (*reasons[k], why)
+        of_type = np.where(is_double, g.DOUBLE_PRECISION, g.SINGLE_PRECISION).astype(np.uint8)
+        features = self.features & np.uint8(255 - g.DOUBLE_PRECISION - g.SINGLE_PRECISION) | of_type
+        return self._replace(
+            paths=np.where(is_double, np.uint8(g.EXACT), self.paths),
+            features=features,
+            shares=shares,
+            reasons=tuple(reasons),
+            is_double=is_double,
+            is_looked_up=((features & g.HAS_TEXTURE) != 0) & ~is_double,
+            dtypes=(FLOAT32,) * bool((~is_double).any()) + (FLOAT64,) * bool(is_double.any()),
+        )
 
 
 class Plan(NamedTuple):
@@ -63,12 +70,13 @@ class Plan(NamedTuple):
     tables: SceneTables
     options: Options
     of_materials: MaterialTable
-    brightness: Brightness
-    roundings: Roundings
+    intensities: Intensities
     n_channel: int  # the most that any material needs
     tint: NDArray[np.float32]  # (3,): the colour of what has one channel
     level_scale: float  # levels a unit of intensity
     bound: float  # the largest intensity that any point can have
+    needs_position: bool  # lighting reads the positions of points
+    has_tangents: bool  # some material is brushed along u
     textures: TextureList | None  # None where the scene has none
     metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
     packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
@@ -81,32 +89,9 @@ class Plan(NamedTuple):
         return self.options.shading == "phong"
 
     @property
-    def dtypes(self) -> tuple[np.dtype, ...]:
-        """The types that materials are lit in."""
-        return tuple(np.dtype(np.float64 if each else np.float32) for each in np.unique(self.of_materials.is_double))
-
-    @property
     def dtype(self) -> np.dtype:
         """The type of intensities: float64 where all materials need it."""
-        return self.dtypes[0]
-
-    @property
-    def reflected_lights(self) -> tuple:
-        """The lights that some material reflects something of."""
-        return tuple(
-            light for light, is_lit in zip(self.tables.lights, self.tables.is_lit.any(axis=0), strict=True) if is_lit
-        )
-
-    @property
-    def needs_position(self) -> bool:
-        """Lighting reads the positions of points."""
-        rows = [light_table.entry_of(light) for light in self.reflected_lights]
-        return self.tables.has_shadows or any(row.needs_position for row in rows)
-
-    @property
-    def has_tangents(self) -> bool:
-        """Some material is brushed along u."""
-        return any(material.is_anisotropic and material.tangent == "u" for material in self.tables.materials)
+        return self.of_materials.dtypes[0]
 
     @property
     def n_texel(self) -> int:
@@ -138,14 +123,8 @@ class Plan(NamedTuple):
 
     def with_shares(self, shares: NDArray[np.float64], is_far: bool) -> "Plan":
         """Return the plan for a view, with float64 for the materials for which float32 has too few digits there."""
-        table, is_double = self.of_materials, np.isinf(shares)
-        lost, why = is_double & ~table.is_double, light_table.FAR if is_far else domains.TOO_MUCH
-        of_type = np.where(is_double, g.DOUBLE_PRECISION, g.SINGLE_PRECISION).astype(np.uint8)
-        features = table.features & np.uint8(255 - g.DOUBLE_PRECISION - g.SINGLE_PRECISION) | of_type
-        reasons = [(*old, why) if new else old for new, old in zip(lost, table.reasons, strict=True)]
-        paths = np.where(is_double, np.uint8(g.EXACT), table.paths)
-        table = table._replace(paths=paths, features=features, shares=shares, reasons=tuple(reasons))
-        return self._replace(of_materials=table)
+        why = light_table.FAR if is_far else domains.TOO_MUCH
+        return self._replace(of_materials=self.of_materials.with_shares(shares, why))
 
 
 def make_plan(
@@ -164,32 +143,37 @@ def make_plan(
     clearances = np.zeros(tables.is_lit.shape) if clearances is None else clearances
     fades_to = max(cue.color) if cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
-        brightness = domains.compute_brightness(tables)
-        check_brightness(max(brightness.of_materials.max(initial=0.0), fades_to))
-        brightness = domains.weaken(brightness, tables, clearances)
-        bound = max(float(brightness.of_materials.max(initial=0.0)), fades_to)
-    roundings = domains.count_roundings(tables, brightness, options.shading == "phong")
-    table, tint = list_materials(tables, options, brightness, roundings)
+        intensities = domains.bound_intensities(tables, clearances, options.shading == "phong")
+    check_brightness(max(intensities.unweakened, fades_to))
+    bound = max(float(intensities.of_materials.max(initial=0.0)), fades_to)
+    table, tint = list_materials(tables, options, intensities)
     n_channel = 3 if table.is_colored.any() else 1
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
-    textures = list_textures([material.texture for material in materials]) if tables.is_textured else None
-    of_metals = [material.metallic_roughness for material in materials]
-    is_looked_up = table.is_looked_up
+    needs_position, has_tangents, maps, metals = tables.has_shadows, False, [], []
+    for light in tables.reflected_lights:
+        needs_position |= light_table.entry_of(light).needs_position
+    for material in materials:
+        has_tangents |= material.is_anisotropic and material.tangent == "u"
+        maps.append(material.texture)
+        metals.append(material.metallic_roughness)
+    textures, packed = list_textures(maps) if tables.has_texture.any() else None, None
+    if table.is_looked_up.any():
+        is_packed = table.is_looked_up & ~has_alpha(materials)
+        packed = pack_textures(textures, np.where(is_packed, textures.of_materials, -1), run)
     return Plan(
         tables=tables,
         options=options,
         of_materials=table,
-        brightness=brightness,
-        roundings=roundings,
+        intensities=intensities,
         n_channel=n_channel,
         tint=tint,
         level_scale=(int(LEVEL_MASK) - 1) / max_level if 0.0 < max_level < np.inf else 1.0,
         bound=bound,
+        needs_position=needs_position,
+        has_tangents=has_tangents,
         textures=textures,
-        metals=lay_textures(list_textures(of_metals, tables.n_texcoord), run=run) if any(of_metals) else None,
-        packed_textures=None
-        if not is_looked_up.any()
-        else pack_textures(textures, np.where(is_looked_up & ~has_alpha(materials), textures.of_materials, -1), run),
+        metals=lay_textures(list_textures(metals, tables.n_texcoord), run=run) if any(metals) else None,
+        packed_textures=packed,
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         cue=None if cue is None else make_cue(cue, n_channel),
     )
@@ -208,24 +192,25 @@ def check_brightness(bound: float) -> None:
 
 
 def list_materials(
-    tables: SceneTables, options: Options, brightness: Brightness, roundings: Roundings
+    tables: SceneTables, options: Options, intensities: Intensities
 ) -> tuple[MaterialTable, NDArray[np.float32]]:
     """Find out what each material needs in any view, and the tint (3,) of what has one channel."""
     materials, is_lit_per_sample = tables.materials, options.shading == "phong"
-    tints = [None if has_hues else tables.tint_of(k) for k, has_hues in enumerate(tables.has_hues)]
+    tints = list(map(tables.tint_of, range(len(materials))))
     tint = choose_tint(tints)
-    is_colored = [tint is None or own is None or common_tint(own, tint) is None for own in tints]
-    angles = options.tolerance / 4 / np.maximum(domains.slopes_of(tables, brightness), 1e-30)
+    angles = options.tolerance / 4 / np.maximum(intensities.slopes, 1e-30)
     if tables.has_shadows:  # which depend on normals, however dim the lights are
         angles = np.minimum(angles, MAX_TURN)
     normal_limits = angles / (np.sqrt(3.0) * domains.SINGLE)
-    shares = domains.share_of_tolerance(roundings.own, options.tolerance)
+    shares = domains.share_of_tolerance(intensities.roundings, options.tolerance)
     has_vertex_colors = tables.has_vertex_colors
-    has_albedo = has_vertex_colors | np.array([material.texture is not None for material in materials], np.bool_)
-    with_tangents = 6 + 3 * bool(has_albedo.any()) + tables.n_texcoord * tables.is_textured
+    has_albedo = has_vertex_colors | tables.has_texture
+    with_tangents = 6 + 3 * bool(has_albedo.any()) + tables.n_texcoord * bool(tables.has_texture.any())
+    is_colored = np.ones(len(materials), np.bool_)
     paths, features, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
-        why = reasons_of(material, tables.lights_of(k), options.tolerance, shares[k], brightness.of_materials[k])
+        is_colored[k] = tint is None or tints[k] is None or common_tint(tints[k], tint) is None
+        why = reasons_of(material, tables.lights_of(k), options.tolerance, shares[k], intensities.of_materials[k])
         if why:
             path = g.EXACT
         elif is_lit_per_sample:
@@ -237,10 +222,12 @@ def list_materials(
         features.append(list_features(material, bool(why), is_colored[k], has_vertex_colors[k]))
         n_attributes.append(6 + tables.n_texcoord if material.metallic_roughness is not None else own)
         reasons.append(why)
+    is_double = np.array(list(map(bool, reasons)))
     table = MaterialTable(
         np.array(paths, np.uint8), np.array(features, np.uint8), np.array(n_attributes, np.int64), normal_limits,
-        np.where([bool(why) for why in reasons], np.inf, shares), has_albedo, tuple(reasons),
+        shares, tuple(reasons), has_albedo, is_colored, is_double, is_double, (),
     )  # fmt: skip
+    table = table.with_shares(np.where(is_double, np.inf, shares), "")
     return table, np.ones(3, np.float32) if tint is None else tint.astype(np.float32)
 
 
@@ -253,11 +240,12 @@ def reasons_of(material: Any, lights: tuple, tolerance: float, share: float, bou
     share : of the tolerance, which rounding takes at least
     bound : the largest intensity that it may have; infinite where a light amplifies without limit
     """
-    found = ["tolerance 0"] if tolerance == 0 else [domains.TOO_MUCH] if np.isinf(share) else []
-    found += [] if np.isfinite(bound) else [domains.UNBOUNDED]
-    found += [light_table.entry_of(light).reason_for_float64(light) for light in lights]
-    found.append(reflection_table.entry_of(material).reason_for_float64(material))
-    return tuple(dict.fromkeys(reason for reason in found if reason))
+    found = ["tolerance 0" if tolerance == 0 else domains.TOO_MUCH if np.isinf(share) else ""]
+    found.append("" if np.isfinite(bound) else domains.UNBOUNDED)
+    for light in lights:
+        found.append(light_table.entry_of(light).limits(light).reason)
+    found.append(reflection_table.entry_of(material).limits(material).reason)
+    return tuple(filter(None, dict.fromkeys(found)))
 
 
 def list_features(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:

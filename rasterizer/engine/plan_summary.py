@@ -74,7 +74,7 @@ class PlanSummary(NamedTuple):
 
 def summarize(plan: Plan) -> PlanSummary:
     """Put a plan into words."""
-    tables, table, n_light = plan.tables, plan.of_materials, len(plan.reflected_lights)
+    tables, table, n_light = plan.tables, plan.of_materials, len(plan.tables.reflected_lights)
     features = {
         "textures": plan.textures is not None,
         "shadows": tables.has_shadows,

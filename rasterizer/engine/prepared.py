@@ -185,7 +185,7 @@ class PreparedScene:
         tables, plan = self.tables, self.plan
         furthest = domains.furthest_of(tables.material_boxes, view)
         nearness = domains.nearness_in(tables, self._clearances, view)
-        roundings = plan.roundings.at(nearness)
+        roundings = plan.intensities.roundings_at(nearness)
         is_far = domains.is_far(plan, furthest, nearness, screen)
         if tables.has_shadows and not plan.of_materials.is_double.all():
             is_far = is_far or self._shadows.is_far(view)
@@ -211,7 +211,9 @@ class PreparedScene:
             coding=coding,
             textures=plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map),
             encoding=make_encoding(plan, self.tables.background, options.color_range),
-            lightings={dtype: with_functions(list_materials(plan, dtype), plan, dtype) for dtype in plan.dtypes},
+            lightings={
+                dtype: with_functions(list_materials(plan, dtype), plan, dtype) for dtype in plan.of_materials.dtypes
+            },
             summary=summarize(plan),
             steps=domains.list_steps(plan),
         )

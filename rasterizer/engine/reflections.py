@@ -12,7 +12,7 @@ A model of one's own is a class that derives from `registries.CustomReflection`;
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
@@ -26,13 +26,23 @@ def min_sum(is_double: bool) -> float:
     return 2.0**-5 if is_double else 2.0**-1
 
 
+class ReflectionLimits(NamedTuple):
+    """How bright a reflection model is, how far it magnifies errors (domains.py), and whether float32 will do; of
+    highlights, for one of height 1."""
+
+    peak: float = 1.0  # the largest value of a highlight where `specular` is 1
+    rough: float = 0.0  # how far the diffuse term magnifies an error of the directions, beyond Lambert's
+    slope: float = 0.0  # what a highlight changes by, at most, for each radian that the normal turns
+    roundings: float = 0.0  # how many u a highlight errs by, beside what positions turn it by
+    weight: float = 1.0  # the share of its height that a highlight has at most beside its `steps`
+    reason: str = ""  # why float32 won't do, in a few words; empty where it does
+
+
 class ReflectionEntry:
     """Hold what the engine knows of a reflection model.
 
     Every method takes a Material that names the model. What is said here holds for a model without a highlight, whose
-    diffuse term errs by no more than N·L does. Of a highlight three numbers count, for one whose largest value is 1:
-    what rounding adds, how far it moves when the normal turns, and how much of its height is left beside its `steps`
-    (engine/domains.py).
+    diffuse term errs by no more than N·L does.
     """
 
     is_own = False  # it is registered: nobody knows how its formula rounds
@@ -46,33 +56,13 @@ class ReflectionEntry:
         """Return the pipeline's function for the material, which is compiled by `batch_function`."""
         raise NotImplementedError(f"{type(self).__name__} has no function")
 
-    def reason_for_float64(self, material: Any) -> str:
-        """Return why float32 won't do, in a few words; empty where it does."""
-        return ""
-
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of a normalised highlight, beside N·L; 0 for a classic one."""
         return 0.0
 
-    def peak(self, material: Any) -> float:
-        """Return the largest value of a highlight where `specular` is 1."""
-        return 1.0
-
-    def diffuse_slope(self, material: Any) -> float:
-        """Return how far the diffuse term magnifies an error of the directions, beyond Lambert's."""
-        return 0.0
-
-    def slope(self, material: Any) -> float:
-        """Return what a highlight of height 1 changes by, at most, for each radian that the normal turns."""
-        return 0.0
-
-    def roundings(self, material: Any) -> float:
-        """Return how many u a highlight of height 1 errs by, beside what positions turn it by."""
-        return 0.0
-
-    def weight(self, material: Any) -> float:
-        """Return the share of its height that a highlight has at most beside its `steps`."""
-        return 1.0
+    def limits(self, material: Any) -> ReflectionLimits:
+        """Return how bright it is, how far it magnifies errors, and whether float32 will do."""
+        return ReflectionLimits()
 
     def steps(self, material: Any, is_double: bool) -> tuple[Step, ...]:
         """Return where the model jumps."""
@@ -98,10 +88,10 @@ class OrenNayarEntry(ReflectionEntry):
         """Return Oren's and Nayar's function."""
         return pipeline.oren_nayar
 
-    def diffuse_slope(self, material: Any) -> float:
-        """Return that of tan β, which is cut off at MIN_COSINE."""
+    def limits(self, material: Any) -> ReflectionLimits:
+        """Return the slope of tan β, which is cut off at MIN_COSINE."""
         square = material.roughness**2
-        return 0.45 * square / (square + 0.09) / pipeline.MIN_COSINE
+        return ReflectionLimits(rough=0.45 * square / (square + 0.09) / pipeline.MIN_COSINE)
 
 
 class PowerEntry(ReflectionEntry):
@@ -112,23 +102,23 @@ class PowerEntry(ReflectionEntry):
     lit in float64, and the bound holds where h is MIN_BASE at least.
     """
 
+    turn = 1.0  # how far h's vector turns where the normal does
     needs_view = is_shiny = has_fresnel = is_lambert_when_dull = True
 
-    def reason_for_float64(self, material: Any) -> str:
-        """Return that h^n with n < 1 is steep without limit at h = 0."""
-        return "an exponent below 1" if material.shininess < 1.0 else ""
+    def limits(self, material: Any) -> ReflectionLimits:
+        """Return those of the power, of W(θ), which rises by 5 at most, and of N·L.
 
-    def peak(self, material: Any) -> float:
-        """Return the scale, at least 1: h <= 1, W <= 1, also of an F0 with a colour, because F0 <= 1."""
-        return max(self.highlight_scale(material), 1.0)
-
-    def slope(self, material: Any) -> float:
-        """Return that of the power, of W(θ), which rises by 5 at most, and of N·L."""
-        return power_slope(material.shininess) + weight_slope(material)
-
-    def roundings(self, material: Any) -> float:
-        """N - H errs by 53 u where |L + V| is 1/2 at least, R - V by 68 u (see `fill_r_dot_v`)."""
-        return 68.0 * power_slope(material.shininess) + 1.5 * material.shininess + 16.0 * weight_slope(material)
+        The peak is the scale, at least 1: h <= 1, W <= 1, also of an F0 with a colour, because F0 <= 1. N - H errs by
+        53 u where |L + V| is 1/2 at least, R - V by 68 u (see `fill_r_dot_v`).
+        """
+        n, slope = material.shininess, power_slope(material.shininess)
+        of_weights = 5.0 * (material.fresnel is not None) + 1.0 * material.normalized
+        return ReflectionLimits(
+            peak=max(self.highlight_scale(material), 1.0),
+            slope=self.turn * slope + of_weights,
+            roundings=68.0 * slope + 1.5 * n + 16.0 * of_weights,
+            reason="an exponent below 1" if n < 1.0 else "",
+        )
 
     def steps(self, material: Any, is_double: bool) -> tuple[Step, ...]:
         """A classic highlight ends with a step; one that is normalised falls to 0 there. An exponent below 1 makes its
@@ -144,15 +134,13 @@ class PowerEntry(ReflectionEntry):
 
 
 class PhongEntry(PowerEntry):
-    """Phong's highlight: h = R·V."""
+    """Phong's highlight: h = R·V. The mirrored light direction turns twice as far as the normal."""
+
+    turn = 2.0
 
     def function(self, material: Any) -> Callable[..., None]:
         """Return the function of the power of R·V."""
         return pipeline.phong
-
-    def slope(self, material: Any) -> float:
-        """The mirrored light direction turns twice as far as the normal."""
-        return 2.0 * power_slope(material.shininess) + weight_slope(material)
 
     def highlight_scale(self, material: Any) -> float:
         """Return (n + 2)/2. Source: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
@@ -196,41 +184,34 @@ class CookTorranceEntry(ReflectionEntry):
             return pipeline.anisotropic_ggx if material.tangent == "u" else pipeline.anisotropic_ggx_by_axis
         return pipeline.ggx if material.distribution == "ggx" else pipeline.beckmann
 
-    def reason_for_float64(self, material: Any) -> str:
-        """Where the tangent nearly stands upright on the surface its projection has no bound; nor is an error of a
-        roughness small that a texture shows, where it makes mirrors of the surface."""
-        if material.metallic_roughness is not None:
-            return "metallic-roughness textures"
-        return "brushed materials" if material.is_anisotropic else ""
+    def limits(self, material: Any) -> ReflectionLimits:
+        """Return those of the mirrors. W(θ) has no part in the slope: L and V alone say what θ is.
 
-    def peak(self, material: Any) -> float:
-        """Return the largest π D G / (4 N·V).
+        The peak is that of π D G / (4 N·V). GGX: π D <= 1/α², N·L G1(L)/(2 N·L) <= 1/2, G1(V)/(2 N·V) <= 1/α.
+        Anisotropic: π D <= 1/(αx αy), and the root in G1(V) is at least the smaller α. Beckmann: π D has its maximum at
+        tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
 
-        GGX: π D <= 1/α², N·L G1(L)/(2 N·L) <= 1/2, G1(V)/(2 N·V) <= 1/α. Anisotropic: π D <= 1/(αx αy), and the root
-        in G1(V) is at least the smaller α. Beckmann: π D has its maximum at tan² = max(0, 2 m² - 1), and
-        G1(V)/N·V <= 3.535/m.
+        Where a tangent nearly stands upright on the surface its projection has no bound; nor is an error of a roughness
+        small that a texture shows, where it makes mirrors of the surface.
         """
-        r = min_roughness(material)
+        r, is_ggx = min_roughness(material), material.distribution == "ggx"
         if material.is_anisotropic:
-            r = material.roughness
-            return 1.0 / (2.0 * r[0] * r[1] * min(r))
-        if material.distribution == "ggx":
-            return 1.0 / (2.0 * r**3)
-        tangent_square = max(0.0, 2.0 * r * r - 1.0)
-        return math.exp(-tangent_square / r**2) * (1.0 + tangent_square) ** 2 / r**3 * (3.535 / 4.0)
-
-    def slope(self, material: Any) -> float:
-        """Return that of the mirrors. W(θ) has no part in it: L and V alone say what θ is."""
-        return 7.0 if material.distribution == "ggx" else 46.0
-
-    def roundings(self, material: Any) -> float:
-        """Return what errors of N, L, V and their products add."""
-        return 245.0 if material.distribution == "ggx" else 1080.0
-
-    def weight(self, material: Any) -> float:
-        """Return the largest W(θ), |L + V| being 1/2 at least."""
-        f0 = 1.0 if is_metallic(material) or isinstance(fresnel_of(material), tuple) else fresnel_of(material)
-        return f0 + (1.0 - f0) * (1.0 - min_sum(False) / 2.0) ** 5
+            peak = 1.0 / (2.0 * material.roughness[0] * material.roughness[1] * r)
+        elif is_ggx:
+            peak = 1.0 / (2.0 * r**3)
+        else:
+            tangent_square = max(0.0, 2.0 * r * r - 1.0)
+            peak = math.exp(-tangent_square / r**2) * (1.0 + tangent_square) ** 2 / r**3 * (3.535 / 4.0)
+        is_hued = is_metallic(material) or isinstance(fresnel_of(material), tuple)
+        f0 = 1.0 if is_hued else fresnel_of(material)
+        reason = "brushed materials" if material.is_anisotropic else ""
+        return ReflectionLimits(
+            peak=peak,
+            slope=7.0 if is_ggx else 46.0,
+            roundings=245.0 if is_ggx else 1080.0,
+            weight=f0 + (1.0 - f0) * (1.0 - min_sum(False) / 2.0) ** 5,
+            reason="metallic-roughness textures" if material.metallic_roughness is not None else reason,
+        )
 
     def steps(self, material: Any, is_double: bool) -> tuple[Step, ...]:
         """GGX mirrors that are tilted by more than a right angle count as none. What the half vector errs by has no
@@ -254,9 +235,9 @@ class ToonEntry(ReflectionEntry):
         """Return the function of the levels."""
         return pipeline.toon
 
-    def reason_for_float64(self, material: Any) -> str:
+    def limits(self, material: Any) -> ReflectionLimits:
         """Next to a step no error is small."""
-        return "toon levels"
+        return ReflectionLimits(reason="toon levels")
 
     def steps(self, material: Any, is_double: bool) -> tuple[Step, ...]:
         """Every level ends with a step, the highlight too."""
@@ -279,13 +260,9 @@ class CustomEntry(ReflectionEntry):
         """Return the function of the formula."""
         return self._function
 
-    def reason_for_float64(self, material: Any) -> str:
-        """Return that it is one's own."""
-        return OWN
-
-    def diffuse_slope(self, material: Any) -> float:
+    def limits(self, material: Any) -> ReflectionLimits:
         """Return that nothing is known."""
-        return math.inf
+        return ReflectionLimits(rough=math.inf, reason=OWN)
 
 
 # By the words of scene.material.REFLECTION_MODELS.
@@ -362,11 +339,6 @@ def blinn_scale(material: Any) -> float:
     """
     n = material.shininess
     return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
-
-
-def weight_slope(material: Any) -> float:
-    """Return the slope of the weights of a power: 5 of W(θ), 1 of N·L where the highlight is normalised."""
-    return 5.0 * (material.fresnel is not None) + 1.0 * material.normalized
 
 
 def power_slope(exponent: float) -> float:

@@ -7,8 +7,10 @@ in, and where colours are spectra the products of materials and lights. Below th
 their illumination, as arrays that the pipeline reads, and the tint that one channel is enough for.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,74 +30,105 @@ N_BOX = 2**12  # boxes round faces of a mesh, at most: their distances from ligh
 
 
 class SceneTables:
-    """What a scene is made of, under the options of a picture; each table is made when it is asked for first.
+    """What a scene is made of, under the options of a picture.
 
     Parameters
     ----------
     scene : Scene, of which nothing else is read later
-    options : of which exposure and spectral count. Light and what materials emit are multiplied by the exposure: the
-        illumination equation is linear in them
+    options : of which shading, exposure and spectral count. Light and what materials emit are multiplied by the
+        exposure: the illumination equation is linear in them
+
+    Attributes
+    ----------
+    meshes, background, depth_cue : as the scene has them
+    materials : the different ones of all meshes, as they are lit
+    palettes : for each mesh the numbers of its materials
+    lights : all but ambient and black ones; those of an area light one by one
+    n_black : how many are black
+    ambient : (3,) float64, the sum of the ambient lights
+    products : those of colours, in which the exposure is included; None where it is done later: see `multiply_colors`
+    is_lit : (n_material, n_light) bool: the material reflects something of the light
+    reflected_lights : the lights that some material reflects something of
+    has_shadows : some of these cast shadows
+    is_opaque : nothing shows through anything
+    has_texture, has_vertex_colors, has_hues : (n_material,) bool: it has a texture; it is one of meshes with colours;
+        some of these aren't grey
+    n_texcoord : texture coordinates of a point
+    max_texel : the largest component of any texture, 1 where there is none
+    max_albedo : the same of the colours that multiply what materials reflect, textures' included
     """
 
     def __init__(self, scene: Scene, options: Options) -> None:
         self.meshes: tuple[Mesh, ...] = scene.meshes
         self.background: tuple[float, float, float] | None = scene.background  # linear
         self.depth_cue: DepthCue | None = scene.depth_cue
-        self._options = options
-        materials, self.palettes = number_materials(self.meshes)  # for each mesh the numbers of its materials
-        is_lit_per_sample = options.shading == "phong"
-        self._materials = tuple(each.as_lit(is_lit_per_sample) for each in materials)
-        expanded = [part for light in scene.lights for part in light_table.entry_of(light).expand(light)]
-        self._lights = tuple(light for light in expanded if not light_table.is_black(light))
-        self._ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
-        self.n_black = len(expanded) - len(self._lights)  # which are no part of `lights`
 
-    @cached_property
-    def materials(self) -> tuple:
-        """The different ones of all meshes."""
-        return self._exposed(self._materials, "emissive")
+        # Materials are listed and numbered, area lights are taken apart, black ones are left out.
+        listed, self.palettes = number_materials(self.meshes)
+        materials, lights, ambient_lights, self.n_black = [], [], [], 0
+        for material in listed:
+            materials.append(material.as_lit(options.shading == "phong"))
+        for light in scene.lights:
+            row = light_table.entry_of(light)
+            if row.is_ambient:
+                ambient_lights.append(light)
+            for part in row.expand(light):
+                if light_table.is_black(part):
+                    self.n_black += 1
+                else:
+                    lights.append(part)
 
-    @cached_property
-    def lights(self) -> tuple:
-        """All but ambient and black ones; those of an area light one by one."""
-        return self._exposed(self._lights, "color")
+        # The exposure is in the products of colours, else in the light and in what materials emit.
+        self.products = multiply_colors(materials, lights, ambient_lights, options)
+        stops = 0.0 if self.products is not None else options.exposure
+        self.materials = tuple(exposed(materials, "emissive", stops))
+        self.lights = tuple(exposed(lights, "color", stops))
+        self.ambient = np.zeros(3)
+        for light in exposed(ambient_lights, "color", stops):
+            self.ambient = self.ambient + np.array(light.color)
+        self._read_materials()
+        self._read_colors()
+        self.reflected_lights = tuple(compress(self.lights, self.is_lit.any(axis=0)))
+        self.has_shadows = any(map(light_table.shadow_of, self.reflected_lights))
 
-    @cached_property
-    def ambient(self) -> NDArray[np.float64]:
-        """(3,), the sum of the ambient lights."""
-        return sum((np.array(light.color) for light in self._exposed(self._ambient_lights, "color")), np.zeros(3))
+    def _read_materials(self) -> None:
+        """Find out what surfaces have beside colours of the meshes."""
+        n_material, products = len(self.materials), self.products
+        self.is_opaque, self.max_texel = True, 1.0
+        self.has_texture, is_reflecting = np.zeros((2, n_material), np.bool_)
+        for k, material in enumerate(self.materials):
+            self.is_opaque &= material.is_opaque
+            is_reflecting[k] = any(material.diffuse) or any(material.specular)
+            self.has_texture[k] = material.texture is not None
+        textures = [material.texture for material in compress(self.materials, self.has_texture)]
+        if textures:
+            self.max_texel = max(texture.brightest for texture in textures)
+        self.n_texcoord = count_texcoords(self.meshes)
+        self.is_lit = np.repeat(is_reflecting[:, None], len(self.lights), axis=1)
+        if products is not None:
+            self.is_lit = products.diffuse.any(axis=2) | products.specular.any(axis=2) | products.grazing.any(axis=2)
 
-    @cached_property
-    def products(self) -> "Products | None":
-        """Those of colours, in which the exposure is included; None where it is done later: see `multiply_colors`."""
-        return multiply_colors(self._materials, self._lights, self._ambient_lights, self._options)
-
-    def _exposed(self, sources: tuple, field: str) -> tuple:
-        """Lights or materials with one of their colours multiplied by the exposure."""
-        if self.products is not None or self._options.exposure == 0.0:
-            return sources
-        scale = 2.0**self._options.exposure
-        colors = [tuple(scale * component for component in getattr(source, field)) for source in sources]
-        return tuple(replace(source, **{field: color}) for source, color in zip(sources, colors, strict=True))
-
-    @cached_property
-    def is_lit(self) -> NDArray[np.bool_]:
-        """(n_material, n_light): the material reflects something of the light."""
-        products = self.products
-        if products is None:
-            is_reflecting = np.array([[any(material.diffuse) or any(material.specular)] for material in self.materials])
-        else:
-            is_reflecting = products.diffuse.any(axis=2) | products.specular.any(axis=2) | products.grazing.any(axis=2)
-        return np.ones((len(self.materials), len(self.lights)), np.bool_) & is_reflecting
+    def _read_colors(self) -> None:
+        """Find out what colours the meshes bring."""
+        self.has_vertex_colors, self.has_hues = np.zeros((2, len(self.materials)), np.bool_)
+        largest = 1.0
+        for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
+            given = mesh.face_colors if mesh.colors is None else mesh.colors
+            if given is not None:
+                colors = given[..., :3].reshape(-1, 3)
+                largest = max(largest, float(colors.max(initial=0.0)))
+                self.has_vertex_colors[numbers] = True
+                self.has_hues[numbers] |= bool((colors[:, 1:] != colors[:, :1]).any())
+        self.max_albedo = largest * self.max_texel
 
     def lights_of(self, k: int) -> tuple:
         """The lights that material k reflects something of."""
-        return tuple(light for light, is_lit in zip(self.lights, self.is_lit[k].tolist(), strict=True) if is_lit)
+        return tuple(compress(self.lights, self.is_lit[k]))
 
     def tint_of(self, k: int) -> NDArray[np.float64] | None:
-        """The RGB triple that all intensities of material k are multiples of, where points have no colours of their
-        own; None where there is none."""
-        if (self.products is not None and self.products.is_spectral) or self.materials[k].texture is not None:
+        """The RGB triple that all intensities of material k are multiples of; None where there is none."""
+        is_spectral = self.products is not None and self.products.is_spectral
+        if is_spectral or self.has_texture[k] or self.has_hues[k]:
             return None
         tint = common_color([self.materials[k]], self.lights_of(k), self.ambient)
         return tint if self.depth_cue is None or tint is None else common_tint(tint, self.depth_cue.color)
@@ -104,11 +137,6 @@ class SceneTables:
     def bounds(self) -> NDArray[np.float64]:
         """(n_mesh, 2, 3) boxes round the meshes, world space."""
         return np.stack([mesh.bounds for mesh in self.meshes])
-
-    @cached_property
-    def face_offsets(self) -> NDArray[np.int64]:
-        """(n_mesh + 1,): face f of mesh m has the index face_offsets[m] + f in the scene."""
-        return np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
 
     @cached_property
     def material_boxes(self) -> NDArray[np.float64]:
@@ -131,56 +159,15 @@ class SceneTables:
                     found[number].append(np.stack([low, np.maximum.reduceat(corners.max(axis=1), starts)], axis=1))
         return [np.concatenate(boxes) if boxes else np.empty((0, 2, 3)) for boxes in found]
 
-    @cached_property
-    def colors_of_meshes(self) -> list[NDArray[np.float64] | None]:
-        """The linear colours (n, 3) that each mesh has at its vertices or faces; None where it has none."""
-        given = [mesh.face_colors if mesh.colors is None else mesh.colors for mesh in self.meshes]
-        return [None if colors is None else colors[..., :3].reshape(-1, 3) for colors in given]
 
-    @cached_property
-    def max_albedo(self) -> float:
-        """The largest component of the colours that multiply what materials reflect, textures' included."""
-        given = [float(colors.max(initial=1.0)) for colors in self.colors_of_meshes if colors is not None]
-        return max(given, default=1.0) * brightest_texel(self.materials)
-
-    @cached_property
-    def has_vertex_colors(self) -> NDArray[np.bool_]:
-        """(n_material,): which materials are those of meshes with colours."""
-        return self._materials_of([colors is not None for colors in self.colors_of_meshes])
-
-    @cached_property
-    def has_hues(self) -> NDArray[np.bool_]:
-        """(n_material,): which materials are those of meshes with colours that aren't grey."""
-        given = self.colors_of_meshes
-        return self._materials_of([c is not None and bool((c[:, 1:] != c[:, :1]).any()) for c in given])
-
-    def _materials_of(self, is_asked: Sequence[bool]) -> NDArray[np.bool_]:
-        """(n_material,): which materials some of the meshes have."""
-        found = np.zeros(len(self.materials), np.bool_)
-        for numbers, is_one in zip(self.palettes, is_asked, strict=True):
-            found[numbers] |= is_one
-        return found
-
-    @property
-    def is_textured(self) -> bool:
-        """Some material has a texture."""
-        return any(material.texture is not None for material in self.materials)
-
-    @property
-    def n_texcoord(self) -> int:
-        """Texture coordinates of a point."""
-        return count_texcoords(self.meshes)
-
-    @property
-    def is_opaque(self) -> bool:
-        """Nothing shows through anything."""
-        return all(material.is_opaque for material in self.materials)
-
-    @property
-    def has_shadows(self) -> bool:
-        """Some light casts shadows, and is reflected."""
-        casts = [light_table.shadow_of(light) is not None for light in self.lights]
-        return bool((self.is_lit.any(axis=0) & np.array(casts, np.bool_)).any())
+def exposed(sources: Sequence[Any], field: str, stops: float) -> list[Any]:
+    """Return lights or materials with one of their colours multiplied by 2^stops."""
+    if stops == 0.0:
+        return list(sources)
+    found, scale = [], 2.0**stops
+    for source in sources:
+        found.append(replace(source, **{field: tuple(scale * component for component in getattr(source, field))}))
+    return found
 
 
 # ---------------------------------------------------------------- surfaces, as arrays that the pipeline reads
@@ -201,11 +188,6 @@ def has_alpha(materials) -> NDArray[np.bool_]:
     return np.array([material.texture is not None and material.texture.has_alpha for material in materials], np.bool_)
 
 
-def brightest_texel(materials) -> float:
-    """The largest component of any texture; 1 where there is none."""
-    return max((material.texture.brightest for material in materials if material.texture is not None), default=1.0)
-
-
 def make_cue(cue, n_channel) -> Cue:
     """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest
     component is 1."""
@@ -215,13 +197,10 @@ def make_cue(cue, n_channel) -> Cue:
 # ---------------------------------------------------------------- the tint that one channel is enough for
 
 
-def choose_tint(tints) -> np.ndarray | None:
+def choose_tint(tints: Sequence[NDArray | None]) -> NDArray[np.float64] | None:
     """Choose the tint that most materials have, so that one channel is enough for these; None where none has one."""
-    groups: dict[tuple, int] = {}
-    for tint in tints:
-        if tint is not None:
-            groups[tuple(tint)] = groups.get(tuple(tint), 0) + 1
-    return np.array(max(groups, key=lambda tint: groups[tint])) if groups else None
+    groups = Counter(tuple(tint) for tint in tints if tint is not None)
+    return np.array(groups.most_common(1)[0][0]) if groups else None
 
 
 def common_color(
@@ -237,28 +216,32 @@ def common_color(
     ----------
     ambient : (3,) float64, the sum of the ambient lights
     """
-    if any(has_hued_fresnel(material) for material in materials):
+    if any(map(has_hued_fresnel, materials)):
         return None
-    of_lights = [np.array(light.color) for light in lights] + [ambient]
-    of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
-    of_materials += [np.array(m.specular) for m in materials if has_highlight(m)]
-    emission = [np.array(m.emissive) for m in materials]
-    if _direction(of_lights) is not None and np.ptp(_direction(of_lights)) == 0.0:
+    of_lights, of_materials, emission = [tuple(ambient)], [], []
+    for light in lights:
+        of_lights.append(light.color)
+    for material in materials:
+        of_materials += [material.ambient, material.diffuse, *([material.specular] if has_highlight(material) else [])]
+        emission.append(material.emissive)
+    of_light, of_material = _direction(of_lights), _direction(of_materials)
+    if of_light is not None and np.ptp(of_light) == 0.0:
         return _direction(of_materials + emission)
-    if _direction(of_materials) is not None and np.ptp(_direction(of_materials)) == 0.0:
+    if of_material is not None and np.ptp(of_material) == 0.0:
         return _direction(of_lights + emission)
     return None
 
 
 def common_tint(tint: NDArray[np.float64], color: Sequence[float]) -> NDArray[np.float64] | None:
     """Return the tint (3,) if a colour is a multiple of it, else None."""
-    return _direction([tint, np.array(color)])
+    return _direction([tuple(tint), tuple(color)])
 
 
 def _direction(colors):
     """The triple, its largest component 1, of which all colours are multiples (to float64 rounding); None if there is
     none."""
-    colors = np.array([color for color in colors if color.max() > 0.0]).reshape(-1, 3)
+    colors = np.array(colors).reshape(-1, 3)
+    colors = colors[colors.max(axis=1) > 0.0]
     if len(colors) == 0:
         return np.ones(3)
     scaled = colors / colors.max(axis=1, keepdims=True)
@@ -301,10 +284,14 @@ def multiply_colors(
     share, which is weighted with another coefficient than the other lights.
     """
     fields = ("emissive", "ambient", "diffuse", "specular")
-    colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel", "metal_color")]
-    colors += [light.color for light in (*lights, *ambient_lights)]
-    is_spectral = options.spectral is not None or any(hasattr(color, "wavelengths") for color in colors)
-    is_share = np.array([light_table.entry_of(light).is_share for light in lights], np.bool_)
+    is_spectral, is_share = options.spectral is not None, np.zeros(len(lights), np.bool_)
+    for k, light in enumerate((*lights, *ambient_lights)):
+        is_spectral |= hasattr(light.color, "wavelengths")
+        if k < len(lights):
+            is_share[k] = light_table.entry_of(light).is_share
+    for material in materials:
+        for field in (*fields, "fresnel", "metal_color"):
+            is_spectral |= hasattr(getattr(material, field), "wavelengths")
     if not is_spectral and not is_share.any():
         return None
     n, weights = None, np.eye(3)

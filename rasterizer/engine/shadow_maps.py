@@ -514,7 +514,7 @@ class Precision:
 
     def __init__(self, plan: Plan, bounds: NDArray[np.float64]):
         self._corners = corners_of(bounds)
-        self._lights = [light for light in plan.reflected_lights if shadow_of(light) is not None]
+        self._lights = [light for light in plan.tables.reflected_lights if shadow_of(light) is not None]
         self._lasting = [None if is_carried(light) else self._measure(light, ANYWHERE) for light in self._lights]
 
     def is_far(self, view: View) -> bool:

@@ -1,6 +1,8 @@
 """The illumination of a scene as arrays, for one view: what the batch functions of lights and materials read
 (pipeline/lighting.py)."""
 
+from itertools import chain
+
 import numpy as np
 
 from ..compiler.kernels import batch_function
@@ -68,27 +70,34 @@ def list_materials(plan: Plan, dtype) -> Lighting:
     )
 
 
-def is_lit_in(plan: Plan, dtype=None) -> np.ndarray:
-    """Tell which materials are lit in a type, None = any, and by which lights: (n_material, n_light) bool."""
-    if dtype is None:
-        return plan.tables.is_lit
+def is_lit_in(plan: Plan, dtype) -> np.ndarray:
+    """Tell which materials are lit in a type, and by which lights: (n_material, n_light) bool."""
     return plan.tables.is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
 
 
-def used_functions(plan: Plan, dtype=None) -> list[list]:
-    """The batch functions that light in a type, None = any; or None in the place of one that lights nothing: a row of
-    those of the lights, and one for each material."""
-    of_lights, of_materials = batch_functions_of(plan)
-    is_lit = is_lit_in(plan, dtype)
-    rows = zip([of_lights, *of_materials], [is_lit.any(axis=0), *is_lit], strict=True)
-    return [[f if is_used else None for f, is_used in zip(row, used, strict=True)] for row, used in rows]
+def used_functions(plan: Plan, dtype) -> list[list]:
+    """The batch functions that light in a type, or None in the place of one that lights nothing; nothing else is
+    compiled: a row of those of the lights, and one a light for each material."""
+    is_lit, of_lights = is_lit_in(plan, dtype), []
+    for light, is_used in zip(plan.tables.lights, is_lit.any(axis=0), strict=True):
+        of_lights.append(light_table.entry_of(light).function(light) if is_used else None)
+    rows = [of_lights]
+    for material, is_used in zip(plan.tables.materials, is_lit, strict=True):
+        function, row = reflection_table.entry_of(material).function(material), []
+        for light, is_one in zip(plan.tables.lights, is_used, strict=True):
+            own = ambient_share if light_table.entry_of(light).is_share else function
+            row.append(own if is_one else None)
+        rows.append(row)
+    return rows
 
 
 def with_functions(lighting: Lighting, plan: Plan, dtype) -> Lighting:
     """Put in the addresses of the functions that light in a type; those that aren't there are compiled."""
-    rows = used_functions(plan, dtype)
-    known = {f: 0 if f is None else batch_function(f, dtype).address for f in {f for row in rows for f in row}}
-    found = np.array([[known[f] for f in row] for row in rows], np.int64).reshape(len(rows), -1)
+    rows, known = used_functions(plan, dtype), {None: 0}
+    for function in chain(*rows):
+        if function not in known:
+            known[function] = batch_function(function, dtype).address
+    found = np.array([known[function] for function in chain(*rows)], np.int64).reshape(len(rows), -1)
     return lighting._replace(light_functions=found[0], reflection_functions=np.ascontiguousarray(found[1:]))
 
 
@@ -158,15 +167,3 @@ def _in_channels(terms, is_colored) -> np.ndarray:
     whole = np.stack(terms, axis=2)
     whole = np.where(is_colored[:, None, None, None], whole, whole.max(axis=3, keepdims=True))
     return whole.reshape(*whole.shape[:2], 12)
-
-
-def batch_functions_of(plan: Plan) -> tuple[list, list]:
-    """The batch functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
-    light."""
-    lights = [light_table.entry_of(source) for source in plan.tables.lights]
-    of_lights = [entry.function(source) for entry, source in zip(lights, plan.tables.lights, strict=True)]
-    of_materials = []
-    for material in plan.tables.materials:
-        function = reflection_table.entry_of(material).function(material)
-        of_materials.append([ambient_share if entry.is_share else function for entry in lights])
-    return of_lights, of_materials

@@ -416,7 +416,8 @@ def test_roundings_grow_with_what_magnifies_them():
 
     def count(light, x=0.0, **look):
         tables = SceneTables(rz.Scene(rz.Mesh(*BALL, material=rz.Material(**look)), [light]), Options())
-        return domains.count_roundings(tables, domains.compute_brightness(tables), True).at(np.full((1, 1), x))[0]
+        clearances = domains.measure_clearances(tables)
+        return domains.bound_intensities(tables, clearances, True).roundings_at(np.full((1, 1), x))[0]
 
     sun, lamp = rz.DirectionalLight((0, 0, -1)), rz.PointLight((0, 0, 3))
     rows = (

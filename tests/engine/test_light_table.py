@@ -90,11 +90,11 @@ def test_only_sharp_cones_have_steps():
     sharp = replace(LIGHTS["spot"], inner=40.0)
     (step,) = entry_of(sharp).steps(sharp, True)
     assert step.cause == "the edge of a sharp spot light" and step.near > 2.0**-24
-    assert entry_of(sharp).reason_for_float64(sharp) == "a sharp spot light"
+    assert entry_of(sharp).limits(sharp).reason == "a sharp spot light"
     assert not any(entry_of(light).steps(light, True) for light in LIGHTS.values())
-    assert entry_of(sharp).steepness(sharp) == 2.0, "beside the step the exponent alone counts"
+    assert entry_of(sharp).limits(sharp).steepness == 2.0, "beside the step the exponent alone counts"
     steep = replace(LIGHTS["spot"], inner=40.0 - 1e-5)
-    assert entry_of(steep).steps(steep, True) and entry_of(steep).steepness(steep) < 1e3
+    assert entry_of(steep).steps(steep, True) and entry_of(steep).limits(steep).steepness < 1e3
 
 
 def test_the_strength_is_no_steeper_than_the_table_says():
@@ -109,7 +109,7 @@ def test_the_strength_is_no_steeper_than_the_table_says():
         white = rz.Material(diffuse=1, specular=0, ambient=0)
         strength = rz.illuminate(points, -points, white, light, toward_viewer=(0, 0, 1))[:, 0]
         slope, case = np.abs(np.diff(strength)).max() / (angles[1] - angles[0]), (inner, outer, exponent, falloff)
-        steepness, of_cone = entry_of(light).steepness(light), entry_of(light).slope(light)
+        of_cone, steepness, _ = entry_of(light).limits(light)
         assert 0.02 * steepness < slope <= steepness, f"cone {case}: {slope:.4g} > {steepness:.4g}, or far below"
         if falloff >= 1 <= exponent or exponent == 0:
             assert 0.3 * of_cone < slope <= of_cone, f"cone {case}: {slope:.4g} > {of_cone:.4g}, or far below"

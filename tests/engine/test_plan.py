@@ -173,13 +173,13 @@ def test_float64_of_one_material_leaves_the_others_their_way():
         assert found.of_materials.is_double.tolist() == [False, True, True] and found.dtype == np.float32
         way = IN_PLANES if shading == "phong" else IN_ENTRIES
         assert found.of_materials.paths.tolist() == [way, EXACT, EXACT]
-        assert [dtype.name for dtype in found.dtypes] == ["float32", "float64"]
+        assert [dtype.name for dtype in found.of_materials.dtypes] == ["float32", "float64"]
         none, of_toon, of_mirror = found.of_materials.reasons
         assert none == () and "toon" in of_toon[0] and "rounding" in of_mirror[0]
         exact = plan_of(scene, shading=shading, tolerance=0)
         assert not differences(exact.of_materials.is_double, True)
         assert [r for r in exact.of_materials.reasons if "tolerance 0" not in r] == []
-        assert [dtype.name for dtype in exact.dtypes] == ["float64"]
+        assert [dtype.name for dtype in exact.of_materials.dtypes] == ["float64"]
 
 
 # ---------------------------------------------------------------- number formats and ways
@@ -246,7 +246,7 @@ def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
     assert near.shares.tolist() == [np.inf, 1 / 8]
     far = found.with_shares(found.shares_at(np.array([few, few]), True), True)
     assert far.dtype == np.float64 and all("beyond float32" in reason for (reason,) in far.of_materials.reasons)
-    assert found.dtypes == (np.float32,), "the plan of the scene is another"
+    assert found.of_materials.dtypes == (np.float32,), "the plan of the scene is another"
 
 
 def test_entries_accept_what_is_left_of_the_tolerance():

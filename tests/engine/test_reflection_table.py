@@ -83,16 +83,16 @@ def test_no_highlight_is_brighter_or_steeper_than_the_table_says():
     for name, material in HIGHLIGHTS.items():
         entry = entry_of(material)
         bound, found = (
-            entry.peak(material),
+            entry.limits(material).peak,
             max(highlights(material, *random_sides(seed, 2000)[::-1]).max() for seed in range(6)),
         )
         assert 0.001 * bound < found <= bound, f"{name}: {found:.4g} > {bound:.4g}, or far below"
         if material.reflection != "cook-torrance":  # whose slopes hold where light and viewer aren't opposite
-            slope, steepest = entry.slope(material) * bound, steepest_of(material)
+            slope, steepest = entry.limits(material).slope * bound, steepest_of(material)
             assert 2e-4 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
     for roughness in (0.1, 0.5, 1.0):
         material = rz.Material(reflection="oren-nayar", diffuse=1, ambient=0, specular=0, roughness=roughness)
-        slope, steepest = 1 + entry_of(material).diffuse_slope(material), steepest_of(material)
+        slope, steepest = 1 + entry_of(material).limits(material).rough, steepest_of(material)
         assert 0.5 < steepest <= slope, f"rough by {roughness}: {steepest:.4g} > {slope:.4g}"
 
 
@@ -122,7 +122,7 @@ def test_models_say_why_they_need_float64():
         made("oren-nayar"): "",
     }
     for material, reason in cases.items():
-        found = entry_of(material).reason_for_float64(material)
+        found = entry_of(material).limits(material).reason
         assert found == reason, f"{material}: {found!r} != {reason!r}"
 
 

@@ -10,7 +10,7 @@ from helpers.pinhole import unit
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import batch_functions_of, make_lighting
+from rasterizer.engine.uniforms import make_lighting, used_functions
 from rasterizer.options import Options
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.lights import (
@@ -77,7 +77,7 @@ def test_batch_functions_are_those_of_the_lights_and_then_of_the_materials():
     area = rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 1, 0), resolution=(2, 1))
     lights = (rz.AmbientLight(), rz.SpotLight((1, 2, 3), (0, 0, -1)), area, rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, rz.Material(specular=0), rz.Material(reflection="blinn"))
-    of_lights, of_materials = batch_functions_of(plan)
+    of_lights, *of_materials = used_functions(plan, plan.dtype)
     assert of_lights == [spot, point, point, directional] and of_materials == [[lambert] * 4, [blinn] * 4]
     assert len(lighting.light_functions) == 4 and lighting.reflection_functions.shape == (2, 4)
     assert len(set(lighting.light_functions.tolist())) == 3 and lighting.needs_position and lighting.needs_view
@@ -106,7 +106,7 @@ def test_only_the_materials_of_a_type_have_functions_in_it():
     toon, view = rz.Material(reflection="toon"), VIEW
     scene = rz.Scene([rz.Mesh(*TRIANGLE, material=look) for look in (rz.Material(), toon)], rz.PointLight((1, 2, 3)))
     plan = make_plan(SceneTables(scene, Options(shading="phong")), Options(shading="phong"))
-    single, double = (make_lighting(plan, view, dtype) for dtype in plan.dtypes)
+    single, double = (make_lighting(plan, view, dtype) for dtype in plan.of_materials.dtypes)
     assert single.materials.dtype == np.float32 and double.materials.dtype == np.float64
     assert (single.reflection_functions != 0).tolist() == [[True], [False]]
     assert (double.reflection_functions != 0).tolist() == [[False], [True]]

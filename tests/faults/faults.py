@@ -140,8 +140,8 @@ FAULTS = (
     Fault(
         "exposure: stops are doubled instead of raised to a power of two",
         "engine/scene_tables.py",
-        "2.0**self._options.exposure",
-        "2.0 * self._options.exposure",
+        "2.0**stops",
+        "2.0 * stops",
         "pictures engine",
     ),
     # Reflection models

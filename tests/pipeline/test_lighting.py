@@ -108,7 +108,7 @@ def test_points_are_lit_as_the_reference_lights_them(dtype):
         # A picture of one channel is its tint times the intensity.
         color = found * plan.tint if plan.n_channel == 1 else found
         allowed = (
-            2.0**-24 * plan.roundings.at(np.full(plan.tables.is_lit.shape, 8.0)).max() + 2.0**-28
+            2.0**-24 * plan.intensities.roundings_at(np.full(plan.tables.is_lit.shape, 8.0)).max() + 2.0**-28
             if dtype == np.float32
             else 2.0**-27
         )
