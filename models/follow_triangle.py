@@ -18,7 +18,7 @@ from rasterizer.cores import Workers
 from rasterizer.engine.attributes import light_all, make_coding, make_encoding, scale_depths
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.domains import measure_clearances
-from rasterizer.engine.draw import Drawn, choose_band_rows, cull
+from rasterizer.engine.draw import choose_band_rows, cull, gather_drawn
 from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
@@ -71,7 +71,7 @@ def go(scene) -> Followed:
     render_pass = make_pass(scene, geometry, view, screen)
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
-    drawn = Drawn.whole(geometry, vertices, render_pass)
+    drawn = gather_drawn(geometry, vertices, render_pass)
     lists, n_band_row = cull(drawn, render_pass, SERIAL)
     band = Band(lists.faces, 0, HEIGHT)
     kind, n_record = render_pass.workspace_shape(n_band_row), render_pass.max_records(len(band.faces))

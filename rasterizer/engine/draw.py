@@ -115,7 +115,7 @@ def clip_geometry(geometry, clipped: Clipped):
     )
 
 
-def gather_drawn(geometry, vertices: Vertices, render_pass: Pass, source: np.ndarray) -> Drawn:
+def gather_drawn(geometry, vertices: Vertices, render_pass: Pass, source: np.ndarray = NO_SOURCES) -> Drawn:
     """Gather the triangles of a Geometry for the stages after clip; SceneError where records can't number them all."""
     n = geometry.vertex.shape[1]
     if n > MAX_FACES:

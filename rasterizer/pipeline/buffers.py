@@ -353,7 +353,7 @@ def interleave(entries, batch, out):
 # ---------------------------------------------------------------- means of what the corners of faces have
 
 # A mean is Σ p_i·a_i with the perspective weights p_i of interpolate.py. The weights come in the order of setup.py,
-# which begins at the topmost vertex; the table is in the order of the file. `corner_order` tells which is which.
+# which begins at the topmost vertex; the table is in the order of the file. `order_of` tells which is which.
 
 
 class CornerTable(NamedTuple):
