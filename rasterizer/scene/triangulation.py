@@ -28,7 +28,7 @@ turns a corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each 
 and sqrt(3) 2 < 4); the computed turn is off by less than 2^-49 |a||b| besides (three products with three roundings
 each, their sum, and the normal's own rounding). What is straight within that counts as straight.
 
-Files round more: to float32, M 2^-25, or to six decimals, 5e-7, which is below M 2^-20 from M = 0.53 on. That moves the
+Files round more: to float32, M 2^-24, or to six decimals, 5e-7, which is below M 2^-20 from M = 0.53 on. That moves the
 end of a diagonal by up to sqrt(3) M 2^-20, so two diagonals with lengths that differ by up to 4 sqrt(3) M 2^-20, which
 is below M 2^-17, may be equally long, and count so. The quads of surfaces of revolution have two diagonals of one
 length: without that, rounding would turn them at random.
