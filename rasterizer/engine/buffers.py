@@ -43,7 +43,7 @@ class BufferTables:
     @cached_property
     def objects(self) -> NDArray[np.int32]:
         """(n_face,) the mesh of each triangle, by its index in `Scene.meshes`."""
-        counts = np.diff(self._scene.face_offsets)
+        counts = [mesh.n_face for mesh in self._scene.meshes]
         return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
     @cached_property
