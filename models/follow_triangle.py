@@ -19,7 +19,7 @@ from rasterizer.engine.attributes import light_all, make_coding, make_encoding, 
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.domains import measure_clearances
 from rasterizer.engine.draw import choose_band_rows, cull, gather_drawn
-from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
+from rasterizer.engine.passes import InterpolatedPass
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
@@ -79,7 +79,7 @@ def go(scene) -> Followed:
     visibility, records = workspace.visibility, workspace.records
     counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))
     entries = visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
-    render_pass.shade(workspace, band, counts, NO_TABLE)
+    render_pass.shade(workspace, band, counts)
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.finish(workspace, band, counts, None, drawn)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
