@@ -6,7 +6,7 @@ There the renderer and the reference may each show the other surface, and no dif
 import numpy as np
 
 from rasterizer.engine.depth_range import depths_of_boxes, fit_depth_range, fit_screen
-from rasterizer.geometry.points import gather_geometry
+from rasterizer.engine.points import gather_geometry
 
 UNITS = 2.0**14  # steps of the z-buffer: half a step of rounding for each sample of the largest box
 

@@ -12,7 +12,7 @@ import numpy as np
 
 import rasterizer as rz
 from bench import scenes
-from rasterizer.geometry.points import gather_geometry
+from rasterizer.engine.points import gather_geometry
 from rasterizer.scene.color import srgb_from_linear
 
 LIGHT_IN_CAMERA = (0.4, -0.5, -1.0)  # as in scenes.py: from the upper left, over the viewer's shoulder

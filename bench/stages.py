@@ -30,7 +30,7 @@ PACKAGES = {
 # Stages by module and function. Of the two of "kernels" one is that of the store, the other that of numba's own way.
 HOOKS = {
     "rasterizer.io.loader": {"load": "read"},
-    "rasterizer.geometry.points": {"gather_geometry": "normals"},
+    "rasterizer.engine.points": {"gather_geometry": "normals"},
     "rasterizer.compiler.kernels": {"load": "kernels"},
     "numba.core.dispatcher": {"_DispatcherBase._compile_for_args": "kernels"},
     "rasterizer.renderer": {"Renderer.__init__": "prepare", "Renderer.render": "draw"},

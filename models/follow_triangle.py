@@ -21,9 +21,9 @@ from rasterizer.engine.domains import measure_clearances
 from rasterizer.engine.draw import choose_band_rows, cull, gather_drawn
 from rasterizer.engine.passes import InterpolatedPass
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_lighting
-from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.cull import Band, first_sample

@@ -23,14 +23,13 @@ from .scene.lights import (
     without_shadows,
 )
 from .scene.material import Material, named_fields
-from .scene.mesh import Mesh, checked_crease_angle
+from .scene.mesh import MAX_SUBDIVISIONS, Mesh, checked_crease_angle
 from .scene.scene import DepthCue, Scene, checked_cue
 from .scene.validate import choice, whole
 
 if TYPE_CHECKING:
     from .scene.color import ColorLike
 
-MAX_SUBDIVISIONS = 15
 # The fields that say how a file or mesh is read; the others change its scene.
 READING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiler.kernels import Job, compiling_ahead
-from .engine.draw import Clock
+from .engine.drawn import Clock
 from .engine.memory import check_memory, checked_out
 from .engine.plan_summary import PlanSummary
 from .engine.prepared import DrawnPicture, PreparedScene

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.lights import entry_of
+from ..engine.points import smooth_part
 from ..errors import SceneError, shown
 from ..frame import Frame
-from ..geometry.points import smooth_part
 from ..scene.camera import Camera, View
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene

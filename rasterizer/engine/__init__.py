@@ -1,12 +1,14 @@
 """Joins a scene with the pipeline: the only folder that sees both. Read draw.py first.
 
     draw                the line of all stages, from transform to the picture
+    drawn               the triangles of a view, and what is counted and timed of them
     passes              what is drawn: a picture, exact buffers, a shadow map
     transparency        bands that show transparent surfaces
     prepared            a scene prepared for drawing, and what is kept from picture to picture
 
 What is known before the first stage, in the order in which it is made:
 
+    points              all meshes of a scene as one set of arrays: what pictures are drawn from
     scene_tables        the scene as tables: materials, lights, the tint
     texture_tables      textures: in 16 bits with mip levels, and those that are looked up in float64
     domains             where float32 is enough, and what is stated of a picture

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..geometry.points import Geometry
 from ..locks import cached_property
 from ..pipeline.buffers import (
     CornerTable,
@@ -20,11 +19,12 @@ from ..pipeline.buffers import (
 )
 from ..scene.camera import View
 from ..scene.mesh import Mesh
+from .points import Geometry
 from .scene_tables import SceneTables
 
 # ----------------------------------------------------------------
 # What output buffers look up for the visible triangle: labels of faces, and values of the corners of triangles.
-# In:  the tables of a scene, and its triangles (geometry/points.py).
+# In:  the tables of a scene, and its triangles (points.py).
 # Out: tables for pipeline/buffers.py. Each is made when a buffer first asks for it, and kept.
 
 

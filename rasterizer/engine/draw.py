@@ -8,10 +8,6 @@ what becomes of a finished band is said by the pass (passes.py): a picture, exac
 Exact buffers beside a picture are a pass of their own.
 """
 
-from time import perf_counter
-from types import SimpleNamespace
-from typing import NamedTuple
-
 import numpy as np
 
 from ..errors import SceneError
@@ -21,8 +17,8 @@ from ..pipeline.scan import make_deferred
 from ..pipeline.transform import Drawables, Triangles, Vertices, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
+from .drawn import BandCounts, Counts, Drawn
 from .passes import Pass
-from .plan_summary import PathCounts
 from .transparency import Memory, Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
@@ -32,7 +28,7 @@ MAX_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
 
 
-def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads, clock) -> "Counts":
+def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads, clock) -> Counts:
     """Send every triangle of the scene through the stages.
 
     Parameters
@@ -67,12 +63,12 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
 
     counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass))
     clock.lap("scan, shade, resolve")
-    return Counts.of((n_face, n_clipped), lists, render_pass, counts)
+    return Counts.of((n_face, n_clipped), lists, render_pass.n_sample, counts)
 
 
 def draw_band(
-    band: Band, drawn: "Drawn", render_pass: Pass, workspaces: WorkspacePool, shape: WorkspaceShape
-) -> "BandCounts":
+    band: Band, drawn: Drawn, render_pass: Pass, workspaces: WorkspacePool, shape: WorkspaceShape
+) -> BandCounts:
     """Draw the rows of one band: find what is visible, shade it, write it."""
     workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
 
@@ -95,13 +91,6 @@ def draw_band(
 
 
 # ---------------------------------------------------------------- the triangles of a view
-
-
-class Drawn(NamedTuple):
-    """The triangles that the stages after clip work on."""
-
-    drawables: Drawables
-    source: np.ndarray  # (n_triangle,) uint32: the triangle of the scene that each is a part of, or empty
 
 
 def clip_geometry(geometry, clipped: Clipped):
@@ -175,53 +164,3 @@ def list_bands(lists: BandLists, n_row: int, render_pass: Pass) -> list[Band]:
         for k in sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)
         if first // n_row <= k < -(-end // n_row) and (render_pass.is_filled or n_in_band[k] > 0)
     ]
-
-
-# ---------------------------------------------------------------- what was done, and how long it took
-
-
-class BandCounts(NamedTuple):
-    """What was drawn in one band: samples, and triangles by the path that their attributes took
-    (pipeline/gradients.py)."""
-
-    covered: int
-    entries: int
-    planes: int
-    exact: int
-
-
-class Counts(NamedTuple):
-    """What was drawn, for `Stats`."""
-
-    faces: int
-    clipped: int
-    culled: int
-    drawn: int
-    covered: int
-    samples: int
-    paths: PathCounts
-
-    @classmethod
-    def of(cls, given: tuple[int, int], lists: BandLists, render_pass: Pass, counts: list[BandCounts]) -> "Counts":
-        """Sum up the counts of the stages and bands; `given` are the scene's triangles, and those that were clipped."""
-        width, height = render_pass.n_sample
-        covered, *paths = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
-        n_visible = lists.n_visible
-        return cls(*given, lists.n_culled, n_visible, covered, width * height, PathCounts(*paths))
-
-
-class Clock:
-    """Milliseconds of each stage, in order."""
-
-    def __init__(self) -> None:
-        self.milliseconds: dict[str, float] = {}
-        self._last = perf_counter()
-
-    def lap(self, stage: str) -> None:
-        """Add the time since the last lap to a stage."""
-        now = perf_counter()
-        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + 1000.0 * (now - self._last)
-        self._last = now
-
-
-NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture

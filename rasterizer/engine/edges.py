@@ -2,27 +2,26 @@
 
     edges of polygons ─ chosen for the view ─ to the screen ─ shares of samples (pipeline/edges.py) ─ over the picture
 
-In:  a prepared scene, a view, and the picture as it is. Out: the picture, with edges over it.
+In:  meshes, a view and its depths, and the picture as it is. Out: the picture, with edges over it.
 
 The edges' colour is opaque, and laid over the picture's linear colours by the share of each pixel that edges cover.
 Bytes that are touched are decoded, mixed and encoded again, so that exposure and range leave that colour what it is.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.edges import Edges, join_edges
+from ..cores import Workers
+from ..geometry.edges import Edges, gather_edges
+from ..options import Options
 from ..pipeline.edges import draw_edges, place_lines
 from ..pipeline.transform import Screen
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE, linear_rgb, srgb_from_linear
-from .draw import NO_CLOCK
-
-if TYPE_CHECKING:
-    from .prepared import PreparedScene
-
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from .points import number_polygons
 
 MIN_ROWS = 64  # of samples, that are worth a thread of their own
 
@@ -32,12 +31,24 @@ class EdgeOverlay:
 
     Parameters
     ----------
-    prepared : the scene
+    meshes : of the scene
+    options : Options of its pictures
+    draw_depths : function of a Camera that returns the depth of each sample, (h, w) float32, and the Screen
+    has_background : whether something is seen at every pixel
+    threads : Workers
     """
 
-    def __init__(self, prepared: "PreparedScene") -> None:
-        self._prepared = prepared
-        self._edges = join_edges(prepared.tables.meshes)
+    def __init__(
+        self,
+        meshes: Sequence[Mesh],
+        options: Options,
+        draw_depths: Callable[[Camera], tuple[NDArray, Screen]],
+        has_background: bool,
+        threads: Workers,
+    ) -> None:
+        self._options, self._draw_depths = options, draw_depths
+        self._has_background, self._threads = has_background, threads
+        self._edges = join_edges(meshes)
 
     def draw_over(self, camera: Camera, rgba: NDArray[np.uint8], color: NDArray | None, alpha: NDArray | None) -> None:
         """Draw the edges that the options ask for over a picture.
@@ -48,7 +59,7 @@ class EdgeOverlay:
         rgba : (height, width, 4) uint8, changed
         color, alpha : (height, width, 3) and (height, width) float32, linear, changed; None where nobody needs them
         """
-        edge_color = np.array(linear_rgb(self._prepared.options.edge_color))
+        edge_color = np.array(linear_rgb(self._options.edge_color))
         share, seen = self.cover(camera)
         at = np.nonzero(share)
         share, seen, there = share[at][:, None], seen[at][:, None], rgba[at]
@@ -61,10 +72,9 @@ class EdgeOverlay:
 
     def cover(self, camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return which share of each pixel edges cover, and which share of it shows anything, (height, width) each."""
-        prepared, options = self._prepared, self._prepared.options
-        factor = options.factor
-        buffers, _, screen = prepared.draw_buffers(camera, NO_CLOCK, ("depth",), factor=factor)
-        depth, share = buffers["depth"], np.zeros(buffers["depth"].shape, np.float32)
+        options, factor = self._options, self._options.factor
+        depth, screen = self._draw_depths(camera)
+        share = np.zeros(depth.shape, np.float32)
         ends, sides = choose(self._edges, options.edges, screen, options.cull == "back")
         segments, is_left = project(ends, screen)
         width = options.edge_width * factor
@@ -73,10 +83,24 @@ class EdgeOverlay:
         def draw(rows: tuple[int, int]) -> None:
             draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, rows, depth, share)
 
-        prepared.threads.map(draw, prepared.threads.ranges(len(depth), MIN_ROWS))
+        self._threads.map(draw, self._threads.ranges(len(depth), MIN_ROWS))
         share = average(share, factor)
-        has_background = prepared.tables.background is not None
-        return share, np.ones(share.shape) if has_background else average(depth < np.inf, factor)
+        return share, np.ones(share.shape) if self._has_background else average(depth < np.inf, factor)
+
+
+def join_edges(meshes: Sequence[Mesh]) -> Edges:
+    """Return the edges of all meshes; their creases are where shading is split, by the mesh's own rule.
+
+    Where normals are given, these say nothing of edges: the mesh's angle counts, else the default one.
+    """
+    parts = []
+    for mesh in meshes:
+        angle, smoothing = mesh.creases if mesh.normals is None else (mesh.crease_angle, None)
+        angle = DEFAULT_CREASE_ANGLE if angle is None else angle
+        parts.append(gather_edges(mesh.vertices, mesh.faces, number_polygons(mesh), angle, smoothing))
+    n_before = np.cumsum([0] + [len(part.normals) for part in parts])
+    parts = [part._replace(first=part.first + n) for part, n in zip(parts, n_before, strict=False)]
+    return Edges(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def average(samples: NDArray, factor: int) -> NDArray[np.float64]:

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import Job, compiling_ahead
 from ..cores import MIN_PART, Workers
-from ..geometry.closed import is_opaque
 from ..options import Options
 from ..pipeline import ground as bits
 from ..pipeline.ground_picture import SeenGround, lay_under
@@ -34,7 +33,7 @@ from ..scene.framing import orbit_axes
 from ..scene.lights import AmbientLight
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
-from .draw import NO_CLOCK
+from .drawn import NO_CLOCK
 from .kernels_of_plan import KernelList
 from .prepared import PreparedScene
 from .scene_tables import SceneTables
@@ -96,7 +95,7 @@ class GroundShadow:
         self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         if self.ground is not None:
             with compiling_ahead(partial(list_kernels, scene)):
-                if all(map(is_opaque, scene.meshes)):
+                if all(mesh.is_opaque for mesh in scene.meshes):
                     hidden = _count_hidden(scene, self.ground, points or POINTS, threads)
                 else:
                     fewer = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
@@ -274,7 +273,7 @@ def list_kernels(scene: Scene) -> list[Job]:
     found, line = KernelList(), np.empty(0, np.float32)
     seen = SeenGround(NO_ALPHA, np.empty((2, 2)), np.empty((3, 3)), line, line)
     found.add(lay_under, seen, line, DECODED, (0, 0), np.empty((0, 0), np.uint32), NO_COLOR, NO_ALPHA)
-    if not all(map(is_opaque, scene.meshes)):
+    if not all(mesh.is_opaque for mesh in scene.meshes):
         return [*found.jobs, *PreparedScene(*masks_of(scene)).list_kernels(_camera_at(ground, 0.0, 0.0))]
     points, near = np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
     layers = bits.make_layers((4, 4), 0.0)

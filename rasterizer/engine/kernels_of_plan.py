@@ -172,7 +172,7 @@ class PictureKernels(KernelList):
                 self.add(normals.split_fans, ROWS, NO_FANS, rule, scratch, (0, 0), 0, CORNERS, split)
         if any(material.needs_uv for material in self.tables.materials) or any(map(splits_points, self.tables.meshes)):
             self.add_equal_rows()
-        if self.options.cull == "auto" and any(map(closed.is_opaque, self.tables.meshes)):
+        if self.options.cull == "auto" and any(mesh.is_opaque for mesh in self.tables.meshes):
             bodies, is_border = closed.Bodies(FACES, LENGTHS, LENGTHS), np.empty(0, np.bool_)
             self.add(normals.list_corners, FACES, FACES, FACES)
             self.add(closed.find_bodies, ROWS, WORDS, NO_FANS, NUMBERS, bodies, SIDES, is_border)

@@ -10,7 +10,7 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,10 +36,8 @@ from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceShape
 from .attributes import NONE
 from .buffers import BUFFER_TABLE
+from .drawn import Drawn
 from .plan import Plan
-
-if TYPE_CHECKING:
-    from .draw import Drawn
 
 NO_TABLE = FaceTable(np.empty((0, 5)))
 NOTHING_FOUND = ScanCounts(0, 0, 0, 0, -1)
@@ -95,7 +93,7 @@ class Pass:
         hold."""
         return n_triangle
 
-    def scan(self, workspace: Workspace, band: Band, drawn: "Drawn", deferred: Deferred | None) -> ScanCounts:
+    def scan(self, workspace: Workspace, band: Band, drawn: Drawn, deferred: Deferred | None) -> ScanCounts:
         """Draw the band's triangles into the clear visibility buffer; `deferred` takes the transparent ones, None where
         all are opaque."""
         scan_index(band, drawn.drawables, workspace.block, workspace.visibility)
@@ -118,7 +116,7 @@ class Pass:
         `counts` is what the scan stage found.
         """
 
-    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, translucent, drawn: "Drawn") -> int:
+    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, translucent, drawn: Drawn) -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
         `translucent` is Translucent: samples that nothing opaque is behind, or None where there are none; `drawn` holds

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import Job
 from ..cores import Workers
-from ..geometry.closed import gather_inner_sides, list_opaque_fans
-from ..geometry.points import Geometry, Part, gather_geometry, make_parts
 from ..locks import cached_property
 from ..options import Options
 from ..pipeline.gradients import Coding
@@ -34,10 +32,12 @@ from .attributes import (
 )
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, screen_of
-from .draw import Counts, draw
+from .draw import draw
+from .drawn import NO_CLOCK, Counts
 from .passes import NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
 from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
+from .points import Geometry, Part, gather_geometry, gather_inner_sides, list_opaque_fans, make_parts
 from .scene_tables import SceneTables
 from .texture_tables import lay_textures
 from .uniforms import light_view, list_materials, with_functions
@@ -147,7 +147,12 @@ class PreparedScene:
         """The edges over its pictures."""
         from .edges import EdgeOverlay
 
-        return EdgeOverlay(self)
+        def draw_depths(camera: Camera) -> tuple[NDArray, Screen]:
+            buffers, _, screen = self.draw_buffers(camera, NO_CLOCK, ("depth",), factor=self.options.factor)
+            return buffers["depth"], screen
+
+        has_background = self.tables.background is not None
+        return EdgeOverlay(self.tables.meshes, self.options, draw_depths, has_background, self.threads)
 
     def _hidden_sides(self, view: View, screen: Screen, factor: int) -> NDArray[np.int8] | None:
         """Return which side of each triangle a view leaves out, see pipeline/cull.py; None where all are drawn.

@@ -1,6 +1,6 @@
 """A scene as tables: read once, and handed on in its place.
 
-    Scene ─ tables (here) ─ plan (plan.py) ─ geometry (geometry/points.py) ─ passes (passes.py)
+    Scene ─ tables (here) ─ plan (plan.py) ─ geometry (points.py) ─ passes (passes.py)
 
 Its different materials and its lights are listed and numbered, area lights are taken apart, the exposure is multiplied
 in, and where colours are spectra the products of materials and lights. Below that stands what surfaces are beside
@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.points import count_texcoords, number_materials
 from ..locks import cached_property
 from ..options import Options
 from ..pipeline.a_buffer import Opacity
@@ -24,6 +23,7 @@ from ..pipeline.shade import Cue
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table
+from .points import count_texcoords, number_materials
 from .reflections import count_terms, fresnel_of, has_highlight, has_hued_fresnel, is_metallic
 
 N_BOX = 2**12  # boxes round faces of a mesh, at most: their distances from lights are found in a moment

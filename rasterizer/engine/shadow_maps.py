@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from ..cores import Workers
 from ..errors import SceneError
-from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..geometry.vectors import cross
 from ..locks import cached_property
@@ -31,10 +30,12 @@ from ..scene.camera import Projection, View
 from .attributes import scale_depths
 from .depth_range import NEAREST, are_seen_from_outside, fit_screen
 from .domains import DOUBLE, SINGLE
-from .draw import NO_CLOCK, draw
+from .draw import draw
+from .drawn import NO_CLOCK
 from .lights import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
 from .plan import Plan
+from .points import Geometry
 
 MAX_TEXELS = 2**28  # of all maps of a scene: 1 GiB in float32
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes

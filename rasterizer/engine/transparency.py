@@ -2,7 +2,7 @@
 (pipeline/a_buffer.py)."""
 
 import contextlib
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from ..pipeline.records import Records
 from ..pipeline.scan import Deferred, ScanCounts, make_deferred, scan
 from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, forget_extents, make_extents
 from ..pipeline.workspace import Workspace, WorkspacePool, WorkspaceShape
+from .drawn import Drawn
 from .passes import Pass
 
 MAX_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
@@ -46,7 +47,7 @@ class Task(NamedTuple):
     """A band, and how it is drawn."""
 
     band: Band
-    drawn: Any  # the triangles (draw.py)
+    drawn: Drawn
     render_pass: Pass
     memory: Memory
 

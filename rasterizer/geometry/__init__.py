@@ -1,9 +1,8 @@
-"""From meshes to points and triangles: concave polygons cut, vertices split at creases, normals, edges, subdivision.
+"""What is computed of a mesh: concave polygons cut, vertices split at creases, normals, edges, subdivision.
 
-It knows meshes and arrays, and no files.
+It knows arrays, and neither scenes nor files.
 
     weld, equal_rows    equal vertices are joined, so that normals have no seams; equal rows of arrays
-    points              all meshes of a scene as one set of arrays: what pictures are drawn from
     normals             normals of polygons and vertices, averaged up to the creases
     ears                concave polygons cut into triangles
     edges               the edges of polygons: creases, borders, silhouettes

@@ -17,14 +17,12 @@ Vertices of borders that stand at one position are one vertex here: files list a
 or texture coordinates differ.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, index, kernel
-from ..scene.mesh import Mesh
 from .normals import Fans, list_fans, neighbors, sort
 from .vectors import cross, dot, subtract, vector_of_row
 from .weld import unique_rows
@@ -36,27 +34,6 @@ class Bodies(NamedTuple):
     parents: NDArray[np.uint32]  # (n_face,)
     volumes: NDArray[np.float64]  # (n_face,) at roots: six times the volume, NaN where not closed; zero to begin with
     sizes: NDArray[np.float64]  # (n_face,) at roots: what the rounding of the volume is relative to; zero to begin with
-
-
-def gather_inner_sides(meshes: Sequence[Mesh], fans: Sequence[Fans | None]) -> NDArray[np.int8]:
-    """Return the inner sides of the triangles of all meshes, see `find_inner_sides`, 0 where materials let something
-    through: of those the fans are None."""
-    return np.concatenate([
-        np.zeros(mesh.n_face, np.int8)
-        if of_mesh is None
-        else find_inner_sides(mesh.vertices, mesh.faces, of_mesh)
-        for mesh, of_mesh in zip(meshes, fans, strict=True)
-    ])  # fmt: skip
-
-
-def list_opaque_fans(meshes: Sequence[Mesh]) -> list[Fans | None]:
-    """List the fans of each mesh, None where materials let something through."""
-    return [list_fans(mesh.faces, mesh.n_vertex) if is_opaque(mesh) else None for mesh in meshes]
-
-
-def is_opaque(mesh: Mesh) -> bool:
-    """Tell whether nothing is seen through a mesh."""
-    return all(material.is_opaque for material in mesh.palette)
 
 
 def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32], fans: Fans) -> NDArray[np.int8]:

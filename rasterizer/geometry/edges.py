@@ -1,6 +1,6 @@
 """The edges of a mesh's polygons: where two faces meet at an angle, where one ends, and which are silhouettes.
 
-In:  a mesh. Out: `Edges`, each edge once, with the polygons that have it.
+In:  arrays of a mesh. Out: `Edges`, each edge once, with the polygons that have it.
 
 Vertices at one position are one vertex here: files list a vertex several times where its normals or texture coordinates
 differ. Edges between triangles of one polygon are no edges.
@@ -11,9 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .normals import is_smooth, polygon_normals, smooth_cosine
-from .points import number_polygons
 from .weld import unique_rows
 
 
@@ -23,24 +21,26 @@ class Edges(NamedTuple):
     ends: NDArray[np.float64]  # (n, 2, 3) world space
     first: NDArray[np.int64]  # (n,) the first side of each
     is_open: NDArray[np.bool_]  # (n,) one polygon has the edge, or more than two have it
-    is_crease: NDArray[np.bool_]  # (n,) open, or a crease of the mesh: see `are_joined`
+    is_crease: NDArray[np.bool_]  # (n,) open, or a crease: shading is split there
     normals: NDArray[np.float64]  # (n_side, 3) of the polygons, unit or zero
     is_along: NDArray[np.bool_]  # (n_side,) the polygon goes from the edge's start to its end, else it comes back
 
 
-def join_edges(meshes) -> Edges:
-    """Return the edges of all meshes."""
-    parts = [gather_edges(mesh) for mesh in meshes]
-    n_before = np.cumsum([0] + [len(part.normals) for part in parts])
-    parts = [part._replace(first=part.first + n) for part, n in zip(parts, n_before, strict=False)]
-    return Edges(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+def gather_edges(
+    vertices: NDArray, triangles: NDArray, polygons: NDArray, crease_angle: float, smoothing: NDArray | None = None
+) -> Edges:
+    """Gather the edges of a mesh's polygons.
 
-
-def gather_edges(mesh: Mesh) -> Edges:
-    """Gather the edges of a mesh's polygons."""
-    first_of, vertex = unique_rows(mesh.vertices)
-    faces = vertex[mesh.faces].astype(np.int64)
-    polygons = number_polygons(mesh)
+    Parameters
+    ----------
+    vertices : (n_vertex, 3) float64
+    triangles : (n_face, 3)
+    polygons : (n_face,) the polygon that each triangle is a part of
+    crease_angle : degrees; an edge between polygons that meet at more is a crease
+    smoothing : (n_face,) smoothing groups, which count in its place; None = there are none
+    """
+    first_of, vertex = unique_rows(vertices)
+    faces = vertex[triangles].astype(np.int64)
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     owner = np.repeat(polygons, 3)
     is_edge = start != end
@@ -53,9 +53,9 @@ def gather_edges(mesh: Mesh) -> Edges:
     kept = run[n_run % 2 == 1]
     low, high, owner, is_along = low[kept], high[kept], owner[kept], is_along[kept]
     first, count = _runs(low, high)
-    points = mesh.vertices[first_of]
+    points = vertices[first_of]
     ends = np.stack([points[low[first]], points[high[first]]], axis=1)
-    normals, is_pair = polygon_normals(mesh.vertices, mesh.faces, polygons), count == 2
+    normals, is_pair = polygon_normals(vertices, triangles, polygons), count == 2
     at = first[is_pair]
     # Where both run along the edge in one direction, they are wound against each other.
     turn = np.where(is_along[at] == is_along[at + 1], -1.0, 1.0)
@@ -63,28 +63,15 @@ def gather_edges(mesh: Mesh) -> Edges:
     of_sides, is_crease = normals[owner], ~is_pair
     has_planes = of_sides[at].any(axis=1) & of_sides[at + 1].any(axis=1)
     cosines = turn * (of_sides[at] * of_sides[at + 1]).sum(axis=1)
-    is_crease[is_pair] = has_planes & ~are_joined(mesh, polygons, np.stack([owner[at], owner[at + 1]]), cosines)
+    is_joined = is_smooth(cosines, smooth_cosine(crease_angle if smoothing is None else 0.0))
+    if smoothing is not None:
+        # Of two faces in one plane the normals are the same, also where they are not averaged.
+        group = np.zeros(polygons.max(initial=0) + 1, smoothing.dtype)
+        group[polygons] = smoothing
+        one, other = group[owner[at]], group[owner[at + 1]]
+        is_joined |= (one != 0) & (one == other)
+    is_crease[is_pair] = has_planes & ~is_joined
     return Edges(ends, first, ~is_pair, is_crease, of_sides, is_along)
-
-
-def are_joined(mesh: Mesh, polygons: NDArray, sides: NDArray, cosines: NDArray) -> NDArray[np.bool_]:
-    """Tell of edges between two polygons whether shading goes on across them, by the rule of `split_mesh`: its crease
-    angle, else its smoothing groups. Where normals are given, these say nothing of edges; the default angle counts.
-
-    Parameters
-    ----------
-    polygons : (n_face,) of each triangle
-    sides : (2, n) the two polygons at each edge
-    cosines : (n,) of the angles between their normals, wound alike
-    """
-    if mesh.crease_angle is not None or mesh.normals is not None or mesh.smoothing is None:
-        angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
-        return is_smooth(cosines, smooth_cosine(angle))
-    group = np.zeros(polygons.max(initial=0) + 1, mesh.smoothing.dtype)
-    group[polygons] = mesh.smoothing
-    one, other = group[sides]
-    # Of two faces in one plane the normals are the same, also where they are not averaged.
-    return ((one != 0) & (one == other)) | is_smooth(cosines, smooth_cosine(0.0))
 
 
 def _runs(*columns: NDArray) -> tuple[NDArray, NDArray]:

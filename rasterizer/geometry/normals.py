@@ -27,7 +27,6 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
 from ..compiler.kernels import helper, index, kernel
-from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
 _T = TypeVar("_T")
@@ -148,15 +147,6 @@ def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) 
     return normals
 
 
-def split_mesh(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Split:
-    """Split the vertices of a mesh at its creases: at its crease angle, else by its smoothing groups, else at the
-    default angle; `workers` and `fans` as in `split_creases`."""
-    angle, smoothing = mesh.crease_angle, None
-    if angle is None:
-        angle, smoothing = DEFAULT_CREASE_ANGLE, mesh.smoothing
-    return split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers, fans)
-
-
 def split_creases(
     vertices: ArrayLike,
     faces: ArrayLike,
@@ -204,6 +194,7 @@ def fill_normals(
     vertices: NDArray[np.float64],
     faces: NDArray[np.uint32],
     normals: NDArray[np.float64],
+    crease_angle: float,
     weighting: Weighting,
     smoothing: NDArray[np.int32] | None,
 ) -> NDArray[np.float64]:
@@ -212,13 +203,13 @@ def fill_normals(
     Parameters
     ----------
     normals : (n_vertex, 3), or (n_face, 3, 3) for each corner
-    smoothing : (n_face,) smoothing groups; None = creases are at the default angle
+    crease_angle, weighting, smoothing : as in `split_creases`
 
     Returns
     -------
     normals of the same shape; of each corner where a vertex needs several. Zero where only faces without area meet
     """
-    split = split_creases(vertices, faces, DEFAULT_CREASE_ANGLE, weighting, smoothing)
+    split = split_creases(vertices, faces, crease_angle, weighting, smoothing)
     is_zero: NDArray[np.bool_] = np.logical_not(normals.any(axis=-1))
     if normals.ndim == 2:
         n_split = np.bincount(split.source, minlength=len(vertices))

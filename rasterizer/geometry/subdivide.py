@@ -1,6 +1,6 @@
 """Subdivision: every triangle becomes four that lie in it, so that Gouraud's method sees more points of the surface.
 
-in:  a mesh                                             2
+in:  arrays                                             2
 out: the same surface in smaller triangles,            ╱ ╲
      face by face                                     5───4
                                                      ╱ ╲ ╱ ╲
@@ -12,67 +12,53 @@ Every triangle's points have numbers: 0, 1, 2 its corners, 3, 4, 5 the midpoints
 """
 
 import math
-from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError, SceneError, shown
-from ..scene.mesh import DEFAULT_CREASE_ANGLE, MAX_FACES, Mesh
-from ..scene.validate import is_whole
-from .normals import split_mesh, within_range
+from ..choices import Weighting
+from .normals import split_creases, within_range
 
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
-_HIDDEN_FOLD = math.sin(math.radians(DEFAULT_CREASE_ANGLE / 2))  # of a slope that both ends of an edge don't know
+_HIDDEN_FOLD = math.sin(math.radians(15.0))  # of a slope that both ends of an edge don't know
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
 
 
-def subdivide(mesh: Mesh, times: int) -> Mesh:
-    """Return a mesh whose triangles are cut in four `times` times; see `Mesh.subdivide`."""
-    times = _checked_times(times)
-    n_face = mesh.n_face * 4**times
-    if n_face > MAX_FACES:
-        raise ModelError(
-            f"a mesh may have up to {MAX_FACES} faces; subdivided {times} times, its {mesh.n_face} would be {n_face}"
-        )
-    for _ in range(times):
-        mesh = _cut_once(mesh)
-    return mesh
+class Surface(NamedTuple):
+    """The arrays of a mesh; see `Mesh`, also for those that may be None."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.uint32]
+    normals: NDArray[np.float64] | None
+    colors: NDArray[np.float64] | None
+    uv: NDArray[np.float64] | None
+    polygons: NDArray[np.int32] | None
+    face_colors: NDArray[np.float64] | None
+    smoothing: NDArray[np.int32] | None
+    face_material: NDArray[np.int32] | None
 
 
-def _checked_times(times: object) -> int:
-    """Return a whole number from 0 to 15: the sixteenth time makes 2^32 faces of one."""
-    if not is_whole(times, 0, 15):
-        raise SceneError(f"a mesh can be subdivided 0 to 15 times, a whole number; given {shown(times)}")
-    return int(times)
-
-
-def _cut_once(mesh: Mesh) -> Mesh:
-    """Cut every triangle of a mesh in four.
+def cut_once(surface: Surface) -> Surface:
+    """Cut every triangle of a mesh in four; its normals may have any length then.
 
     An edge has one midpoint however many faces meet there, so the finer mesh is as closed as the given one. Where two
     edges coincide though their vertices differ, their midpoints do too: a sum of two numbers is the same both ways
     round.
     """
-    has_normals = mesh.normals is not None and mesh.crease_angle is None
-    normals: Any = mesh.normals if has_normals else _averaged_normals(mesh)
-    ends, midpoints = _edges(mesh.faces)
-    names = np.concatenate([mesh.faces, midpoints + np.int64(mesh.n_vertex)], axis=1)
-    polygons = np.arange(mesh.n_face, dtype=np.int32) if mesh.polygons is None else mesh.polygons
-    of_faces = {key: getattr(mesh, key) for key in ("face_colors", "smoothing", "face_material")}
-    finer = replace(
-        mesh,
-        vertices=_cut_attribute(mesh.vertices, ends),
-        faces=_pick(names),
-        normals=_cut_attribute(normals, ends, is_direction=True),
-        crease_angle=None,
-        colors=_cut_attribute(mesh.colors, ends),
-        uv=_cut_attribute(mesh.uv, ends),
-        polygons=np.repeat(polygons, 4),
-        **{key: None if values is None else np.repeat(values, 4, axis=0) for key, values in of_faces.items()},
+    faces, polygons = surface.faces, surface.polygons
+    ends, midpoints = _edges(faces)
+    names = np.concatenate([faces, midpoints + np.int64(len(surface.vertices))], axis=1)
+    polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
+    of_faces = polygons, surface.face_colors, surface.smoothing, surface.face_material
+    return Surface(
+        _cut_attribute(surface.vertices, ends),
+        _pick(names),
+        _cut_attribute(surface.normals, ends, is_direction=True),
+        _cut_attribute(surface.colors, ends),
+        _cut_attribute(surface.uv, ends),
+        *(None if values is None else np.repeat(values, 4, axis=0) for values in of_faces),
     )
-    return finer if has_normals else _unfold(finer, mesh, normals)
 
 
 def _pick(table: NDArray) -> NDArray:
@@ -112,8 +98,11 @@ def _mean_direction(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     return np.where(np.any(total != 0.0, axis=-1, keepdims=True), total, a)
 
 
-def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray) -> Mesh:
-    """Return the finer mesh with the normals of its faces at midpoints of edges that hide a fold.
+def unfold(
+    coarse: Surface, finer: Surface, crease_angle: float, weighting: Weighting, smoothing: NDArray | None
+) -> NDArray[np.float64] | None:
+    """Return the normals of the finer mesh's corners, those of its faces at midpoints of edges that hide a fold; None
+    where no edge does.
 
     Where the surface bends one way and then the other, as in a saw-tooth, the normals at its vertices may all be
     parallel while the faces between aren't. Such an edge runs uphill, or downhill, as both its ends see it; on a
@@ -122,18 +111,20 @@ def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray) -> Mesh:
 
     Parameters
     ----------
-    normals : of the coarse mesh, of its vertices or corners
+    coarse, finer : before and after `cut_once`; both have unit normals, of their vertices or corners
+    crease_angle, weighting, smoothing : of the finer mesh, as in `split_creases`
     """
-    corners = normals[mesh.faces] if normals.ndim == 2 else normals
-    points = within_range(mesh.vertices)[mesh.faces]
+    normals: Any = coarse.normals
+    corners = normals[coarse.faces] if normals.ndim == 2 else normals
+    points = within_range(coarse.vertices)[coarse.faces]
     hidden = _leans(points, points[:, _NEXT], corners, corners[:, _NEXT])
     if not hidden.any():
-        return finer
+        return None
     is_taken = _pick(np.concatenate([np.zeros_like(hidden), hidden], axis=1))[..., None]
-    of_faces = _averaged_normals(replace(finer, normals=None, crease_angle=mesh.crease_angle))
+    of_faces = average_normals(finer.vertices, finer.faces, crease_angle, weighting, smoothing)
     own: Any = finer.normals
     own, found = (each[finer.faces] if each.ndim == 2 else each for each in (own, of_faces))
-    return replace(finer, normals=np.where(is_taken, found, own))
+    return np.where(is_taken, found, own)
 
 
 def _leans(starts: NDArray, ends: NDArray, at_starts: NDArray, at_ends: NDArray) -> NDArray[np.bool_]:
@@ -144,11 +135,14 @@ def _leans(starts: NDArray, ends: NDArray, at_starts: NDArray, at_ends: NDArray)
     return (rises.min(axis=0) > _HIDDEN_FOLD * lengths) | (rises.max(axis=0) < -_HIDDEN_FOLD * lengths)
 
 
-def _averaged_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """Average the faces' normals up to the creases: (n_vertex, 3), or (n_face, 3, 3) where a vertex has several."""
-    split = split_mesh(mesh)
+def average_normals(
+    vertices: NDArray, faces: NDArray, crease_angle: float, weighting: Weighting, smoothing: NDArray | None
+) -> NDArray[np.float64]:
+    """Average the faces' normals up to the creases: (n_vertex, 3), or (n_face, 3, 3) where a vertex has several; the
+    parameters are those of `split_creases`."""
+    split = split_creases(vertices, faces, crease_angle, weighting, smoothing)
     if len(np.unique(split.source)) < len(split.source):
         return split.normals[split.faces]
-    normals = np.zeros_like(mesh.vertices)
+    normals = np.zeros_like(vertices)
     normals[split.source] = split.normals
     return normals

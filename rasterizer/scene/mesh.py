@@ -9,7 +9,6 @@ mesh are shared: nobody can write into them.
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, field, replace
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
@@ -24,9 +23,10 @@ from . import mesh_arrays
 from .arrays import KeepsArrays, VectorLike, fixed, kept, plain_array, real_array
 from .framing import rotation
 from .material import Material
-from .validate import COORDINATE_LIMIT, choice, number, position3, store, unit3, vector3
+from .validate import COORDINATE_LIMIT, choice, is_whole, number, position3, store, unit3, vector3
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
+MAX_SUBDIVISIONS = 15  # the next makes 2^32 faces of one
 MAX_FACES = 2**31 - 1  # of a mesh and of a scene: face indices are int32, -1 means nothing hit
 
 
@@ -171,7 +171,7 @@ class Mesh(KeepsArrays):
         mesh_arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         if self.crease_angle is None:
-            attributes["normals"] = mesh_arrays.filled_normals(attributes, self.weighting)
+            attributes["normals"] = mesh_arrays.filled_normals(attributes, DEFAULT_CREASE_ANGLE, self.weighting)
         store(self, **{key: kept(array, given[key]) for key, array in attributes.items()})
 
     def _checked_attributes(
@@ -234,6 +234,19 @@ class Mesh(KeepsArrays):
     def palette(self) -> tuple[Material, ...]:
         """The materials that `face_material` numbers: `materials`, or the one material."""
         return (self.material,) if self.materials is None else self.materials
+
+    @property
+    def is_opaque(self) -> bool:
+        """Whether nothing is seen through it."""
+        return all(material.is_opaque for material in self.palette)
+
+    @property
+    def creases(self) -> tuple[float, NDArray[np.int32] | None]:
+        """Where normals that are computed are split: at edges between faces that meet at more than so many degrees; or
+        by smoothing groups (n_face,), which count in its place where they are not None."""
+        if self.crease_angle is not None:
+            return self.crease_angle, None
+        return DEFAULT_CREASE_ANGLE, self.smoothing
 
     @property
     def n_vertex(self) -> int:
@@ -383,7 +396,31 @@ class Mesh(KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        return import_module("rasterizer.geometry.subdivide").subdivide(self, times)
+        if not is_whole(times, 0, MAX_SUBDIVISIONS):
+            legal = f"a mesh can be subdivided 0 to {MAX_SUBDIVISIONS} times, a whole number"
+            raise SceneError(f"{legal}; given {shown(times)}")
+        n_face, mesh = self.n_face * 4 ** int(times), self
+        if n_face > MAX_FACES:
+            legal = f"a mesh may have up to {MAX_FACES} faces"
+            raise ModelError(f"{legal}; subdivided {times} times, its {self.n_face} would be {n_face}")
+        for _ in range(times):
+            mesh = mesh._cut_once()
+        return mesh
+
+    def _cut_once(self) -> "Mesh":
+        """Cut every triangle in four."""
+        from ..geometry.subdivide import Surface, average_normals, cut_once, unfold
+
+        surface, (angle, smoothing) = Surface(*(getattr(self, name) for name in Surface._fields)), self.creases
+        if self.normals is not None and self.crease_angle is None:
+            return replace(self, **cut_once(surface)._asdict())
+        normals = average_normals(self.vertices, self.faces, angle, self.weighting, smoothing)
+        surface = surface._replace(normals=normals)
+        cut = cut_once(surface)
+        finer = replace(self, crease_angle=None, **cut._asdict())  # whose normals are unit vectors
+        groups = None if smoothing is None else cut.smoothing
+        found = unfold(surface, cut._replace(normals=finer.normals), angle, self.weighting, groups)
+        return finer if found is None else replace(finer, normals=found)
 
 
 MeshLike: TypeAlias = Mesh | HasFaces | HasPoints | tuple[ArrayLike, ArrayLike]  # what `Mesh.from_any` takes

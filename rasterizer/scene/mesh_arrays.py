@@ -7,13 +7,13 @@ Whole-array checks are minima and maxima, which hand a nan on and need no tempor
 there is one.
 """
 
-from importlib import import_module
 from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import Weighting
 from ..errors import ModelError, SceneError, shown, warn_caller
 from .arrays import is_masked, plain_array, real_array
 from .color import linear_from_srgb_bytes
@@ -259,15 +259,15 @@ def checked_colors(
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def filled_normals(attributes: dict[str, Any], weighting: str) -> NDArray[np.float64] | None:
+def filled_normals(attributes: dict[str, Any], crease_angle: float, weighting: Weighting) -> NDArray[np.float64] | None:
     """Return a mesh's normals, those that are zero computed from its faces."""
     normals = attributes["normals"]
     if normals is None or np.einsum("...i,...i", normals, normals).min() > 0.0:
         return normals
+    from ..geometry.normals import fill_normals  # only here: it is compiled, and few meshes need it
+
     faces, smoothing = attributes["faces"], attributes["smoothing"]
-    return import_module("rasterizer.geometry.normals").fill_normals(
-        attributes["vertices"], faces, normals, weighting, smoothing
-    )
+    return fill_normals(attributes["vertices"], faces, normals, crease_angle, weighting, smoothing)
 
 
 def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | None:

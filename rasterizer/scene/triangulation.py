@@ -35,7 +35,6 @@ length: without that, rounding would turn them at random.
 """
 
 from collections.abc import Sequence
-from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
@@ -122,7 +121,8 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     if len(concave):
         points, loops = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(corners, np.int64)
         spans = starts[concave], counts[concave], first_triangle[concave]
-        ears = import_module("rasterizer.geometry.ears")
+        from ..geometry import ears  # only here: most polygons are convex
+
         n_cut = ears.cut_ears(points, loops, *spans, MAX_STEPS, triangles, is_crossing)
         if n_cut < len(concave):
             what = f"is concave and has {counts[concave[n_cut]]} corners: to cut it"

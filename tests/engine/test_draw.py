@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.draw import BAND_ENTRIES, Drawn, choose_band_rows, cull, list_bands
+from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows, cull, list_bands
+from rasterizer.engine.drawn import Drawn
 from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline.visibility import MAX_RECORDS
 

@@ -15,10 +15,9 @@ from helpers.pinhole import QUAD, octasphere, unit
 import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.points import gather_geometry, gather_inner_sides, list_opaque_fans
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
-from rasterizer.geometry.closed import gather_inner_sides, list_opaque_fans
-from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View

@@ -220,7 +220,7 @@ FAULTS = (
     Fault(
         "creases: edges between faces of smoothing group 0 are none",
         "geometry/edges.py",
-        "((one != 0) & (one == other))",
+        "(one != 0) & (one == other)",
         "(one == other)",
         "geometry/test_edges.py geometry",
     ),
@@ -842,7 +842,7 @@ HELD_OUT = (
     ),
     Fault(
         "flat shading: a polygon's centroid is the mean of its triangles', not weighted by area",
-        "geometry/points.py",
+        "engine/points.py",
         "np.where(total[polygons] > 0.0, area, 1.0)",
         "np.ones(len(area))",
         "geometry pictures reference",

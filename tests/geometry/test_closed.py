@@ -7,7 +7,8 @@ from helpers.pinhole import octasphere
 from helpers.solids import cone, cube, cylinder
 
 import rasterizer as rz
-from rasterizer.geometry.closed import find_inner_sides, gather_inner_sides, list_opaque_fans
+from rasterizer.engine.points import gather_inner_sides, list_opaque_fans
+from rasterizer.geometry.closed import find_inner_sides
 from rasterizer.geometry.normals import list_fans
 from rasterizer.reference.closed import find_inner_sides as expected_inner_sides
 

@@ -9,16 +9,21 @@ from helpers.arrays import differences
 from helpers.small_scenes import MODELS, cube
 
 import rasterizer as rz
-from rasterizer.geometry.edges import gather_edges
+from rasterizer.engine.edges import join_edges
 from rasterizer.geometry.normals import split_creases
 from rasterizer.reference.edges import list_edges
 from rasterizer.reference.normals import corner_normals
 
 
+def edges_of(mesh):
+    """The edges of one mesh."""
+    return join_edges([mesh])
+
+
 def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals():
-    edges = gather_edges(cube())
+    edges = edges_of(cube())
     assert len(edges.ends) == 18 and not differences(edges.is_open, 0) and edges.is_crease.sum() == 12
-    edges = gather_edges(replace(cube(), polygons=np.arange(12) // 2))
+    edges = edges_of(replace(cube(), polygons=np.arange(12) // 2))
     assert len(edges.ends) == 12 and not differences(edges.is_crease, True)
     assert not differences(edges.first, 2 * np.arange(12)) and len(edges.normals) == 24
     assert np.abs((edges.normals[::2] * edges.normals[1::2]).sum(axis=1)).max() <= 1e-15
@@ -26,10 +31,10 @@ def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals
 
 
 def test_open_edges_and_those_of_three_faces_are_told():
-    sheet = gather_edges(rz.Mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)]))
+    sheet = edges_of(rz.Mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)]))
     assert len(sheet.ends) == 4 and not differences(sheet.is_open, True) and not differences(sheet.is_crease, True)
     leaves = rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], [(0, 1, 2), (0, 1, 3), (0, 1, 4)])
-    edges = gather_edges(leaves)
+    edges = edges_of(leaves)
     assert len(edges.ends) == len(np.unique(edges.ends, axis=0)) == 7 and not differences(edges.is_open, True)
     (shared,) = np.flatnonzero((edges.ends[..., :2] == 0).all(axis=(1, 2)))
     assert sorted(np.diff(np.append(edges.first, len(edges.normals)))) == [1] * 6 + [3]
@@ -38,14 +43,14 @@ def test_open_edges_and_those_of_three_faces_are_told():
 
 def test_faces_wound_against_each_other_meet_at_their_real_angle():
     vertices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-    flat = gather_edges(rz.Mesh(vertices, [(0, 1, 2), (0, 3, 2)]))
+    flat = edges_of(rz.Mesh(vertices, [(0, 1, 2), (0, 3, 2)]))
     assert len(flat.ends) == 5 and flat.is_crease.sum() == 4  # the diagonal is none
 
 
 def test_the_meshs_crease_angle_decides():
     vertices = [(0, 0, 0), (0, 0, 1), (1, 0, 0), (-0.5, -np.sqrt(0.75), 0)]
     for angle, expected in ((None, True), (59.0, True), (61.0, False), (0.0, True), (180.0, False)):
-        edges = gather_edges(replace(rz.Mesh(vertices, [(0, 1, 2), (1, 0, 3)]), crease_angle=angle))
+        edges = edges_of(replace(rz.Mesh(vertices, [(0, 1, 2), (1, 0, 3)]), crease_angle=angle))
         inner = ~edges.is_open
         assert inner.sum() == 1 and edges.is_crease[inner][0] == expected, f"{angle} degrees"
 
@@ -80,7 +85,7 @@ def test_a_crease_is_drawn_where_normals_are_split_and_not_at_exactly_the_crease
         vertices, faces, polygons = list_walls(moved.astype(dtype), quads, form)
         mesh = rz.Mesh(vertices, faces, crease_angle=angle, polygons=polygons)
         where = f"{n} sides, {angle} degrees, {dtype.__name__}, form {form}"
-        edges, slow = gather_edges(mesh), [edge for edge in list_edges(mesh) if not edge.is_open]
+        edges, slow = edges_of(mesh), [edge for edge in list_edges(mesh) if not edge.is_open]
         assert edges.is_open.sum() == 2 * n and len(slow) == n + (n if form == 2 else 0), where
         assert edges.is_crease[~edges.is_open].sum() == n_crease, where
         assert sum(edge.is_crease for edge in slow) == n_crease, where
@@ -100,19 +105,19 @@ def test_smoothing_groups_decide_where_there_is_no_crease_angle():
     for groups, expected in (([1] * 6, 0), ([1, 1, 1, 2, 2, 2], 2), ([0] * 6, 6), ([1, 0, 1, 1, 1, 1], 2)):
         mesh = rz.Mesh(points, quads, smoothing=groups)
         for angle, n_crease in ((None, expected), (90.0, 0), (10.0, 6)):
-            edges, slow = (find(replace(mesh, crease_angle=angle)) for find in (gather_edges, list_edges))
+            edges, slow = (find(replace(mesh, crease_angle=angle)) for find in (edges_of, list_edges))
             assert edges.is_crease[~edges.is_open].sum() == n_crease, f"{groups}, {angle}"
             assert sum(edge.is_crease for edge in slow if not edge.is_open) == n_crease, f"{groups}, {angle}"
         split = split_creases(mesh.vertices, mesh.faces, 30.0, smoothing=mesh.smoothing)
         shown = np.concatenate([split.source[:, None], split.normals.round(6) + 0.0], axis=1)
         assert len(np.unique(shown, axis=0)) == 12 + 2 * expected, f"{groups}"
     sheet = rz.Mesh(flat, [(0, 1, 2), (0, 2, 3)], smoothing=[0, 0])
-    assert gather_edges(sheet).is_crease.sum() == 4 == sum(edge.is_crease for edge in list_edges(sheet))
+    assert edges_of(sheet).is_crease.sum() == 4 == sum(edge.is_crease for edge in list_edges(sheet))
 
 
 def test_degenerate_faces_make_no_creases_of_their_own():
     vertices = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)]
-    edges = gather_edges(rz.Mesh(vertices, [(0, 1, 3), (1, 2, 3), (0, 2, 1), (2, 2, 3)]))
+    edges = edges_of(rz.Mesh(vertices, [(0, 1, 3), (1, 2, 3), (0, 2, 1), (2, 2, 3)]))
     assert not differences(np.isfinite(edges.normals), True) and len(edges.ends) == 6
     assert not differences(edges.is_crease[~edges.is_open], 0)
 
@@ -120,7 +125,7 @@ def test_degenerate_faces_make_no_creases_of_their_own():
 def test_models_of_polygons_have_the_edges_of_euler():
     for name, n_edge in (("cube.obj", 12), ("sphere.obj", None), ("torus.obj", None)):
         (mesh,) = rz.load(MODELS / name).meshes
-        edges = gather_edges(mesh)
+        edges = edges_of(mesh)
         n_vertex = len(np.unique(mesh.vertices, axis=0))
         n_polygon = mesh.n_face if mesh.polygons is None else len(np.unique(mesh.polygons))
         characteristic = n_vertex - len(edges.ends) + n_polygon

@@ -8,8 +8,8 @@ from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.engine.points import gather_geometry
 from rasterizer.errors import SceneError
-from rasterizer.geometry.points import gather_geometry
 
 # A box of 1 x 2 x 3, each side one polygon; at a corner three right angles meet, and areas of 2, 3 and 6.
 CORNERS = np.array([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])

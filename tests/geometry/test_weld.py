@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.cores import Workers
+from rasterizer.engine.points import smooth_part
 from rasterizer.errors import ModelError
 from rasterizer.geometry.equal_rows import find_equal_rows
-from rasterizer.geometry.points import smooth_part
 from rasterizer.geometry.weld import FEW, unique_rows, weld_triangles
 from rasterizer.io.loader import load
 

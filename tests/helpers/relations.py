@@ -24,7 +24,7 @@ from helpers.campaign_scenes import Case, make_case, make_texture
 from helpers.pinhole import unit
 from rasterizer import reference
 from rasterizer.choices import BUFFERS
-from rasterizer.geometry.normals import split_mesh
+from rasterizer.engine.points import split_mesh
 
 MAX_LIGHTS = 60  # cells of area lights count one by one; with more, a small picture takes a second
 PIXELS = ("color", "alpha", "rgb")

@@ -9,8 +9,8 @@ from helpers.pairs import pairs
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
+from rasterizer.engine.points import gather_geometry
 from rasterizer.errors import ModelError, SceneError
-from rasterizer.geometry.points import gather_geometry
 
 LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.4, -1), 0.7), rz.PointLight((2, 3, 3), 0.4, "1/(d+1)"))
 BRUSHED = rz.Material(diffuse=0.1, specular=0.05, reflection="cook-torrance", roughness=(0.12, 0.5), fresnel=0.8)

@@ -12,9 +12,9 @@ from helpers.pinhole import octasphere, unit
 import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Precision, Shadows
-from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..geometry.closed import find_inner_sides
+from ..geometry.normals import Fans, Split, list_fans, map_parts, polygon_normals, split_creases, within_range
+from ..geometry.surfaces import flag_inverted
+from ..geometry.weld import unique_rows
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh import Mesh
-from .normals import Fans, map_parts, polygon_normals, split_mesh, within_range
-from .surfaces import flag_inverted
-from .weld import unique_rows
 
 NO_TANGENTS = np.empty((0, 3))
 
@@ -378,3 +379,28 @@ def units(vectors: NDArray) -> NDArray[np.float64]:
     """Return vectors (..., 3) at length 1; zero stays zero."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0.0, length, 1.0)
+
+
+def split_mesh(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Split:
+    """Split the vertices of a mesh at its creases; `workers` and `fans` as in `split_creases`."""
+    angle, smoothing = mesh.creases
+    return split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers, fans)
+
+
+# --- closed bodies --------------------------------------------------------------------------------------------
+
+
+def gather_inner_sides(meshes: Sequence[Mesh], fans: Sequence[Fans | None]) -> NDArray[np.int8]:
+    """Return the inner sides of the triangles of all meshes, see `find_inner_sides`, 0 where materials let something
+    through: of those the fans are None."""
+    return np.concatenate([
+        np.zeros(mesh.n_face, np.int8)
+        if of_mesh is None
+        else find_inner_sides(mesh.vertices, mesh.faces, of_mesh)
+        for mesh, of_mesh in zip(meshes, fans, strict=True)
+    ])  # fmt: skip
+
+
+def list_opaque_fans(meshes: Sequence[Mesh]) -> list[Fans | None]:
+    """List the fans of each mesh, None where materials let something through."""
+    return [list_fans(mesh.faces, mesh.n_vertex) if mesh.is_opaque else None for mesh in meshes]

@@ -11,7 +11,7 @@ from helpers.solids import sphere
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cores import Workers
-from rasterizer.geometry.points import flat_part, gather_geometry, polygon_centroids, smooth_part
+from rasterizer.engine.points import flat_part, gather_geometry, polygon_centroids, smooth_part
 from rasterizer.geometry.surfaces import flag_inverted
 from rasterizer.geometry.weld import FEW
 
