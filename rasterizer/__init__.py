@@ -17,7 +17,7 @@ What lives where, from the top downwards; a folder's `__init__` says what its fi
     io                    files in and out, a format a file
     scene                 meshes, lights, materials, cameras: frozen, checked dataclasses
     compiler              kernels are compiled once, and kept
-    options, words, choices, errors, cores, processes, registries, locks
+    options, words, choices, errors, cores, processes, registries, locks, vectors
 
 The public names stand in `__init__.pyi`, each with its module, where editors and type checkers find them as well. A
 module is imported when one of its names is first used, so that the command line can print its help without numpy.

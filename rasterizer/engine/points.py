@@ -19,6 +19,7 @@ from ..geometry.weld import unique_rows
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh import Mesh
+from ..vectors import unit
 
 NO_TANGENTS = np.empty((0, 3))
 
@@ -370,15 +371,9 @@ def compute_tangents(corners: NDArray, uv: NDArray, point: NDArray, n_point: int
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     (a1, b1), (a2, b2) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
     along = (e1 * b2[:, None] - e2 * b1[:, None]) * np.sign(a1 * b2 - a2 * b1)[:, None]
-    along = units(along) * np.linalg.norm(np.cross(e1, e2), axis=1)[:, None]
+    along = unit(along) * np.linalg.norm(np.cross(e1, e2), axis=1)[:, None]
     sums = [np.bincount(point.ravel(), np.repeat(along[:, k], 3), n_point) for k in range(3)]
-    return units(np.stack(sums, axis=1))
-
-
-def units(vectors: NDArray) -> NDArray[np.float64]:
-    """Return vectors (..., 3) at length 1; zero stays zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(length > 0.0, length, 1.0)
+    return unit(np.stack(sums, axis=1))
 
 
 def split_mesh(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Split:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..scene.camera import Projection, View
-from .vectors import dot, length
+from ..vectors import length
+from .vectors import dot
 
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64

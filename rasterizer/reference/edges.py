@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from ..scene.camera import Projection, View
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from ..vectors import length
 from .clip import Range, to_eye
 from .normals import NO_AREA, is_crease
-from .vectors import dot, length
+from .vectors import dot
 
 NEAREST = 2.0**-30  # of an edge's furthest depth: what is nearer to the eye's plane lies 2^30 px away, at 2^-22 px
 DEPTH_ERROR = 2.0**-20  # of a depth: it is stored in float32, and coordinates are, in files

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..scene.camera import View
 from ..scene.lights import light_type_of
+from ..vectors import length, unit
 from .reflection import GRAZING
-from .vectors import dot, length, unit
+from .vectors import dot
 
 ChannelsOf = Callable[[object], NDArray]  # from a colour to its (n_channel,) values
 

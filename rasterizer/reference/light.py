@@ -25,11 +25,12 @@ from ..scene.lights import Light
 from ..scene.scene import DepthCue, Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
+from ..vectors import unit
 from .lamp import Arrival, Lamp, lamp_type_of, make_lamps
 from .reflection import channels_of, count_waves, palette_of, read_materials, reflect
 from .shadow import Casters, gather_casters, reaches
 from .surface import Surface
-from .vectors import dot, unit
+from .vectors import dot
 
 
 class Lighting(NamedTuple):

@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .vectors import dot, length
+from ..vectors import length
+from .vectors import dot
 
 # Coordinates with six decimals tilt the faces of a cylinder with 12 sides by up to 2.2e-4 degrees against each other.
 # Twice that is no difference between the angle at which two faces meet and the crease angle.

@@ -17,7 +17,8 @@ from ..errors import SceneError
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.spectrum import samples_of
-from .vectors import dot, length, unit
+from ..vectors import length, unit
+from .vectors import dot
 
 # A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding
 # of normals and directions must not decide for each point by itself on which side it is. A thousand roundings of 2^-53

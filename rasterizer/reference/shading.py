@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.texture import Texture
+from ..vectors import length, unit
 from .light import Lighting, RayOrigins, light_points, to_viewer
 from .shadow import NO_OWNER
 from .surface import Surface, face_tangents, unit_sums
-from .vectors import area_vectors, blend, dot, length, unit
+from .vectors import area_vectors, blend, dot
 
 CHUNK = 2**16  # samples lit at a time: bounds the memory of a supersampled picture
 

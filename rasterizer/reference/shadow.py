@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .vectors import area_vectors, dot, unit
+from ..vectors import unit
+from .vectors import area_vectors, dot
 
 CHUNK = 2**17  # pairs of rays and faces looked at together: some 40 MB
 NO_OWNER = -1  # of a point whose own faces are known by their planes alone

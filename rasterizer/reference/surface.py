@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..scene.scene import Scene
+from ..vectors import length, unit
 from .normals import corner_normals
 from .reflection import GRAZING, palette_of
-from .vectors import area_vectors, dot, length, unit
+from .vectors import area_vectors, dot
 
 
 class Surface(NamedTuple):

@@ -1,4 +1,4 @@
-"""Vector algebra over arrays of vectors in float64."""
+"""Vector algebra over arrays of vectors in float64, beside that of rasterizer/vectors.py."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,17 +7,6 @@ from numpy.typing import NDArray
 def dot(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     """Return the dot products over the last axis, added in one fixed order: equal vectors give equal bits."""
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-
-
-def unit(vectors: NDArray) -> NDArray[np.float64]:
-    """Return the vectors (..., 3) at length 1; zero stays zero."""
-    size = length(vectors)
-    return vectors / np.where(size > 0, size, 1)
-
-
-def length(vectors: NDArray) -> NDArray[np.float64]:
-    """Return lengths (..., 1); hypot keeps the squares from over- and underflowing."""
-    return np.hypot(np.hypot(vectors[..., :1], vectors[..., 1:2]), vectors[..., 2:])
 
 
 def blend(weights: NDArray, corner_values: NDArray) -> NDArray[np.float64]:

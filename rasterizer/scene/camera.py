@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES, POSE_FRAMES, Axis, PoseFrame
 from ..errors import SceneError, shown
 from ..keywords import checked_keywords
+from ..vectors import cross
 from . import framing
 from .arrays import VectorLike, real_array
 from .random_numbers import VIEW, checked_range, elevation_at, uniform_numbers, within
@@ -435,10 +436,10 @@ class Camera:
         to_target = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
         forward = unit3(to_target, "the way from the camera's position to its target")
         up: VectorLike = self.up
-        if math.hypot(*_cross(forward, up)) < 1e-8:  # parallel but for rounding
+        if math.hypot(*cross(forward, up)) < 1e-8:  # parallel but for rounding
             up = framing.top_when_parallel(np.array(forward), np.array(up))
-        right = unit3(_cross(forward, up), "the camera's right")
-        return View(*(np.array(axis) for axis in (self.position, right, _cross(right, forward), forward)))
+        right = unit3(cross(forward, up), "the camera's right")
+        return View(*(np.array(axis) for axis in (self.position, right, cross(right, forward), forward)))
 
     def projection(self, size: Sequence[int]) -> Projection:
         """Return the scale and centre for a picture of `size` (width, height) pixels.
@@ -468,11 +469,6 @@ class Camera:
 def _target(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> NDArray[np.float64]:
     """A point to look at, about as far away as the eye is from the origin: that keeps every digit of the direction."""
     return eye + forward * max(1.0, float(np.abs(eye).max()))
-
-
-def _cross(a: VectorLike, b: VectorLike) -> tuple[float, float, float]:
-    """The cross product; numpy's takes as long as a thousand vertices."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 # --- cameras that are turned ---------------------------------------------------------------------------------

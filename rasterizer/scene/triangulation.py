@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..cores import Workers, n_core
+from ..vectors import cross, dot
 from .arrays import distinct
 
 # Comparisons of boxes, and tests of edges, which count more, that cutting ears may take in one call. A spiral of some
@@ -168,7 +169,7 @@ def find_diagonals(points: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_
         turn, limit = measure_turns(points)[:2]
         is_turning = turn > limit
         may_be_0, may_be_1 = is_turning[1::2].all(axis=0), is_turning[0::2].all(axis=0)
-        from_0, from_1 = np.sqrt(_dot(*2 * [points[:, 2:] - points[:, :2]]))
+        from_0, from_1 = np.sqrt(dot(*2 * [points[:, 2:] - points[:, :2]]))
         is_tie = abs(from_0 - from_1) <= 2.0**-17 * abs(points).max(axis=(0, 1))
         begin = np.where(is_tie, find_lowest(points) % 2, from_1 < from_0)
     has_size = np.isfinite(limit).all(axis=0)
@@ -189,7 +190,7 @@ def find_fans(points: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """
     with np.errstate(all="ignore"):
         turn, limit, edges, before, unit = measure_turns(points)
-        along = _dot(before, edges) - _dot(unit, before) * _dot(unit, edges)
+        along = dot(before, edges) - dot(unit, before) * dot(unit, edges)
         is_convex = ((turn > limit) | ((turn >= -limit) & (along > 0.0))).all(axis=0)
         is_convex &= np.arctan2(turn, along).sum(axis=0) < 3.0 * np.pi  # once round, 2 pi; a pentagram has 4 pi
     has_size = np.isfinite(limit).all(axis=0)
@@ -220,22 +221,14 @@ def measure_turns(points: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, 
     points = points - points[:, :1]
     extent = abs(points).max(axis=(0, 1))
     points /= extent
-    normal = _cross(points[:, 1:-1], points[:, 2:]).sum(axis=1)  # the sum of the areas of a fan
-    length = np.sqrt(_dot(normal, normal))
+    normal = np.stack(cross(points[:, 1:-1], points[:, 2:])).sum(axis=1)  # the sum of the areas of a fan
+    length = np.sqrt(dot(normal, normal))
     length[length == 0.0] = 1.0
     unit = normal / length
     edges = np.concatenate([points[:, 1:], points[:, :1]], axis=1) - points
     before = np.concatenate([edges[:, -1:], edges[:, :-1]], axis=1)
-    turn = _dot(unit, _cross(before, edges))
-    long = np.sqrt(_dot(edges, edges))
+    turn = dot(unit, cross(before, edges))
+    long = np.sqrt(dot(edges, edges))
     long_before = np.concatenate([long[-1:], long[:-1]])
     slack = 4.0 * _UNIT * size / extent  # rounding of the corners
     return turn, slack * (long + long_before) + 2.0**-49 * long * long_before, edges, before, unit
-
-
-def _dot(a: NDArray, b: NDArray) -> NDArray:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: NDArray, b: NDArray) -> NDArray:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -29,7 +29,8 @@ from rasterizer.reference import lamp as lamps
 from rasterizer.reference import shading
 from rasterizer.reference.light import to_viewer
 from rasterizer.reference.reflection import channels_of
-from rasterizer.reference.vectors import blend, dot, length, unit
+from rasterizer.reference.vectors import blend, dot
+from rasterizer.vectors import length, unit
 
 OUTPUTS = ("color", "depth", "face", "normal")
 LABELS, MEANS = ("mask", "object", "material"), ("uv", "barycentric", "position", "position_camera")
