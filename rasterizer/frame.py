@@ -41,7 +41,7 @@ class Stats:
     threads : how many worked
     error_bound : how far an intensity may be off, in linear intensity where 1 is white, against the exact illumination
         of the same faces at the same samples, by rounding and what is approximated: the tolerance where something is
-        lit in float32, else 1e-6 of full scale, which is 1, or the largest intensity that the scene may have
+        lit in float32, else 1e-6 of full scale, 2e-5 with textures; which is 1, or the largest intensity of the scene
         (`plan.bound`) where that is above. None where none is stated: then `steps` says why. What rounding of vertices
         to 1/256 px changes is no part of it, see `position_bound`, nor are shadow maps and texture filters. By Phong's
         method it doesn't hold where corners' normals look so far apart that their mean is shorter than an eighth. 0

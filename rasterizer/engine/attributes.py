@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..cores import MIN_PART
 from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import (
+    EXACT,
     HAS_ALBEDO,
     HAS_COLORS,
     Coding,
@@ -23,14 +24,13 @@ from ..pipeline.gradients import (
 )
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
-from ..pipeline.textures import ALWAYS, FILTER_NEAREST, TextureCoding
+from ..pipeline.textures import TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 from .reflections import is_metallic
-from .scene_tables import has_alpha
-from .texture_tables import DARKEST
 
 NONE = np.empty((1, 0, 0))  # no attributes
+DARKEST = 2.0**-40  # what a black texture counts as bright as
 
 
 def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> NDArray[np.float64]:
@@ -189,7 +189,7 @@ def make_coding(plan: Plan, tolerance) -> Coding:
     need many digits of them.
     """
     of_materials, n_material = plan.of_materials, len(plan.tables.materials)
-    reads_double = of_materials.is_double | of_materials.is_looked_up
+    reads_double = of_materials.is_double | of_materials.is_textured
     rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
     if of_materials.is_double.all():  # so all are exact
         return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, NO_DEPTHS)
@@ -203,29 +203,17 @@ def make_coding(plan: Plan, tolerance) -> Coding:
             *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position or plan.cue is not None,
             code_textures(plan, of_textures), NO_DEPTHS,
         )  # fmt: skip
-    limits = np.where(of_materials.is_looked_up, left / 4, left)
+    limits = np.where(of_materials.is_textured, left / 4, left)
     textures = code_textures(plan, left * 3 / 4)
     return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, NO_DEPTHS)
 
 
 def code_textures(plan: Plan, limits) -> TextureCoding | None:
-    """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors of
-    intensities, (n,).
-
-    Where a texture lets light through, that is of none: an error of alpha weights all that is behind, once for each
-    layer, so that no share of the tolerance is enough for any number of them.
-    """
-    if plan.packed_textures is None:
+    """Say which texture coordinates may stand in planes; `limits` are those of errors of intensities, (n,)."""
+    if plan.textures is None or not (plan.of_materials.is_textured & (plan.of_materials.paths != EXACT)).any():
         return None
-    brightest = max(plan.tables.max_texel, DARKEST)
-    slopes = texel_slopes(plan) / brightest
-    limits = np.where(has_alpha(plan.tables.materials), 0.0, limits / np.maximum(slopes, 1e-30))
-    of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
-    is_good = of_materials >= 0
-    packed, textures = plan.packed_textures, of_materials[is_good]
-    is_blended = packed.filters[textures] != FILTER_NEAREST  # next to a texel's edge, nothing but exact will do
-    is_good[is_good] = is_blended & (packed.errors[textures, int(ALWAYS)] <= limits[is_good])
-    return TextureCoding(packed, of_materials, limits, is_good)
+    slopes = texel_slopes(plan) / max(plan.tables.max_texel, DARKEST)
+    return TextureCoding(plan.textures, limits / np.maximum(slopes, 1e-30))
 
 
 def texel_slopes(plan: Plan) -> NDArray[np.float64]:
@@ -239,16 +227,6 @@ def texel_slopes(plan: Plan) -> NDArray[np.float64]:
     with np.errstate(over="ignore"):
         metal = np.where(is_metal, intensities.specular.sum(axis=1), 0.0)
         return intensities.undirected + intensities.diffuse.sum(axis=1) + metal
-
-
-def sampled_in_double(plan: Plan, coding: Coding) -> NDArray[np.int64]:
-    """(n_material,): the texture of each whose exact records aren't looked up in float32, too; -1 for none."""
-    looked_up = getattr(coding, "textures", None)
-    return (
-        plan.textures.of_materials
-        if looked_up is None
-        else np.where(looked_up.is_exact_looked_up, -1, plan.textures.of_materials)
-    )
 
 
 def scale_depths(screen) -> DepthScale:

@@ -24,6 +24,7 @@ What rounding adds to an intensity is 2^-24 times the sum of
     D (20 ρ + (1 + ρ) (7 + t))             for each light: D is what it adds diffusely, ρ the slope of Oren-Nayar's term
     S (κ + σ t)                            S its highlight: κ its own roundings and σ its slope, of reflections.py
     (D + S) ((2 + λ) t + 6 μ)              λ and μ are the slopes of its cone and range, of lights.py
+    τ I                                    τ of the look-up of its texture (pipeline/textures.py), with alpha twice
 
 where the direction to the light turns by t u, t = 10 x of samples and 2 x of vertices: positions are relative to the
 eye, and err by 10 u and 2 u of their distance; x says how many times as far from the eye as from the light the surface
@@ -35,9 +36,10 @@ Beckmann from 0.7 on, Oren-Nayar, lights from a tenth of the scene's size on, sp
 in light whose colours sum up to 1. What is brighter, or seen from further away, asks for duller highlights.
 
 A picture states its tolerance where something is lit in float32, and 10^-6 of full scale else: six operations round a
-finished colour to float32. It states nothing, and why, where float64 isn't enough either: `list_unstated`. Next to a
-step (`list_steps`) no bound holds, nor by Phong's method where the corners' normals look so far apart that their mean
-is shorter than SHORT_NORMAL.
+finished colour to float32. Where something is textured that is 2·10^-5: of the largest texture a look-up of colours
+errs by 9.1·10^-6, one of alpha again; and the tolerance where maps say how rough metals are, which magnifies that. It
+states nothing, and why, where float64 isn't enough either: `list_unstated`. Next to a step (`list_steps`) no bound
+holds, nor by Phong's method where the corners' normals look so far apart that their mean is shorter than SHORT_NORMAL.
 """
 
 from typing import Any, NamedTuple
@@ -47,6 +49,7 @@ from numpy.typing import NDArray
 
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.shade import DEPTH_ERROR
+from ..pipeline.textures import lookup_error
 from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen
 from ..scene.camera import View
 from . import lights as light_table
@@ -55,7 +58,7 @@ from .lights import LENGTHS, Step
 from .scene_tables import SceneTables
 
 SINGLE, DOUBLE = 2.0**-24, 2.0**-53  # u, the unit roundoff, of float32 and float64
-EXACT = 1e-6  # what is stated of float64
+EXACT, TEXTURED = 1e-6, 2e-5  # what is stated of float64, also with textures
 ROUNDED = 6e-7  # how far float64 may be off before it becomes float32, where EXACT is stated
 MAX_LIGHT = 1024.0  # and the brightest that light may be without highlights
 MAX_DEPTHS = 2.0**22  # furthest over nearest depth that float32 takes
@@ -63,6 +66,7 @@ MAX_FADING = 1.0 / 4.0  # share of the tolerance that a depth cue may be off by
 SHARES = 1 / 8, 1 / 4, 1 / 2  # of the tolerance, which rounding may take; planes and entries have the rest
 NEAREST = 2.0**-10  # a light nearer to a surface than this share of the distance from the eye counts as on it
 SHORT_NORMAL = 1 / 8  # an interpolated normal that is shorter counts as none
+TEXEL_BORDER = 2.0**-18  # texels: a 2^-32nd of the largest picture, what texture coordinates are rounded to
 TOO_MUCH = "rounding beyond half of the tolerance"
 UNBOUNDED = "lights without bound"
 OF_SAMPLES, OF_VERTICES = 10.0, 2.0  # u of its distance from the eye that a lit point errs by
@@ -180,7 +184,7 @@ def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_l
     still = _times(diffuse, 7.0 + 27.0 * rough) + _times(lit, own) + _times(diffuse + lit, 6.0 * steep)
     bent = _times(diffuse, 1.0 + rough) + _times(lit, slope)
     turned = (OF_SAMPLES if is_lit_per_sample else OF_VERTICES) * (bent + _times(diffuse + lit, 2.0 + bend))
-    roundings = (30.0 + 0.5 * len(lights)) * whole + still.sum(axis=1)
+    roundings = (30.0 + 0.5 * len(lights) + lookup_roundings(tables.materials)) * whole + still.sum(axis=1)
     return Intensities(undirected, diffuse, specular, whole, unweakened, bent.sum(axis=1), roundings, turned)
 
 
@@ -188,6 +192,25 @@ def _times(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
     """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified."""
     with np.errstate(invalid="ignore"):
         return np.nan_to_num(a * b, nan=0.0, posinf=np.inf)
+
+
+def lookup_roundings(materials: tuple) -> NDArray[np.float64]:
+    """Return τ of materials, (n_material,): how many u of float32 the look-ups of their textures err by."""
+    textures = [(*material.textures, *([material.texture] * (not material.is_opaque))) for material in materials]
+    return np.array([sum(lookup_error(*each.shape) for each in row if each is not None) / SINGLE for row in textures])
+
+
+def smoothness_error(material: Any) -> float:
+    """Bound what the error of a map that says how rough a metal is adds to a highlight, of its largest value.
+
+    α is g² of the mean g of texels within 0..1. That errs by e (pipeline/textures.py: `lookup_error`), and α by 2 e/g
+    of itself. D changes by twice that share at most, g(N·V) once; and f = N·L/(N·L + root) by f·(1 - N·L/root). So all
+    together change by three times the largest D·f·g: f·(4 - N·L/root) <= 3/2 for f <= 1/2.
+    """
+    if material.metallic_roughness is None:
+        return 0.0
+    least = reflection_table.min_roughness(material)
+    return 6.0 * lookup_error(*material.metallic_roughness.shape) * np.sqrt(material.roughness / least)
 
 
 # ---------------------------------------------------------------- what one view says
@@ -241,6 +264,12 @@ def is_far(plan: Any, furthest: NDArray[np.float64], nearness: NDArray[np.float6
 # ---------------------------------------------------------------- what is stated
 
 
+def stated_of(plan: Any) -> float:
+    """Return what is stated of a picture, unless it is nothing: see the head of this page."""
+    is_rounded = plan.metals is not None or not plan.of_materials.is_double.all()
+    return max(EXACT if plan.textures is None else TEXTURED, plan.options.tolerance if is_rounded else 0.0)
+
+
 def list_unstated(plan: Any, roundings: NDArray[np.float64], depths: float) -> list[str]:
     """Say why no bound is stated, in a sentence each; nothing where one is.
 
@@ -253,13 +282,15 @@ def list_unstated(plan: Any, roundings: NDArray[np.float64], depths: float) -> l
     with np.errstate(invalid="ignore"):
         off = roundings * DOUBLE * (1.0 + depths / 5.0) / np.maximum(plan.intensities.of_materials, 1.0)
     lit = plan.intensities.undirected + plan.intensities.diffuse.sum(axis=1)
+    if max(map(smoothness_error, plan.tables.materials)) > stated_of(plan):
+        return ["no bound is stated: a texture makes a metal so smooth that its rounding is magnified"]
     if not (plan.of_materials.is_double & ~((off <= ROUNDED) & (lit <= MAX_LIGHT))).any():
         return []
     own = [type(each).__name__ for each in plan.tables.reflected_lights if light_table.entry_of(each).is_own]
     own += [each.reflection for each in plan.tables.materials if reflection_table.entry_of(each).is_own]
     if own:
         return [f"no bound is stated: nobody knows how the formula of {name} rounds" for name in dict.fromkeys(own)]
-    magnified = f"magnify the rounding of float64 beyond {EXACT:.0e}"
+    magnified = f"magnify the rounding of float64 beyond {EXACT if plan.textures is None else TEXTURED:.0e}"
     return [f"no bound is stated: a light, a highlight or the depths of the scene {magnified}"]
 
 
@@ -272,7 +303,7 @@ def list_steps(plan: Any) -> tuple[Step, ...]:
         found += reflection_table.entry_of(material).steps(material, is_double) if is_lit.any() else ()
         for texture in material.textures:
             if texture.filter == "nearest":
-                found.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
+                found.append(Step("the border between texels that are not blended", TEXEL_BORDER, "texels"))
     for light in tables.reflected_lights:
         found += light_table.entry_of(light).steps(light, is_double)
     if tables.has_shadows:

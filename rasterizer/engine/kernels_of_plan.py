@@ -17,7 +17,7 @@ from ..geometry.weld import FEW
 from ..io import text_kernels
 from ..options import Options
 from ..pipeline import a_buffer, buffers, clip, cull, resolve, shadow_lookup
-from ..pipeline import textures as packing
+from ..pipeline import textures as laying
 from ..pipeline.cull import Band, Rows, scatter
 from ..pipeline.edges import draw_edges
 from ..pipeline.gradients import HAS_TEXTURE, Coding
@@ -27,21 +27,19 @@ from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.resolve import encode_picture
 from ..pipeline.scan import ScanCounts, make_deferred, scan, scan_index
 from ..pipeline.shade import fade, shade_interpolated
-from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, PixelWidth, Screen, Triangles, Vertices, make_screen, transform_range
 from ..pipeline.visibility import forget_extents
 from ..pipeline.workspace import Workspace, WorkspaceShape, make_picture, make_workspace
 from ..scene.camera import Camera
 from ..scene.mesh import Mesh
-from .attributes import make_coding, make_encoding, sampled_in_double, scale_depths
+from .attributes import make_coding, make_encoding, scale_depths
 from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
 from .domains import measure_clearances, nearness_in
 from .plan import Plan, make_plan
 from .scene_tables import SceneTables
 from .shadow_maps import corners_of, leaves_casters_out
-from .texture_tables import lay_textures
 from .uniforms import list_materials, used_functions
 
 SIZE = (8, 8)  # of a picture without room, pixels
@@ -135,7 +133,6 @@ class Parts(NamedTuple):
     screen: Screen
     coding: Coding | None  # None where entries hold the places of triangles alone
     workspace: Workspace
-    textures: packing.Textures | None = None  # as that of ColorPass
 
     @property
     def band(self) -> ScannedBand:
@@ -221,30 +218,23 @@ class PictureKernels(KernelList):
         options, plan, factor = self.options, self.plan, self.options.factor
         shape = WorkspaceShape(
             SIZE[0] * factor, SIZE[1] * factor, plan.n_channel, int(plan.of_materials.n_attributes.max()), plan.dtype,
-            plan.n_texel, plan.opacity is not None,
+            plan.textures is not None, plan.opacity is not None,
         )  # fmt: skip
         screen = self.screen(factor)
         coding = make_coding(plan, options.tolerance)._replace(depths=scale_depths(screen))
-        laid = None
-        if plan.textures is not None:
-            of_materials = sampled_in_double(plan, coding)
-            laid = lay_textures(plan.textures, np.full_like(of_materials, -1))._replace(of_materials=of_materials)
-        parts = Parts(screen, coding, make_workspace(shape, 1), laid)
+        parts = Parts(screen, coding, make_workspace(shape, 1))
         self.add_stages(parts, with_deferred=plan.opacity is not None)
         self.add_clipping(screen)
         self.add_lights()
-        rows, metals = np.empty((0, 0), np.float32), [material.metallic_roughness for material in plan.tables.materials]
-        listed = [texture for texture in (*(plan.textures.textures if plan.textures else ()), *metals) if texture]
-        has_levels, is_packed = any(texture.n_level > 1 for texture in listed), plan.packed_textures is not None
-        if (has_levels or is_packed) and any(texture.encoded is not None for texture in listed):
-            self.add(packing.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
-        if has_levels:
-            self.add(packing.halve_texels, rows, rows)
+        rows, listed = np.empty((0, 0), np.float32), [each for one in plan.tables.materials for each in one.textures]
+        if listed:
+            self.add(laying.largest_steps, rows)
+        if any(texture.encoded is not None for texture in listed):
+            self.add(laying.decode_texels, np.empty((0, 0), np.uint8), 0, rows, rows)
+        if any(texture.n_level > 1 for texture in listed):
+            self.add(laying.halve_texels, rows, rows)
         if any(texture.n_level > 1 and texture.has_alpha for texture in listed):
-            self.add(packing.halve_weighted_texels, rows, rows)
-        if is_packed:
-            texels = np.empty((0, 0), np.int16)
-            self.add(packing.pack_texels, rows, np.empty(0, np.float32), False, 0.0, texels)
+            self.add(laying.halve_weighted_texels, rows, rows)
         if plan.is_lit_per_sample:
             self.add_lit(parts)
         else:
@@ -280,7 +270,6 @@ class PictureKernels(KernelList):
         """Add what lights every sample: Phong's method."""
         plan, workspace, table = self.plan, parts.workspace, FaceTable(np.empty((0, 5)))
         tangents = 0 if plan.has_tangents else None
-        self.add_look_up(parts)
         for dtype in plan.of_materials.dtypes:
             batch = workspace.batch if dtype == SINGLE else workspace.double_batch
             lighting, texturing = self.lighting(dtype), self.texturing(parts)
@@ -298,7 +287,6 @@ class PictureKernels(KernelList):
         if not ((parts.coding.features & HAS_TEXTURE) != 0).all():
             self.add(shade_interpolated, parts.band, plan.tint, workspace.batch, workspace.radiance)
         if plan.textures is not None:
-            self.add_look_up(parts)
             self.add(shade_textured, parts.band, self.texturing(parts), workspace.batch, workspace.radiance)
 
     def lighting(self, dtype: np.dtype) -> Any:
@@ -310,15 +298,9 @@ class PictureKernels(KernelList):
         """The textures with memory for looking them up; None where there are none."""
         workspace = parts.workspace
         batches = workspace.lookup_batch, workspace.double_batch
-        return parts.textures and Texturing(parts.textures, *batches, workspace.texels, self.plan.of_metals)
-
-    def add_look_up(self, parts: Parts) -> None:
-        """Add what looks textures up in float64."""
-        sampled = parts.textures
-        if sampled is not None and (sampled.of_materials >= 0).any():
-            self.add(
-                sample_textures, parts.band.uncoded(), sampled, parts.workspace.double_batch, parts.workspace.texels
-            )
+        if self.plan.textures is None:
+            return None
+        return Texturing(self.plan.textures, self.plan.metals, *batches, workspace.alphas)
 
     def add_layers(self, parts: Parts) -> None:
         """Add what sums up the layers of transparent surfaces."""
@@ -331,7 +313,7 @@ class PictureKernels(KernelList):
                  workspace.visibility, lists)  # fmt: skip
         self.add(a_buffer.divide_room, buffer.cursors, buffer.starts)
         self.add(a_buffer.sort_lists, lists)
-        layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.texels)
+        layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.alphas)
         translucent = a_buffer.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
         self.add(a_buffer.show_layer, 0, layer, lists, buffer.transmittance, 0.0)
         self.add(a_buffer.composite, layer, workspace.records, buffer, self.plan.opacity)

@@ -29,8 +29,6 @@ from ..pipeline.scan import Deferred, ScanCounts, scan, scan_index
 from ..pipeline.setup import DepthScale
 from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import sample_textures
-from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceShape
@@ -62,7 +60,7 @@ class Pass:
     sample_time: ClassVar[int] = 4  # nanoseconds of a sample, roughly, beside its triangles
     n_channel: ClassVar[int] = 0  # of the intensities
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
-    n_texel: ClassVar[int] = 0  # rows of texels that a workspace needs
+    is_textured: ClassVar[bool] = False
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
     keeps_planes: ClassVar[bool] = True  # faces are drawn in their own planes, see pipeline/transform.py
 
@@ -85,7 +83,7 @@ class Pass:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceShape(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
-            self.n_texel, self.opacity is not None,
+            self.is_textured, self.opacity is not None,
         )  # fmt: skip
 
     def max_records(self, n_triangle: int) -> int:
@@ -134,7 +132,6 @@ class ColorPass(Pass):
     screen: Screen
     encoding: Encoding
     picture: Picture  # written
-    textures: Textures | None  # those that are looked up in float64; None where the scene has no textures
     is_filled: bool = True
 
     @cached_property
@@ -169,14 +166,9 @@ class ColorPass(Pass):
         return Pass.sample_time + self.plan.sample_time
 
     @property
-    def n_texel(self) -> int:
-        """Rows of texels that a workspace needs."""
-        return self.plan.n_texel
-
-    @cached_property
-    def samples_textures(self) -> bool:
-        """Whether textures are looked up in float64, between scan and shade."""
-        return self.textures is not None and bool((self.textures.of_materials >= 0).any())
+    def is_textured(self) -> bool:
+        """Whether any material has a texture."""
+        return self.plan.textures is not None
 
     @property
     def opacity(self) -> Opacity | None:
@@ -191,7 +183,7 @@ class ColorPass(Pass):
     def texturing_in(self, workspace: Workspace) -> Texturing:
         """The textures, with a workspace's memory for looking them up."""
         batches = workspace.lookup_batch, workspace.double_batch
-        return Texturing(self.textures, *batches, workspace.texels, self.plan.of_metals)
+        return Texturing(self.plan.textures, self.plan.metals, *batches, workspace.alphas)
 
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs."""
@@ -223,13 +215,6 @@ class ColorPass(Pass):
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
-    def look_up(self, workspace: Workspace, band: ScannedBand) -> None:
-        """Look textures up in float64, where that is needed."""
-        if band.counts.features & HAS_TEXTURE and band.counts.n_exact > 0 and self.samples_textures:
-            sample_textures(band.uncoded(), self.textures, workspace.double_batch, workspace.texels)
-            if self.plan.metals is not None:
-                sample_textures(band.uncoded(), self.plan.metals, workspace.double_batch, workspace.texels[4:])
-
     def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows."""
         y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
@@ -256,7 +241,6 @@ class InterpolatedPass(ColorPass):
         if not self.is_all_textured:
             shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.features & HAS_TEXTURE:
-            self.look_up(workspace, band)
             shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
 
 
@@ -268,8 +252,7 @@ class LitPass(ColorPass):
 
     def light(self, workspace, band, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
-        self.look_up(workspace, band)
-        texturing = self.texturing_in(workspace) if self.textures is not None else None
+        texturing = self.texturing_in(workspace) if self.is_textured else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
         types = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)
         for feature, dtype, batch in types:

@@ -17,14 +17,14 @@ from ..options import Options
 from ..pipeline import gradients as g
 from ..pipeline.a_buffer import Opacity, min_transmittance
 from ..pipeline.shade import Cue
-from ..pipeline.textures import PackedTextures, Textures
+from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import domains
 from . import lights as light_table
 from . import reflections as reflection_table
 from .domains import Intensities
-from .scene_tables import SceneTables, choose_tint, common_tint, has_alpha, list_opacities, make_cue
-from .texture_tables import TextureList, lay_textures, list_textures, pack_textures
+from .scene_tables import SceneTables, choose_tint, common_tint, list_opacities, make_cue
+from .texture_tables import make_textures
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
@@ -43,7 +43,7 @@ class MaterialTable(NamedTuple):
     has_albedo: NDArray[np.bool_]  # (n,): colours come with the model, or a texture
     is_colored: NDArray[np.bool_]  # (n,): three channels are needed
     is_double: NDArray[np.bool_]  # (n,): float64 is needed
-    is_looked_up: NDArray[np.bool_]  # (n,): texture coordinates may stand in planes
+    is_textured: NDArray[np.bool_]  # (n,): it has a texture
     dtypes: tuple[np.dtype, ...]  # those that materials are lit in
 
     def with_shares(self, shares: NDArray[np.float64], why: str) -> "MaterialTable":
@@ -59,7 +59,6 @@ class MaterialTable(NamedTuple):
             shares=shares,
             reasons=tuple(reasons),
             is_double=is_double,
-            is_looked_up=((features & g.HAS_TEXTURE) != 0) & ~is_double,
             dtypes=(FLOAT32,) * bool((~is_double).any()) + (FLOAT64,) * bool(is_double.any()),
         )
 
@@ -77,9 +76,8 @@ class Plan(NamedTuple):
     bound: float  # the largest intensity that any point can have
     needs_position: bool  # lighting reads the positions of points
     has_tangents: bool  # some material is brushed along u
-    textures: TextureList | None  # None where the scene has none
+    textures: Textures | None  # None where the scene has none
     metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
-    packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
     opacity: Opacity | None  # None where all is opaque
     cue: Cue | None  # None where nothing fades with depth
 
@@ -92,16 +90,6 @@ class Plan(NamedTuple):
     def dtype(self) -> np.dtype:
         """The type of intensities: float64 where all materials need it."""
         return self.of_materials.dtypes[0]
-
-    @property
-    def n_texel(self) -> int:
-        """Rows of texels that a workspace needs."""
-        return 0 if self.textures is None else 4 if self.metals is None else 8
-
-    @property
-    def of_metals(self) -> NDArray[np.int64] | None:
-        """(n_material,): the metallic-roughness texture of each, -1 for none; None where there are none."""
-        return None if self.metals is None else self.metals.of_materials
 
     @property
     def sample_time(self) -> int:
@@ -135,7 +123,7 @@ def make_plan(
     Parameters
     ----------
     clearances : (n_material, n_light), as `domains.measure_clearances` returns them; None = 0
-    run : see `pack_textures`
+    run : see `make_textures`
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
@@ -156,10 +144,6 @@ def make_plan(
         has_tangents |= material.is_anisotropic and material.tangent == "u"
         maps.append(material.texture)
         metals.append(material.metallic_roughness)
-    textures, packed = list_textures(maps) if tables.has_texture.any() else None, None
-    if table.is_looked_up.any():
-        is_packed = table.is_looked_up & ~has_alpha(materials)
-        packed = pack_textures(textures, np.where(is_packed, textures.of_materials, -1), run)
     return Plan(
         tables=tables,
         options=options,
@@ -171,9 +155,8 @@ def make_plan(
         bound=bound,
         needs_position=needs_position,
         has_tangents=has_tangents,
-        textures=textures,
-        metals=lay_textures(list_textures(metals, tables.n_texcoord), run=run) if any(metals) else None,
-        packed_textures=packed,
+        textures=make_textures(maps, run=run),
+        metals=make_textures(metals, tables.n_texcoord, run),
         opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
         cue=None if cue is None else make_cue(cue, n_channel),
     )
@@ -211,7 +194,7 @@ def list_materials(
     for k, material in enumerate(materials):
         is_colored[k] = tint is None or tints[k] is None or common_tint(tints[k], tint) is None
         why = reasons_of(material, tables.lights_of(k), options.tolerance, shares[k], intensities.of_materials[k])
-        if why:
+        if why or needs_exact_texcoords(material.texture):
             path = g.EXACT
         elif is_lit_per_sample:
             path = g.IN_PLANES if normal_limits[k] > 3.0 else g.EXACT
@@ -225,7 +208,7 @@ def list_materials(
     is_double = np.array(list(map(bool, reasons)))
     table = MaterialTable(
         np.array(paths, np.uint8), np.array(features, np.uint8), np.array(n_attributes, np.int64), normal_limits,
-        shares, tuple(reasons), has_albedo, is_colored, is_double, is_double, (),
+        shares, tuple(reasons), has_albedo, is_colored, is_double, tables.has_texture, (),
     )  # fmt: skip
     table = table.with_shares(np.where(is_double, np.inf, shares), "")
     return table, np.ones(3, np.float32) if tint is None else tint.astype(np.float32)
@@ -248,14 +231,19 @@ def reasons_of(material: Any, lights: tuple, tolerance: float, share: float, bou
     return tuple(filter(None, dict.fromkeys(found)))
 
 
+def needs_exact_texcoords(texture: Any) -> bool:
+    """Tell whether no error of texture coordinates is small enough: next to the border of texels that are not blended,
+    and of alpha, as it weights all that is behind, once for each layer."""
+    return texture is not None and (texture.filter == "nearest" or texture.has_alpha)
+
+
 def list_features(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
     """Return what a material needs, as bits."""
     features = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION
     features |= g.HAS_COLORS if is_colored else 0
     features |= g.HAS_ALBEDO if has_vertex_colors else 0
     if material.texture is not None:
-        is_nearest = material.texture.filter == "nearest" and not is_double
-        features |= g.HAS_TEXTURE | (g.HAS_CORNERS if is_nearest else 0)
+        features |= g.HAS_TEXTURE
     return features | (0 if material.is_opaque else g.IS_TRANSPARENT if material.opacity > 0.0 else g.IS_INVISIBLE)
 
 

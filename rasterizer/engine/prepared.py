@@ -16,7 +16,6 @@ from ..options import Options
 from ..pipeline.gradients import Coding
 from ..pipeline.lighting import Lighting
 from ..pipeline.resolve import Encoding, encode_picture
-from ..pipeline.textures import Textures
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View
@@ -27,7 +26,6 @@ from .attributes import (
     light_all,
     make_coding,
     make_encoding,
-    sampled_in_double,
     scale_depths,
 )
 from .buffers import BUFFER_TABLE, BufferTables
@@ -39,7 +37,6 @@ from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .points import Geometry, Part, gather_geometry, gather_inner_sides, list_opaque_fans, make_parts
 from .scene_tables import SceneTables
-from .texture_tables import lay_textures
 from .uniforms import light_view, list_materials, with_functions
 
 
@@ -59,7 +56,6 @@ class Drawing(NamedTuple):
     plan: Plan
     normals: NDArray[np.float64]  # that Phong's method interpolates; NONE for other methods
     coding: Coding  # without depths
-    textures: Textures | None  # see ColorPass
     encoding: Encoding
     lightings: dict[np.dtype, Lighting]  # by type, without what a view says of them
     summary: PlanSummary
@@ -202,9 +198,7 @@ class PreparedScene:
         unstated = domains.list_unstated(drawing.plan, roundings, domains.furthest_over_nearest(screen, furthest.max()))
         steps = (*drawing.steps, *domains.list_near_lights(tables, nearness, furthest))
         steps += tuple(domains.Step(reason, np.inf, "everywhere") for reason in unstated)
-        is_single = not drawing.plan.of_materials.is_double.all()
-        stated = max(domains.EXACT, self.options.tolerance if is_single else 0.0)
-        return Seen(drawing, None if unstated else stated, steps)
+        return Seen(drawing, None if unstated else domains.stated_of(drawing.plan), steps)
 
     def _make_drawing(self, plan: Plan) -> Drawing:
         """Make what follows from a plan."""
@@ -214,7 +208,6 @@ class PreparedScene:
             plan=plan,
             normals=self._normals.of(plan) if plan.is_lit_per_sample else NONE,
             coding=coding,
-            textures=plan.textures and lay_textures(plan.textures, sampled_in_double(plan, coding), self.threads.map),
             encoding=make_encoding(plan, self.tables.background, options.color_range),
             lightings={
                 dtype: with_functions(list_materials(plan, dtype), plan, dtype) for dtype in plan.of_materials.dtypes
@@ -264,7 +257,6 @@ class PreparedScene:
             "plan": plan,
             "screen": screen,
             "encoding": drawing.encoding,
-            "textures": drawing.textures,
             "picture": picture,
         }
         if plan.is_lit_per_sample:

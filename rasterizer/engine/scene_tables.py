@@ -183,11 +183,6 @@ def list_opacities(materials, least) -> Opacity:
     )
 
 
-def has_alpha(materials) -> NDArray[np.bool_]:
-    """(n_material,): which have a texture that lets light through."""
-    return np.array([material.texture is not None and material.texture.has_alpha for material in materials], np.bool_)
-
-
 def make_cue(cue, n_channel) -> Cue:
     """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest
     component is 1."""

@@ -183,9 +183,9 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
         return False
     sort_lists(lists)
     radiance = workspace.radiance[: len(a_buffer.color)]
-    layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.texels)
+    layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.alphas)
     shaded = workspace._replace(
-        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels,
+        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, alphas=layer.alphas,
     )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0

@@ -25,8 +25,8 @@ What stage 6 uses:
     material_coefficients    where each coefficient stands in a material's row
     power               powers of cosines
     textures            textures as arrays, and the planes of their coordinates
-    texture_lookup      what they show at the samples of a batch, in float32
-    texture_sampling    the same in float64
+    texcoords           where the samples of a batch lie in them, and mip levels
+    texture_lookup      what they show there
     texturing           both, at a run of samples
     a_buffer            lists of transparent fragments, and what is seen through them
     edges               drawn edges: how much of each sample they cover

@@ -319,7 +319,7 @@ class Layer(NamedTuple):
     first_row: int  # of the band, half-open
     end_row: int
     radiance: np.ndarray  # (n_channel, n) float32 or float64, linear; n = rows * pitch, and some before
-    texels: np.ndarray  # (4, n) float64, of which the last is alpha; (0, n) where the scene has no textures
+    alphas: np.ndarray  # (n,) float32, of textures; no rows where the scene has none
     weights: np.ndarray  # (pitch,) float64, scratch: how much of each sample of a row is seen
 
 
@@ -331,7 +331,7 @@ def min_transmittance(bound) -> float:
     return INVISIBLE if np.isfinite(bound) else 0.0
 
 
-def make_layer(room, extents, rows, radiance, texels) -> Layer:
+def make_layer(room, extents, rows, radiance, alphas) -> Layer:
     """Return a layer with room for some rows of a band; no more columns than transparent surfaces cover.
 
     Parameters
@@ -339,7 +339,7 @@ def make_layer(room, extents, rows, radiance, texels) -> Layer:
     room : Room
     extents : VisibilityBuffer, of which only the extents and the materials are read
     rows : Rows of the band, the first one the first of a strip
-    radiance, texels : those of the band, for their types
+    radiance, alphas : those of the band, for their types
     """
     strips = slice(rows.y_start >> STRIP_SHIFT, ((rows.y_end - 1) >> STRIP_SHIFT) + 1)
     left, right = extents.left[strips].copy(), extents.right[strips].copy()
@@ -353,7 +353,7 @@ def make_layer(room, extents, rows, radiance, texels) -> Layer:
     )  # fmt: skip
     return Layer(
         visibility, rows.y_start, rows.y_end, room.array("radiance", (len(radiance), n), radiance.dtype),
-        room.array("texels", (len(texels), n), texels.dtype), room.array("weights", (pitch,), np.float64),
+        room.array("alphas", (n if len(alphas) else 0,), alphas.dtype), room.array("weights", (pitch,), np.float64),
     )  # fmt: skip
 
 
@@ -467,14 +467,14 @@ def fill_alphas(layer, strip, start, left, right, records, opacity):
                 out[i] = alpha if entries[i] < CLEAR else 0.0
             if opacity.is_textured[material]:
                 for i in range(n):
-                    out[i] *= layer.texels[3, start + k + i] if entries[i] < CLEAR else 0.0
+                    out[i] *= layer.alphas[start + k + i] if entries[i] < CLEAR else 0.0
         else:
-            fill_alphas_of_many(entries, records, layer.texels, start + k, opacity, out)
+            fill_alphas_of_many(entries, records, layer.alphas, start + k, opacity, out)
         first = end
 
 
 @helper
-def fill_alphas_of_many(entries, records, texels, start, opacity, out):
+def fill_alphas_of_many(entries, records, alphas, start, opacity, out):
     """Fill the opacities of a row's fragments, which may be of any materials."""
     is_textured = False
     last_record, last_alpha = index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
@@ -487,7 +487,7 @@ def fill_alphas_of_many(entries, records, texels, start, opacity, out):
             material = material_of(entries[k], records)
             last_record, last_alpha = record, opacity.opacity[material]
             is_textured = opacity.is_textured[material]
-        out[k] = last_alpha * texels[3, start + k] if is_textured else last_alpha
+        out[k] = last_alpha * alphas[start + k] if is_textured else last_alpha
 
 
 @helper

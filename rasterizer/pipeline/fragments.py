@@ -32,7 +32,7 @@ LIGHT_DIR, N_DOT_L, STRENGTH = _quantity(10), _quantity(13), _quantity(14)  # wr
 WEIGHT = STRENGTH  # 1/r, by which what planes hold is multiplied, before there is a light
 DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection function, and GRAZING and METAL
 DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, three channels each
-ALBEDO = _quantity(23)  # three channels; planes and texels come in fours, so a fourth quantity is written, too
+ALBEDO = _quantity(23)  # three channels; planes come in fours, so a fourth quantity is written, too
 INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to ask
 # For shadows. The plane of the polygon is n·P = FACE_OFFSET with the unit normal n = FACE_NORMAL; FACE_SIDE is the
 # length of its longest side, 0 of a point alone. The other three belong to shadow_lookup.py.
@@ -42,8 +42,10 @@ GRAZING, METAL = _quantity(32), _quantity(33)  # when the light's shadow has bee
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
 # Of materials with a metallic-roughness texture, which are not brushed: what it multiplies both numbers by.
 METALLIC, ROUGHNESS = _quantity(37), _quantity(38)
-TEXEL = _quantity(41)  # what a texture shows: red, green, blue, alpha
-N_QUANTITY = 45
+# Of float64 alone, for looking textures up at exact records (texcoords.py): texture coordinates, 1 / Σ q, and the
+# weights of the three corners, whose sum is 1.
+TEXCOORD_U, TEXCOORD_T, INVERSE_SUM, BARYCENTRIC = _quantity(41), _quantity(42), _quantity(43), _quantity(44)
+N_QUANTITY = 47
 BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)
 
 

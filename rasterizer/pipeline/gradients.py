@@ -35,15 +35,15 @@ from .setup import (
     linear_in_z,
     values_at,
 )
-from .textures import TEXCOORDS, TextureCoding, compute_texcoord_planes
+from .textures import FIRST_TEXCOORD, TextureCoding, compute_texcoord_planes
 from .visibility import LEVEL_MASK
 
 EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest path that a material's triangles may take
 # Features of a material, bits: it is computed in float32, or in float64 and so from exact records; it has three
-# channels, a texture; what is behind it is seen, or nothing else.
-SINGLE_PRECISION, DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, IS_TRANSPARENT, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
-# Colours that are given with the model; an exact record beside the planes.
-HAS_ALBEDO, HAS_CORNERS = 64, 128
+# channels, a texture; what is behind it is seen, or nothing else; colours are given with the model.
+SINGLE_PRECISION, DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, IS_TRANSPARENT, IS_INVISIBLE, HAS_ALBEDO = (
+    1, 2, 4, 8, 16, 32, 64,
+)  # fmt: skip
 MAX_CHANNELS = 3
 
 
@@ -185,7 +185,7 @@ def compute_normals(n_attribute, coding, block):
 def compute_texcoords(n_attribute, textures, depths, block):
     """Compute the planes of texture coordinates, if there are any."""
     if textures is not None:
-        if n_attribute > TEXCOORDS:
+        if n_attribute > FIRST_TEXCOORD:
             compute_texcoord_planes(textures, depths, block)
 
 

@@ -12,11 +12,11 @@ from contextlib import contextmanager
 from itertools import tee
 from typing import NamedTuple
 
-import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
+from .fragments import BATCH_SIZE
 from .samples import PLANE_GROUP
 from .shadow_lookup import TAPS
 from .visibility import LANES, LEVEL_BITS
@@ -285,22 +285,22 @@ def build_count_before(typing_context, texels, corner, pitch, n_tap, plane):
 # ---------------------------------------------------------------- texels
 
 
-def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
+def build_fetch_texels(typing_context, texels, batch, rows, n, out):
     """Build `texture_lookup.fetch_texels`."""
-    return _build_texels(_fetch, (0,), 1.0, texels, batch, rows, out)
+    return _build_texels(_fetch, (0,), texels, batch, rows)
 
 
-def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
+def build_blend_texels(typing_context, texels, batch, rows, n, out):
     """Build `texture_lookup.blend_texels`."""
-    return _build_texels(_means, (0, 1), -(2.0**-15), texels, batch, rows, out)
+    return _build_texels(_means, (0, 1), texels, batch, rows)
 
 
-def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):  # noqa: PLR0917 - numba's context comes first
+def build_blend_mip_levels(typing_context, texels, batch, rows, n, out):
     """Build `texture_lookup.blend_mip_levels`."""
-    return _build_texels(_mixed_means, (0, 1, 4, 5), -(2.0**-15), texels, batch, rows, out)
+    return _build_texels(_mixed_means, (0, 1, 4, 5), texels, batch, rows)
 
 
-def _build_texels(sample, positions, factor, texels, batch, rows, out):
+def _build_texels(sample, positions, texels, batch, rows):
     """Build a loop that reads texels: four samples, one after the other, which are then transposed.
 
     The memory is asked for the texels of the sample TEXELS_AHEAD behind each, and at first for those of as many: large
@@ -308,36 +308,27 @@ def _build_texels(sample, positions, factor, texels, batch, rows, out):
 
     sample : (_TexelReader, numbers of four samples) -> four channels of each
     positions : which of the rows say where texels are
-    factor : what they are multiplied by, beside the step
     """
-    if texels.dtype != types.int16 or batch.dtype != types.float32 or out.dtype != types.float32:
+    if texels.dtype != types.float32 or batch.dtype != types.float32:
         return None
     if any(row != types.uint64 for row in rows):
         return None
-    unsigned = types.uint64
-    signature = types.void(texels, batch, rows, unsigned, out, unsigned, unsigned, types.float32)
+    signature = types.void(texels, batch, rows, types.uint64, types.uint64)
 
     def generate(context, builder, signature, arguments):
-        texels, batch, out = (data_of(context, builder, signature.args[k], arguments[k]) for k in (0, 1, 4))
-        n, start, stride, step = arguments[3], *arguments[5:]
-        reader = _TexelReader(builder, texels, batch, cgutils.unpack_tuple(builder, arguments[2]))
-        alpha_step = ir.Constant(ir.FloatType(), float(np.float32(1.0 / 65535.0)))
-        ahead = ir.Constant(ir.IntType(64), TEXELS_AHEAD)
+        texels, batch = (data_of(context, builder, signature.args[k], arguments[k]) for k in (0, 1))
+        rows, n, out = arguments[2:]
+        reader = _TexelReader(builder, texels, batch, cgutils.unpack_tuple(builder, rows))
+        ahead, stride = (ir.Constant(ir.IntType(64), number) for number in (TEXELS_AHEAD, BATCH_SIZE))
         n_ahead = builder.select(builder.icmp_unsigned("<", n, ahead), n, ahead)
         with cgutils.for_range(builder, n_ahead) as loop:
             reader.prefetch(positions, loop.index)
         with side_by_side(builder, n, PLANE_GROUP) as (first, four):
             for k in four:
                 reader.prefetch(positions, builder.add(k, ahead))
-            samples = sample(reader, four)
-            target = builder.add(start, first)
-            for channel, values in enumerate(transpose(builder, samples)):
-                of_one = step if channel < 3 else alpha_step
-                per_value = builder.fmul(ir.Constant(ir.FloatType(), factor), of_one)
-                zero = builder.fmul(ir.Constant(ir.FloatType(), 2.0**15), of_one)
-                values = builder.fmul(values, splat(builder, FLOATS, per_value))
-                values = builder.fadd(values, splat(builder, FLOATS, zero))
-                builder.store(values, builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer()), align=4)
+            target = builder.add(out, first)
+            for values in transpose(builder, sample(reader, four)):
+                builder.store(values, builder.bitcast(builder.gep(batch, [target]), FLOATS.as_pointer()), align=4)
                 target = builder.add(target, stride)
         return context.get_dummy_value()
 
@@ -357,7 +348,7 @@ class _TexelReader:
 
     def load(self, row, k, llvm_type):
         """The texels from sample k's texel in a row on."""
-        return self.builder.load(self.builder.bitcast(self._address(row, k), llvm_type.as_pointer()), align=2)
+        return load(self.builder, self._address(row, k), 0, llvm_type)
 
     def prefetch(self, rows, k):
         """Have the texels of sample k in some rows brought near; of one behind the last any address will do."""
@@ -374,18 +365,17 @@ class _TexelReader:
 
 
 def _fetch(reader, four):
-    """The values of the texels of four samples."""
-    texels = [reader.load(0, k, ir.VectorType(ir.IntType(16), 4)) for k in four]
-    return [reader.builder.sitofp(values, FLOATS) for values in texels]
+    """The texels of four samples."""
+    return [reader.load(0, k, FLOATS) for k in four]
 
 
 def _means(reader, four):
     """The means of four texels each of four samples."""
-    sums = []
+    found = []
     for j in (0, 2):
-        pair = _weighted_sums(reader, four, ((0, j), (0, j + 1)))
-        sums += [half(reader.builder, pair, side) for side in (0, 1)]
-    return sums
+        pair = _pair_of_means(reader, ((0, four[j]), (0, four[j + 1])))
+        found += [half(reader.builder, pair, side) for side in (0, 1)]
+    return found
 
 
 def _mixed_means(reader, four):
@@ -408,38 +398,36 @@ def _mixed_means(reader, four):
 def _mix_levels(reader, four, fractions):
     """The means of two mip levels, mixed by fractions of the second one."""
     builder, mixed = reader.builder, []
-    for j in range(PLANE_GROUP):
-        pair = _weighted_sums(reader, four, ((0, j), (4, j)))
-        a, b = (half(builder, pair, side) for side in (0, 1))
+    for j, k in enumerate(four):
+        pair = _pair_of_means(reader, ((0, k), (4, k)))
         fraction = shuffle(builder, fractions, fractions, [j] * PLANE_GROUP)
-        mixed.append(builder.fadd(a, builder.fmul(fraction, builder.fsub(b, a))))
+        mixed.append(_mix(builder, *(half(builder, pair, side) for side in (0, 1)), fraction))
     return mixed
 
 
-def _weighted_sums(reader, four, pair):
-    """The weighted sums of four texels each, twice, side by side.
+def _pair_of_means(reader, pair):
+    """Two means of four texels each, side by side.
 
-    Values of the upper and of the lower texel take turns, and so do weights: products are added pair by pair, for which
-    many processors have an instruction, and the compiler finds it.
+    A texel and the one to its right stand side by side, too: the upper ones are mixed with the lower ones, and then the
+    left halves with the right ones.
 
-    pair : (the first row of a mip level, which of the four samples), two of them
+    pair : (the first row of a mip level, number of the sample), two of them
     """
-    builder, shorts, longs = reader.builder, ir.VectorType(ir.IntType(16), 16), ir.VectorType(ir.IntType(32), 16)
-    texels = ir.VectorType(ir.IntType(16), 8)
-    top, bottom = (
-        shuffle(builder, *(reader.load(first + row, four[j], texels) for first, j in pair), list(range(16)))
-        for row in (0, 1)
+    builder, columns, shares = reader.builder, [], []
+    for row, k in pair:
+        top, bottom = (reader.load(row + side, k, _REALS) for side in (0, 1))
+        right, down = (reader.load_row(row + side, k, ir.FloatType()) for side in (2, 3))
+        columns.append(_mix(builder, top, bottom, splat(builder, _REALS, down)))
+        shares.append(splat(builder, FLOATS, right))
+    left, right = (
+        shuffle(builder, *columns, [8 * j + 4 * side + i for j in (0, 1) for i in range(4)]) for side in (0, 1)
     )
-    sums = []
-    for side in (0, 1):
-        order = [8 * half + 4 * side + i + 16 * j for half in (0, 1) for i in range(4) for j in (0, 1)]
-        values = shuffle(builder, top, bottom, order)
-        rows = [reader.load_row(first + 2 + side, four[0], ir.VectorType(ir.IntType(32), 4)) for first, _ in pair]
-        weights = shuffle(builder, *rows, [pair[0][1]] * 4 + [4 + pair[1][1]] * 4)
-        products = builder.mul(builder.sext(values, longs), builder.sext(builder.bitcast(weights, shorts), longs))
-        even, odd = (shuffle(builder, products, products, list(range(i, 16, 2))) for i in (0, 1))
-        sums.append(builder.add(even, odd))
-    return builder.sitofp(builder.add(*sums), ir.VectorType(ir.FloatType(), 8))
+    return _mix(builder, left, right, shuffle(builder, *shares, list(range(LANES))))
+
+
+def _mix(builder, a, b, fraction):
+    """What lies the fraction of the way from a to b."""
+    return builder.fadd(a, builder.fmul(fraction, builder.fsub(b, a)))
 
 
 # ---------------------------------------------------------------- vectors

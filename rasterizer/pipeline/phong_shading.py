@@ -39,8 +39,8 @@ from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes
 from .shade import fill_weights
-from .texture_lookup import S_PLANE
-from .texturing import fill_texels, has_texcoord_planes, put_in_metals
+from .texcoords import S_PLANE
+from .texturing import RED, has_texcoord_planes, look_up_colors, put_in_metals
 from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -67,7 +67,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
     faces : FaceTable
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled
-    texturing : Texturing, after `sample_textures`; None where there are no textures
+    texturing : Texturing; None where there are no textures
     batch : see fragments.py, float32 or float64
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
@@ -201,7 +201,7 @@ def evaluate_with_texcoords(entries, band, first, material, texturing, batch):
     """See `evaluate_normals`: texture coordinates stand right behind the normals, so both come in one go."""
     group = plane_group(band.records, NORMALS)
     if band.coding.features[material] & HAS_TEXTURE:
-        evaluate_with_slopes(entries, group, first, batch, f.NORMAL, f.NEXT, texturing.lookup_batch, S_PLANE)
+        evaluate_with_slopes(entries, group, first, batch, f.NORMAL, f.NEXT, texturing.batch, S_PLANE)
     else:
         evaluate_planes(entries, group, first, batch, f.NORMAL, f.NEXT)
 
@@ -287,15 +287,17 @@ def weight_albedo(entries, band, first, material, texturing, start, batch):
     """
     features, n = band.coding.features[material], index(len(entries))
     if texturing is not None:
-        put_in_metals(texturing.of_metals, texturing.texels, material, start, n, batch)
         if features & HAS_TEXTURE:
-            quantity = f.TEXEL if features & HAS_ALBEDO else f.ALBEDO
-            fill_texels(entries, band, first, material, texturing, start, batch, quantity)
-            if features & HAS_ALBEDO:
-                for channel in range(index(3)):
-                    albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT
+            look_up_colors(entries, band, first, material, texturing, start, batch)
+            for channel in range(index(3)):
+                albedo, texel = f.ALBEDO + channel * f.NEXT, RED + channel * f.NEXT
+                if features & HAS_ALBEDO:
                     for k in range(n):
-                        batch[albedo + k] *= batch[texel + k]
+                        batch[albedo + k] *= texturing.batch[texel + k]
+                else:
+                    for k in range(n):
+                        batch[albedo + k] = texturing.batch[texel + k]
+        put_in_metals(texturing.metals, entries, band, first, material, texturing, batch)
 
 
 @helper

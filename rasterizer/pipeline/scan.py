@@ -27,7 +27,7 @@ import numpy as np
 from ..compiler.kernels import choice, class_of, helper, index, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
-from .gradients import HAS_CORNERS, IS_INVISIBLE, IS_TRANSPARENT, NormalCoding, compute_gradients
+from .gradients import IS_INVISIBLE, IS_TRANSPARENT, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
 from .transform import HALF, SUBPIXEL
 from .visibility import (
@@ -133,10 +133,10 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
                 flags = plane_flags(k, block) if has_planes else IS_EXACT
                 payload = Payload(id_payload(n_record, flags), np.int64(0), np.int64(0))
                 n_unit = np.int64(1)
-                if not has_planes or needs_corners(k, coding, block):
-                    write_exact(records, n_record, k, some[k], n_attribute, coding, block)
                 if has_planes:
                     n_unit = write_record(records, n_record, k, some[k], coding, block)
+                else:
+                    write_exact(records, n_record, k, some[k], n_attribute, coding, block)
                 n_record += n_unit
                 n_plane += has_planes
                 n_exact += not has_planes
@@ -217,12 +217,6 @@ def drawn_features(features, deferred):
 def plane_flags(k, block):
     """Return the flag of triangle k's planes in entries, IS_WEIGHTED or 0."""
     return IS_WEIGHTED if block.ints[s.IS_WEIGHTED + k] != 0 else np.int64(0)
-
-
-@helper
-def needs_corners(k, coding, block):
-    """Tell whether triangle k needs an exact record beside its planes."""
-    return coding.features[block.ints[s.MATERIAL + k]] & HAS_CORNERS != 0
 
 
 @choice

@@ -9,7 +9,7 @@ from .fragments import make_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
-from .texture_lookup import make_lookup_batch
+from .texcoords import make_lookup_batch
 from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
 
@@ -24,7 +24,7 @@ class Workspace(NamedTuple):
     double_batch: np.ndarray  # the same in float64
     lookup_batch: np.ndarray  # of samples, for looking textures up
     pixels: PixelBatch  # for the resolve stage
-    texels: np.ndarray  # (n_texel, n_row * pitch) float64
+    alphas: np.ndarray  # (n_row * pitch,) float32, what textures let through; no rows where none of either is there
     # None where the scene has no transparent surfaces:
     room: Room | None  # for the A-buffer
     extents: VisibilityBuffer | None  # clear, without entries: for those of transparent surfaces
@@ -38,7 +38,7 @@ class WorkspaceShape(NamedTuple):
     n_channel: int
     n_attribute: int
     dtype: np.dtype  # of intensities
-    n_texel: int  # rows of texels: 4, with metallic-roughness textures 8; 0 where the scene has no textures
+    is_textured: bool
     is_transparent: bool
 
 
@@ -79,9 +79,9 @@ def make_workspace(shape: WorkspaceShape, n_record: int) -> Workspace:
         np.zeros((shape.n_channel, n_sample), shape.dtype),
         make_batch(np.float32),
         make_batch(np.float64),
-        make_lookup_batch() if shape.n_texel else np.zeros(0, np.float32),
+        make_lookup_batch() if shape.is_textured else np.zeros(0, np.float32),
         make_pixel_batch(),
-        np.zeros((shape.n_texel, n_sample)),
+        np.zeros(n_sample if shape.is_textured and shape.is_transparent else 0, np.float32),
         Room() if shape.is_transparent else None,
         make_extents(shape.n_row) if shape.is_transparent else None,
     )

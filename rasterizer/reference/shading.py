@@ -131,10 +131,20 @@ def _look_up(
         texture = textures[number]
         if texture is not None:
             at = material == number
-            corners = surface.uv[fragments.face[at]][..., columns]
+            corners = without_repeats(surface.uv[fragments.face[at]][..., columns], texture.wrap)
             uv, steps = blend(fragments.weights[at], corners), fragments.steps[at] @ corners
             texels[at] = sample_texture(texture, uv, steps)
     return texels
+
+
+def without_repeats(corners: NDArray, wraps: tuple[str, str]) -> NDArray[np.float64]:
+    """Return texture coordinates (n, 3, 2) of triangles' corners without whole repeats of the picture, so that large
+    ones keep their digits when they are interpolated: each triangle's first corner lies in the first period."""
+    for axis, wrap in enumerate(wraps):
+        if wrap != "clamp":
+            period = 2.0 if wrap == "mirror" else 1.0
+            corners[..., axis] -= period * np.floor(corners[:, :1, axis] / period)
+    return corners
 
 
 def cue_factors(depth: NDArray, lighting: Lighting) -> NDArray[np.float64]:

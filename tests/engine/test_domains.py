@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from helpers.against_reference import depth_resolution
 from helpers.arrays import differences
+from helpers.campaign import exact_of
 from helpers.campaign_scenes import make_case
 from helpers.pinhole import SHADINGS, octasphere
 
@@ -376,7 +377,7 @@ def test_usual_scenes_are_lit_in_float32():
 
 
 def test_nearly_all_scenes_of_the_campaign_state_a_bound():
-    """At tolerance 0: 1e-6, for 95 of 100. At their own one it is that, or 1e-6."""
+    """At tolerance 0: 1e-6, or 2e-5 with textures, for 95 of 100. At their own one it is that, or as with 0."""
     n_case, n_unstated = 0, 0
     for index in range(200):
         case = make_case(8, index)
@@ -384,7 +385,8 @@ def test_nearly_all_scenes_of_the_campaign_state_a_bound():
             continue
         for tolerance in (0.0, case.options["tolerance"]):
             _, bound, _ = see(case.scene, **case.options | {"tolerance": tolerance, "size": case.size})
-            assert bound in (None, EXACT, max(tolerance, EXACT)), f"{index}: {bound}, {tolerance}"
+            least = exact_of(case)
+            assert bound in (None, least, max(tolerance, least)), f"{index}: {bound}, {tolerance}"
             n_case, n_unstated = n_case + (tolerance == 0), n_unstated + (tolerance == 0 and bound is None)
     assert n_unstated <= 0.05 * n_case, f"{n_unstated} of {n_case} scenes state nothing"
 

@@ -264,17 +264,17 @@ def test_entries_accept_what_is_left_of_the_tolerance():
         assert ratio == pytest.approx(1.0 / w, rel=1e-4) and ratio <= 1.0 + 1e-4, "r = w_0/w"
 
 
-def test_textures_are_packed_where_they_are_looked_up_in_float32():
-    """Not those of a material in float64, and none that lets light through: an error of alpha weights all behind it."""
-    toon, phong = (rz.Texture(np.full((n, n, 3), 90, np.uint8)) for n in (5, 3))
-    clear = rz.Texture(np.full((4, 4, 4), 90, np.uint8))
-    looks = [rz.Material(texture=toon, reflection="toon"), rz.Material(texture=phong), rz.Material(texture=clear)]
+def test_texture_coordinates_of_alpha_and_of_texels_that_are_not_blended_stand_in_no_planes():
+    """An error of alpha weights all behind it, and next to a border the nearest texel may be another."""
+    image = np.full((4, 4, 4), 90, np.uint8)
+    clear, nearest, plain = (rz.Texture(image), rz.Texture(image[..., :3], "nearest"), rz.Texture(image[..., :3]))
+    looks = [rz.Material(texture=texture) for texture in (clear, nearest, plain)]
     found = plan_of(scene_of(looks, GREY_LIGHTS, uv=BALL[0][:, :2]))
-    n_packed = np.diff(found.packed_textures.first_texels)
-    assert found.of_materials.is_double.tolist() == [True, False, False]
-    assert n_packed[0] == n_packed[2] == 0 < n_packed[1]
-    coding = make_coding(found, DEFAULT_TOLERANCE).textures
-    assert coding.is_exact_looked_up.tolist() == [False, True, False] and coding.limits[2] == 0.0
+    assert not found.of_materials.is_double.any()
+    assert (found.of_materials.paths == EXACT).tolist() == [True, True, False]
+    assert make_coding(found, DEFAULT_TOLERANCE).textures is not None
+    found = plan_of(scene_of(looks[:2], GREY_LIGHTS, uv=BALL[0][:, :2]))
+    assert make_coding(found, DEFAULT_TOLERANCE).textures is None
 
 
 def test_distances_are_carried_for_lights_that_have_a_place():

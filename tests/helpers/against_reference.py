@@ -11,6 +11,7 @@ from helpers.arrays import differences
 from rasterizer import reference
 
 EXACT = 1e-6  # promised with tolerance 0, in linear intensity
+TEXTURED = 2e-5  # the same where something is textured
 NORMAL = 2e-6  # normals are stored as float32
 BUFFERS = ("color", "depth", "face", "normal")
 

@@ -20,7 +20,7 @@ from unittest.mock import patch
 import numpy as np
 
 import rasterizer as rz
-from helpers.against_reference import EXACT, clear_pixels, color_errors, depth_resolution
+from helpers.against_reference import EXACT, TEXTURED, clear_pixels, color_errors, depth_resolution
 from helpers.campaign_scenes import Case, make_case
 from rasterizer import reference
 from rasterizer.engine.domains import SHORT_NORMAL
@@ -102,7 +102,7 @@ def check_alone(case, frame, which="") -> list:
         faults.append(f"{which}a depth is not finite, or finite where nothing is")
     if frame.color.min() < 0.0 and not has_spectra(case):
         faults.append(f"{which}a colour is {frame.color.min():.3g}")
-    most, bound = max(EXACT, 0.0 if which else case.options["tolerance"]), frame.stats.error_bound
+    most, bound = max(exact_of(case), 0.0 if which else case.options["tolerance"]), frame.stats.error_bound
     if bound is not None and not bound <= most:
         faults.append(f"{which}the stated bound is {bound:.3g} > {most:.3g}")
     if (bound is None) != any(step[0].startswith("no bound is stated") for step in frame.stats.steps):
@@ -110,6 +110,11 @@ def check_alone(case, frame, which="") -> list:
     if not (0.0 <= frame.alpha.min() and frame.alpha.max() <= 1.0):
         faults.append(f"{which}alpha is within {frame.alpha.min()}..{frame.alpha.max()}")
     return faults
+
+
+def exact_of(case) -> float:
+    """What tolerance 0 promises."""
+    return TEXTURED if any(each.textures for mesh in case.scene.meshes for each in mesh.palette) else EXACT
 
 
 def has_spectra(case) -> bool:
@@ -229,7 +234,7 @@ def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
     """Colours, against the picture with tolerance 0 and against the reference's."""
     scene, faults, worst, n_step = case.scene, [], 0.0, 0
     stored = ROUNDED * np.abs(expected.color)
-    promised = EXACT * max(np.abs(expected.color).max(), 1.0)  # of full scale
+    promised = exact_of(case) * max(np.abs(expected.color).max(), 1.0)  # of full scale
     bound, least = (np.nan if one.stats.error_bound is None else one.stats.error_bound for one in (frame, exact))
     of_exact, of_both = exact.stats.steps, (*exact.stats.steps, *frame.stats.steps)
     pairs = (

@@ -367,10 +367,13 @@ def make_options(dice) -> dict:
 
 
 def make_materials(dice) -> list:
-    """One material, or several."""
+    """One material, or several, each with or without a texture and its alpha."""
     is_grey, has_texture, is_clear = dice.chance(0.5), dice.wild(0.3), dice.wild(0.25)
-    n = 3 if dice.chance(0.2) else 1
-    return [make_material(dice, is_grey, has_texture, is_clear) for _ in range(n)]
+    if not dice.chance(0.2):
+        return [make_material(dice, is_grey, has_texture, is_clear)]
+    return [
+        make_material(dice, is_grey, has_texture and dice.chance(0.8), is_clear and dice.chance(0.7)) for _ in range(4)
+    ]
 
 
 def make_material(dice, is_grey, has_texture, is_clear) -> rz.Material:

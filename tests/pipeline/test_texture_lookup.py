@@ -1,4 +1,5 @@
-"""Look textures up in float32, and compare with the reference, float64: within the bound, and never beside a texel."""
+"""Look textures up at planes of coordinates, and compare with the reference: within the bound, and never beside a
+texel."""
 
 from itertools import product
 
@@ -7,14 +8,15 @@ import pytest
 from helpers.arrays import differences
 from helpers.pairs import pairs
 
-from rasterizer.compiler.kernels import index, kernel
-from rasterizer.engine.texture_tables import list_textures, pack_textures
-from rasterizer.pipeline import texture_lookup as b
+from rasterizer.compiler.kernels import kernel
+from rasterizer.engine.texture_tables import make_textures
+from rasterizer.pipeline import texcoords as b
 from rasterizer.pipeline import texture_lookup as texel_blend
-from rasterizer.pipeline import textures as packing
+from rasterizer.pipeline import textures as laying
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.texture_lookup import compute_texcoords, read_texels
-from rasterizer.pipeline.textures import FILTER_NEAREST, NEAREST_ERROR, texcoord_error, texcoord_references
+from rasterizer.pipeline.texcoords import compute_texcoords
+from rasterizer.pipeline.texture_lookup import read_texels
+from rasterizer.pipeline.textures import texcoord_error, texcoord_references
 from rasterizer.pipeline.visibility import LANES
 from rasterizer.reference.shading import sample_texture
 from rasterizer.scene.material import Material
@@ -26,20 +28,26 @@ SIZES = ((16, 16), (1, 1), (1, 7), (9, 1), (5, 3), (37, 64), (300, 200), (2, 2))
 
 
 @kernel
-def look_up(batch, n, packed, texture, out):
-    """Look a texture up in float32."""
-    one = packing.packed_texture(packed, index(texture))
+def look_up(batch, n, textures, material):
+    """Look the texture of a material up."""
+    one = laying.texture_of(textures, material)
     compute_texcoords(batch, n, one)
-    return read_texels(batch, n, one, out, index(0), index(BATCH_SIZE))
+    read_texels(batch, n, one)
 
 
 as_plain = np.errstate(all="ignore")(getattr(look_up, "py_func", look_up))
 
 
 def textures_of(image, filter="trilinear", wrap="repeat"):
-    """One texture, and packed."""
+    """One texture, and as it is looked up."""
     texture = Texture(image, filter, wrap)
-    return texture, pack_textures(list_textures([texture]))
+    return texture, make_textures([texture])
+
+
+def shown(batch, n=BATCH_SIZE):
+    """What n samples of a batch show, (4, n)."""
+    first = int(b.TEXEL) // BATCH_SIZE
+    return batch.reshape(-1, BATCH_SIZE)[first : first + 4, :n]
 
 
 class Samples:
@@ -54,27 +62,23 @@ class Samples:
         inv_w = np.float32(np.broadcast_to(inv_w, self.n))
         planes = np.float32(np.asarray(offsets) * inv_w)
         derivatives = np.float32(np.broadcast_to(derivatives, (2, 3, self.n)))
-        *references, number = texcoord_references(near, self.sizes.astype(float), tuple(packed.wraps[0]))
+        *references, number = texcoord_references(np.asarray(near) / self.sizes, tuple(packed.wraps[0]))
         self.batch = b.make_lookup_batch()
         rows = self.batch.reshape(-1, BATCH_SIZE)[:10]
         rows[:, : self.n] = [*planes, inv_w, np.full(self.n, number), *derivatives[0], *derivatives[1]]
         with np.errstate(all="ignore"):
             self.offsets = planes.astype(float) / inv_w
-            self.texcoords = self.offsets + np.array(references)[:, None]
+            self.texcoords = self.offsets + (references * self.sizes)[:, None]
             self.steps = (derivatives[:, :2] - self.offsets * derivatives[:, 2:].astype(float)) / inv_w
             square = np.nan_to_num((self.steps**2).sum(axis=1).max(axis=0), nan=1.0, posinf=1e300)
         n_level = packed.sizes[0, 2]
         self.mip_levels = np.clip(0.5 * np.log2(np.maximum(square, 1.0)), 0, n_level - 1)
 
-    def found(self, packed, texture=0):
-        """What the float32 way finds (4, n), and which samples are doubtful."""
-        out, batch = np.full((4, BATCH_SIZE), np.nan, np.float32), self.batch.copy()
-        is_any = look_up(batch, self.n, packed, texture, out)
-        is_doubtful = np.zeros(self.n, bool)
-        if packed.filters[texture] == FILTER_NEAREST:
-            is_doubtful = batch.view(np.int32)[int(b.IS_DOUBTFUL) :][: self.n] != 0
-        assert is_any == is_doubtful.any()
-        return out[:, : self.n].astype(float), is_doubtful
+    def found(self, packed):
+        """What is found (4, n)."""
+        batch = self.batch.copy()
+        look_up(batch, self.n, packed, 0)
+        return shown(batch, self.n).astype(float)
 
     def expected(self, texture, moved=0.0):
         """What the reference finds (4, n) where texture coordinates are moved by (2, n) or (2, 1) texels."""
@@ -96,7 +100,7 @@ class Samples:
         of_level = 1.45 * np.sum(of_steps, axis=0)
         return np.array(
             [
-                packing.texture_error(packed, 0, own[0][k] + errors[0], own[1][k] + errors[1], of_level[k])
+                laying.texture_error(packed, 0, own[0][k] + errors[0], own[1][k] + errors[1], of_level[k])
                 for k in range(self.n)
             ]
         )
@@ -148,7 +152,7 @@ def test_colours_are_within_their_bound(filter):
         for k in range(2):
             reach = np.array([[20.0], [2.0]]) if size[0] == 16384 else None
             samples = random_samples(packed, rng, reach=reach, level=1.0 if k == 0 else None)
-            found, _ = samples.found(packed)
+            found = samples.found(packed)
             worst = (np.abs(found - samples.expected(texture)).max(axis=0) / samples.bounds(packed)).max()
             assert worst <= 1.0, f"{kind} {size} {wrap}: {worst:.3f} > 1 times the bound"
 
@@ -164,7 +168,7 @@ def test_the_bound_holds_where_texture_coordinates_err(filter, kind, wrap):
     errors, worst = np.array([3e-4, 7e-4]), 0.0
     for _ in range(6):
         samples = random_samples(packed, rng, reach=np.array([[5.0], [4.0]]))
-        found, _ = samples.found(packed)
+        found = samples.found(packed)
         bounds, best = samples.bounds(packed, errors), np.zeros((2, samples.n))
         highest = np.zeros(samples.n)
         for step in range(40):
@@ -187,63 +191,19 @@ def test_mip_levels_lose_no_more_than_they_are_said_to():
             batch = b.make_lookup_batch()
             rows = batch.reshape(-1, BATCH_SIZE)
             rows[int(b.INV_W) // BATCH_SIZE], rows[int(b.S_DX) // BATCH_SIZE] = 1.0, slopes
-            look_up(batch, BATCH_SIZE, packed, 0, np.empty((4, BATCH_SIZE), np.float32))
+            look_up(batch, BATCH_SIZE, packed, 0)
             found = rows[int(b.MIP_LEVEL) // BATCH_SIZE].astype(float)
             worst = max(worst, abs(found - np.clip(np.log2(slopes.astype(float)), 0, coarsest)).max())
-        assert worst <= packing.LEVEL_ERROR, f"{width}: {worst:.3g} > {packing.LEVEL_ERROR:.3g}"
-
-
-# ---------------------------------------------------------------- nearest texels
-
-
-def test_the_nearest_texel_is_the_exact_one_or_doubtful():
-    """Of coordinates that err by no more than they are said to; a few texels are doubtful, those at borders."""
-    for size, wrap in product(SIZES, WRAPS):
-        rng = np.random.default_rng(len(wrap))
-        texture, packed = textures_of(rng.uniform(0, 1, (size[1], size[0], 4)), "nearest", wrap)
-        n_doubtful = n_wrong = n_sample = 0
-        for _ in range(3):
-            samples = random_samples(packed, rng, reach=rng.choice([0.6, 3.0]) * np.array(size)[:, None])
-            own = np.array([[texcoord_error(0.0, 0.0, 1.0, most)] for most in abs(samples.offsets).max(axis=1)])
-            found, is_doubtful = samples.found(packed)
-            moved = rng.uniform(-1, 1, (2, samples.n)) * (NEAREST_ERROR - own)
-            off = np.abs(found - samples.expected(texture, moved)).max(axis=0)
-            n_wrong += (off[~is_doubtful] > packed.errors[0, packing.ALWAYS]).sum()
-            n_doubtful, n_sample = n_doubtful + is_doubtful.sum(), n_sample + samples.n
-        assert n_wrong == 0, f"{size} {wrap}: {n_wrong} samples wrong"
-        # a quarter of the samples was put onto borders, or centres
-        assert n_doubtful < 0.5 * n_sample, f"{size} {wrap}: {n_doubtful} of {n_sample} doubtful"
-
-
-def test_samples_at_borders_are_doubtful_unless_nothing_lies_behind():
-    rng = np.random.default_rng(2)
-    for wrap in ("repeat", "clamp", "mirror"):
-        _, packed = textures_of(rng.uniform(0, 1, (4, 4, 4)), "nearest", wrap)
-        positions = [0.0, 1.0, 1.5, 2.0, 4.0, -3.0, 1.0 + 1.2 * NEAREST_ERROR]
-        repeats = wrap == "repeat"
-        outside = wrap != "clamp"  # -3 is a border inside the mirrored picture
-        expected = [repeats, True, False, True, repeats, outside, False]
-        for axis in (0, 1):
-            offsets = np.full((2, len(positions)), 0.5)
-            offsets[axis] = positions
-            _, is_doubtful = Samples(packed, offsets).found(packed)
-            assert is_doubtful.tolist() == expected, f"{wrap}, axis {axis}: {is_doubtful.tolist()}"
+        assert worst <= laying.LEVEL_ERROR, f"{width}: {worst:.3g} > {laying.LEVEL_ERROR:.3g}"
 
 
 def test_the_bound_is_infinite_where_coordinates_err_too_much():
-    for filter, errors in (
-        ("nearest", (1.01 * NEAREST_ERROR, 1e9, np.inf, np.nan)),
-        ("bilinear", (np.inf, np.nan)),
-        ("trilinear", (np.inf, np.nan)),
-    ):
+    for filter in ("bilinear", "trilinear"):
         _, packed = textures_of(np.eye(8), filter)
-        for error in errors:
+        for error in (np.inf, np.nan):
             for pair in ((error, 0.0), (0.0, error)):
-                found = packing.texture_error(packed, 0, *pair, 0.0)
+                found = laying.texture_error(packed, 0, *pair, 0.0)
                 assert found == np.inf, f"{filter}, {pair}: {found}"
-    _, packed = textures_of(np.ones((8, 8, 4)), "nearest")
-    good = packing.texture_error(packed, 0, NEAREST_ERROR, NEAREST_ERROR, np.inf)
-    assert good == packed.errors[0, packing.ALWAYS]
 
 
 # ---------------------------------------------------------------- what must hold exactly
@@ -256,14 +216,12 @@ def test_a_constant_texture_is_constant_and_nothing_leaves_the_range_of_the_texe
     for value in (0.0, 1.0, 0.2, 200.0):
         _, packed = textures_of(np.broadcast_to([value, value, value, 1.0], (6, 9, 4)), filter)
         for _ in range(3):
-            found, _ = random_samples(packed, rng).found(packed)
-            spread = np.ptp(found, axis=1).max()
-            assert spread <= abs(found).max() * 2.0**-23, f"{value} varies by {spread:.3g}"
+            found = random_samples(packed, rng).found(packed)
             assert (found[3] == 1.0).all(), f"alpha {found[3].min()} != 1"
-            assert value not in (0.0, 1.0) or (found[:3] == value).all(), f"{found[:3].max()} != {value}"
+            assert (found[:3] == np.float32(value)).all(), f"{found[:3].min()}..{found[:3].max()} != {value}"
     _, packed = textures_of(image_of("checkerboard", (12, 7), rng), filter)
     for _ in range(10):
-        found, _ = random_samples(packed, rng).found(packed)
+        found = random_samples(packed, rng).found(packed)
         assert found.min() >= 0.0 and found.max() <= 1.0, f"{found.min()}..{found.max()} leaves 0..1"
 
 
@@ -276,7 +234,7 @@ def test_any_number_finds_a_texel_of_the_texture(filter):
         inside = Texture(rng.uniform(0.25, 0.75, (5, 7, 4)), filter, wrap)
         around = [Texture(np.zeros((9, 4, 4)), filter), Texture(np.ones((3, 3, 4)), filter)]
         materials = [Material(texture=texture) for texture in (around[0], inside, around[1])]
-        packed = pack_textures(list_textures([material.texture for material in materials]))
+        packed = make_textures([material.texture for material in materials])
         for _ in range(20):
             batch = b.make_lookup_batch()
             rows = batch.reshape(-1, BATCH_SIZE)
@@ -284,8 +242,8 @@ def test_any_number_finds_a_texel_of_the_texture(filter):
             rows[rng.integers(10)] = rng.uniform(-2, 2, BATCH_SIZE)
             if rng.uniform() < 0.5:
                 rows[3] = rng.integers(0, 2**24, BATCH_SIZE)
-            out = np.full((4, BATCH_SIZE), np.nan, np.float32)
-            look_up(batch, BATCH_SIZE, packed, 1, out)
+            look_up(batch, BATCH_SIZE, packed, 1)
+            out = shown(batch)
             assert out.min() >= 0.24 and out.max() <= 0.76, f"{wrap}: {out.min()}..{out.max()}"
 
 
@@ -295,21 +253,22 @@ def test_a_sample_does_not_depend_on_its_neighbours():
     rng = np.random.default_rng(10)
     _, packed = textures_of(image_of("noise", (16, 16), rng))
     near, far = random_samples(packed, rng, level=-3.0), random_samples(packed, rng, level=2.0)
-    mixed = near.batch.copy()
-    rows, of_far = mixed.reshape(-1, BATCH_SIZE), far.batch.reshape(-1, BATCH_SIZE)
+    both = near.batch.copy()
+    rows, of_far = both.reshape(-1, BATCH_SIZE), far.batch.reshape(-1, BATCH_SIZE)
     rows[:10, ::2] = of_far[:10, ::2]
-    out = np.empty((4, BATCH_SIZE), np.float32)
-    look_up(mixed, BATCH_SIZE, packed, 0, out)
-    assert not differences(out[:, 1::2], np.float32(near.found(packed)[0][:, 1::2]))
-    assert not differences(out[:, ::2], np.float32(far.found(packed)[0][:, ::2]))
+    look_up(both, BATCH_SIZE, packed, 0)
+    assert not differences(shown(both)[:, 1::2], np.float32(near.found(packed)[:, 1::2]))
+    assert not differences(shown(both)[:, ::2], np.float32(far.found(packed)[:, ::2]))
     for filter, n in product(FILTERS, (1, 3, 4, 5, 21)):
         _, packed = textures_of(image_of("noise", (8, 8), rng), filter)
         samples, found = random_samples(packed, rng, n), []
         for way in (look_up, as_plain):
-            out = np.full((4, BATCH_SIZE), 7, np.float32)
-            is_doubtful = way(samples.batch.copy(), n, packed, 0, out)
+            batch = samples.batch.copy()
+            shown(batch)[:] = 7
+            way(batch, n, packed, 0)
+            out = shown(batch)
             assert (out[:, -(-n // LANES) * LANES :] == 7).all() and (out[:, :n] != 7).all(), f"{filter}, {n} samples"
-            found.append((bool(is_doubtful), out[:, :n].tobytes()))
+            found.append(out[:, :n].tobytes())
         assert found[0] == found[1], f"{filter}, {n} samples: without the compiler, something else is found"
 
 
@@ -319,61 +278,46 @@ def test_a_sample_does_not_depend_on_its_neighbours():
 # it.
 
 
-STEP, STRIDE, START = np.float32(3.0 / 65535.0), 300, 5
 FETCH, BLEND, MIX = range(3)
+OUT = np.uint64(12 * BATCH_SIZE)
 
 
 @kernel
-def read(form, texels, batch, rows, n, out, start, stride, step):
+def read(form, texels, batch, rows, n, out):
     """Call one of the three loops from a kernel."""
     if form == FETCH:
-        texel_blend.fetch_texels(texels, batch, (rows[0],), n, out, start, stride, step)
+        texel_blend.fetch_texels(texels, batch, (rows[0],), n, out)
     elif form == BLEND:
-        texel_blend.blend_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), n, out, start, stride, step)
+        texel_blend.blend_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), n, out)
     else:
-        texel_blend.blend_mip_levels(texels, batch, rows, n, out, start, stride, step)
+        texel_blend.blend_mip_levels(texels, batch, rows, n, out)
 
 
-WAYS = {"vectors": read, "plain": np.errstate(over="ignore")(getattr(read, "py_func", read))}
+WAYS = {"vectors": read, "plain": getattr(read, "py_func", read)}
 ROWS = tuple(np.uint64(k * BATCH_SIZE) for k in range(9))
 
 
-def weights_of(rng, n):
-    """Four weights each, (4, n): negative, adding up to -2^15, the largest ones among them."""
-    shares = np.sort(rng.integers(0, 2**15 + 1, (3, n)), axis=0)
-    shares[:, :4] = [[0, 0, 0, 32768], [0, 0, 32768, 32768], [0, 32768, 32768, 32768]]
-    return -np.diff(np.vstack([np.zeros(n, int), shares, np.full(n, 2**15)]), axis=0)
-
-
-def packed(low, high):
-    """Two numbers of 16 bits in one of 32."""
-    return ((low & 0xFFFF) | (high << 16)).astype(np.int32)
-
-
 def a_batch(rng, n_texel):
-    """A batch with texels and weights of two mip levels, and shares; and the weights, (2, 4, BATCH_SIZE)."""
-    batch = np.zeros(12 * BATCH_SIZE, np.float32)
-    whole, weights = batch.view(np.int32).reshape(12, -1), np.stack([weights_of(rng, BATCH_SIZE) for _ in range(2)])
-    for level in (0, 1):
-        whole[4 * level : 4 * level + 2] = rng.integers(0, n_texel - 1, (2, BATCH_SIZE))
-        whole[4 * level + 2] = packed(weights[level][0], weights[level][1])  # left: top, bottom
-        whole[4 * level + 3] = packed(weights[level][2], weights[level][3])
-    batch.reshape(12, -1)[8] = rng.uniform(0, 1, BATCH_SIZE)
-    return batch, weights
+    """A batch with texels of two mip levels, how far samples lie behind them, and shares; and room for what is read."""
+    batch = np.full(16 * BATCH_SIZE, 7, np.float32)
+    rows = batch.reshape(16, -1)
+    for level in (0, 4):
+        rows.view(np.int32)[level : level + 2] = rng.integers(0, n_texel - 1, (2, BATCH_SIZE))
+        rows[level + 2 : level + 4] = rng.uniform(0, 1, (2, BATCH_SIZE))
+    rows[8] = rng.uniform(0, 1, BATCH_SIZE)
+    rows[2:4, :4], rows[8, :9] = [[0, 0, 1, 1], [0, 1, 0, 1]], 0
+    return batch
 
 
-def mean_plainly(texels, whole, weights):
-    """Weighted sums (4, n) of whole numbers; `whole` are top and bottom."""
-    top, bottom = whole.astype(int)
-    corners = texels[top], texels[bottom], texels[top + 1], texels[bottom + 1]
-    total = sum(weight[:, None] * corner for weight, corner in zip(weights, corners, strict=True))
-    return np.float32(total).T
+def mixed(a, b, share):
+    return a + share * (b - a)
 
 
-def finished(values, factor):
-    """Linear colours of sums of steps."""
-    steps = np.array([STEP, STEP, STEP, texel_blend.ALPHA_STEP], np.float32)[:, None]
-    return values * (np.float32(factor) * steps) + np.float32(2.0**15) * steps
+def mean_plainly(texels, rows):
+    """Means (4, n) of four texels; `rows` are top, bottom, right and down."""
+    (top, bottom), (right, down) = rows[:2].view(np.int32), rows[2:4, :, None]
+    left, others = (mixed(texels[top + k], texels[bottom + k], down) for k in (0, 1))
+    return mixed(left, others, right).T
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -381,25 +325,14 @@ def test_texels_are_read_and_blended_as_plain_python_does(way):
     """Nothing is written beyond the next multiple of four."""
     for n in (0, 1, 3, 4, 5, 64, 255):
         rng = np.random.default_rng(n)
-        texels = rng.integers(-(2**15), 2**15, (500, 4)).astype(np.int16)
-        texels[rng.integers(500, size=100)] = rng.choice([-(2**15), 2**15 - 1], (100, 4))
-        batch, weights = a_batch(rng, 500)
-        whole = batch.view(np.int32).reshape(12, -1)
-        finer = mean_plainly(texels.astype(int), whole[:2], weights[0])
-        coarser = mean_plainly(texels.astype(int), whole[4:6], weights[1])
-        share = batch.reshape(12, -1)[8]
-        expected = {
-            FETCH: finished(np.float32(texels[whole[0]]).T, 1.0),
-            BLEND: finished(finer, -(2.0**-15)),
-            MIX: finished(finer + share * (coarser - finer), -(2.0**-15)),
-        }
+        texels, given = rng.uniform(0, 300, (500, 4)).astype(np.float32), a_batch(rng, 500)
+        rows = given.reshape(16, -1)
+        finer, coarser = mean_plainly(texels, rows[:4]), mean_plainly(texels, rows[4:8])
+        expected = {FETCH: texels[rows.view(np.int32)[0]].T, BLEND: finer, MIX: mixed(finer, coarser, rows[8])}
         for form, colors in expected.items():
-            out, given = np.full(4 * STRIDE + START, 7, np.float32), batch.copy()
-            WAYS[way](form, texels.ravel(), given, ROWS, np.uint64(n), out, np.uint64(START), np.uint64(STRIDE), STEP)
-            for channel in range(4):
-                first = START + channel * STRIDE
-                same = out[first : first + n].tobytes() == colors[channel, :n].tobytes()
-                assert same, f"loop {form}, {n} samples, channel {channel}"
-                out[first : first + -(-n // 4) * 4] = 7
-            assert (out == 7).all(), f"loop {form}, {n} samples: wrote beyond the next multiple of four"
-            assert given.tobytes() == batch.tobytes(), f"loop {form}, {n} samples: wrote into the batch"
+            batch = given.copy()
+            WAYS[way](form, texels.ravel(), batch, ROWS, np.uint64(n), OUT)
+            out = batch.reshape(16, -1)[12:]
+            assert out[:, :n].tobytes() == colors[:, :n].tobytes(), f"loop {form}, {n} samples"
+            out[:, : -(-n // 4) * 4] = 7
+            assert batch.tobytes() == given.tobytes(), f"loop {form}, {n} samples: wrote beyond the next four"

@@ -1,32 +1,32 @@
-"""Textures in 16 bits: every texel and its border, the largest steps, and bounds between mip levels."""
+"""Textures as they are looked up: every texel and its border, the largest steps, and bounds between mip levels."""
 
 import numpy as np
 import pytest
 from helpers.arrays import differences
 
 from rasterizer.cores import Workers
-from rasterizer.engine.texture_tables import lay_textures, list_textures, pack_textures
-from rasterizer.pipeline import textures as packing
-from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT, texel_at
-from rasterizer.pipeline.textures import first_texel, texcoord_error, texcoord_references
+from rasterizer.engine.texture_tables import make_textures
+from rasterizer.pipeline import textures as laying
+from rasterizer.pipeline.textures import (
+    WRAP_CLAMP,
+    WRAP_MIRROR,
+    WRAP_REPEAT,
+    first_texel,
+    texcoord_error,
+    texcoord_references,
+)
 from rasterizer.reference.shading import sample_texture
 from rasterizer.scene.texture import Texture
 
 SIZES = ((1, 1), (1, 9), (9, 1), (2, 3), (16, 16), (37, 5), (5, 640))
 
 
-def packed(*textures):
-    """Textures of as many materials, packed."""
-    return pack_textures(list_textures(textures))
-
-
 def level_of(textures, texture, level):
-    """A mip level with its border, (h + 2, w + 2, 4) float64, linear."""
+    """A mip level with its border, (h + 2, w + 2, 4) float32, linear."""
     width, height = (max(int(n) >> level, 1) for n in textures.sizes[texture, :2])
     first = textures.first_texels[texture] + first_texel(*np.int32([*textures.sizes[texture, :2], level]))
     texels = textures.texels.reshape(-1, 4)[first : first + (width + 2) * (height + 2)]
-    steps = np.array([textures.steps[texture]] * 3 + [1 / 65535.0])
-    return (texels.reshape(height + 2, width + 2, 4) + 2.0**15) * steps
+    return texels.reshape(height + 2, width + 2, 4)
 
 
 @pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror", ("repeat", "clamp")])
@@ -34,18 +34,17 @@ def test_every_level_stands_there_with_its_border(wrap):
     for width, height in SIZES:
         rng = np.random.default_rng(width)
         texture = Texture(rng.uniform(0, 1, (height, width, 4)), "trilinear", wrap)
-        textures = packed(Texture(np.ones((3, 3, 3))), texture, Texture(np.zeros((2, 2, 3))))
+        textures = make_textures([Texture(np.ones((3, 3, 3))), texture, Texture(np.zeros((2, 2, 3)))])
         modes = ["wrap" if word == "repeat" else "edge" for word in texture.wrap]
         for level, picture in enumerate(texture.pyramid):
             expected = np.pad(picture, ((0, 0), (1, 1), (0, 0)), mode=modes[0])
             expected = np.pad(expected, ((1, 1), (0, 0), (0, 0)), mode=modes[1])
-            off = np.abs(level_of(textures, 1, level) - expected).max() * 65535
-            assert off <= 0.51, f"{width} x {height}, level {level}: {off:.3f} > 0.51 steps"
+            assert not differences(level_of(textures, 1, level), expected), f"{width} x {height}, level {level}"
 
 
 @pytest.mark.parametrize("n_channel", [1, 2, 3, 4])
 def test_levels_are_those_of_the_texture_however_it_is_given(n_channel):
-    """Of bytes and of floats, on any number of threads: what is laid, and what is packed."""
+    """Of bytes and of floats, on any number of threads."""
     rng, workers = np.random.default_rng(5), Workers(3)
     for width, height in (*SIZES, (301, 222), (640, 128)):
         image = rng.integers(0, 256, (height, width, n_channel), np.uint8)
@@ -55,30 +54,19 @@ def test_levels_are_those_of_the_texture_however_it_is_given(n_channel):
         others = Texture(Texture(image).image), Texture(image, "bilinear"), Texture.of_numbers(image)
         for k, texture in enumerate((of_bytes, *others)):
             beside = (Texture, Texture.of_numbers)[k % 3 > 0](image[:1])
-            laid = lay_textures(list_textures([beside, texture]), run=workers.map)
-            first, end = laid.first_levels[1:3]
-            for (start, n_column, n_row), level in zip(laid.mip_levels[first:end], texture.pyramid, strict=True):
-                found = [texel_at(laid, int(k)) for k in range(start, start + n_column * n_row)]
-                assert not differences(np.float32(found).reshape(level.shape), level), f"{width} x {height}"
-        of_floats, listed = packed(Texture(of_bytes.image)), list_textures([of_bytes])
-        on_threads = pack_textures(listed, run=workers.map)
+            laid = make_textures([beside, texture], run=workers.map)
+            for number, level in enumerate(texture.pyramid):
+                assert not differences(level_of(laid, 1, number)[1:-1, 1:-1], level), f"{width} x {height}"
+        of_floats, on_threads = make_textures([Texture(of_bytes.image)]), make_textures([of_bytes], run=workers.map)
         for found, expected in zip(on_threads, of_floats, strict=True):
             assert not differences(found, expected), f"{width} x {height}"
 
 
-def test_only_what_is_looked_up_is_laid():
-    textures = [Texture(np.full((4, 4, 3), k, np.uint8)) for k in range(3)]
-    laid = lay_textures(list_textures(textures), np.array([-1, 1, -1]))
-    assert len(laid.encoded) == 4 * 16 and np.diff(laid.first_levels).tolist() == [0, 3, 0]
-
-
-def test_steps_suit_the_largest_colour():
-    for most in (1e-30, 1e-4, 0.9, 1.0, 1.1, 700.0):
-        image = np.random.default_rng(1).uniform(0, most, (8, 8, 3))
-        image[0, 0] = most
-        off = np.abs(level_of(packed(Texture(image)), 0, 0)[1:-1, 1:-1, :3] - np.float32(image)).max()
-        budget = max(1.02 * most, 2.0**-40) / 65535
-        assert off <= budget, f"largest {most}: {off:.3g} > {budget:.3g}"
+def test_materials_that_share_a_texture_have_it_once():
+    one, two = (Texture(np.full((4, 4, 3), k, np.uint8)) for k in range(2))
+    laid = make_textures([one, None, two, one], n_texcoord=4)
+    assert laid.of_materials.tolist() == [0, -1, 1, 0] and len(laid.sizes) == 2 and laid.texcoord == 8
+    assert make_textures([None, None]) is None
 
 
 def test_mip_levels_of_any_size_do_not_overlap():
@@ -94,16 +82,20 @@ def test_mip_levels_of_any_size_do_not_overlap():
         assert first[-1] <= 4 / 3 * width * height + 6 * (width + height) + 8 * n_level + 1 < 2**31
 
 
-@pytest.mark.parametrize("pack", [packing.pack_texels, packing.pack_texels.py_func], ids=["compiled", "plain"])
-def test_the_largest_steps_are_found(pack):
-    """Inside the picture, and across its border where it repeats."""
+def test_the_largest_steps_are_found():
+    """Inside the picture, and across its border where it repeats; on any number of threads."""
+    run = Workers(2).map
     rng = np.random.default_rng(2)
     for k in range(16):
         repeats = bool(k & 1), bool(k & 2)
         picture = np.float32(rng.uniform(0, 1, (*rng.integers(1, 6, 2), 4)))
         height, width = picture.shape[:2]
-        rows, out = picture.reshape(height, 4 * width), np.zeros((height, 4 * (width + 2)), np.int16)
-        d_s, d_t = pack(rows, rows[0 if repeats[1] else -1], repeats[0], 65535.0, out)
+        level = np.zeros((height + 2, width + 2, 4), np.float32)
+
+        def write(first, end, picture=picture, level=level):
+            level[first + 1 : end + 1, 1:-1] = picture[first:end]
+
+        d_s, d_t = laying.fill_level(level, [WRAP_REPEAT if each else WRAP_MIRROR for each in repeats], write, run)
         for found, axis, is_repeated in ((d_s, 1, repeats[0]), (d_t, 0, repeats[1])):
             wide = np.concatenate([picture, picture.take([0], axis)], axis) if is_repeated else picture
             expected = np.abs(np.diff(wide, axis=axis)).max(initial=0.0)
@@ -127,18 +119,18 @@ def test_levels_differ_by_no_more_than_the_bound(wrap):
                 steps[:, 0, 0] = 2.0**level / width
                 shown.append(sample_texture(texture, uv, steps))
             worst = max(np.abs(a - b).max() for a, b in zip(shown[:-1], shown[1:], strict=True))
-            bound = packed(texture).errors[0, packing.OF_LEVEL] + 1e-7
+            bound = make_textures([texture]).errors[0, laying.OF_LEVEL] + 1e-7
             assert worst <= bound, f"{width} x {height}: {worst:.3g} > {bound:.3g}"
 
 
 def test_what_textures_need_does_not_depend_on_their_neighbours():
     rng = np.random.default_rng(4)
     every = [Texture(rng.uniform(0, 2, (n, n + 1, 3)), filter) for n, filter in ((3, "nearest"), (8, "trilinear"))]
-    together = packed(*every)
+    together = make_textures(every)
     for k, texture in enumerate(every):
-        alone, first = packed(texture), together.first_texels[k]
+        alone, first = make_textures([texture]), together.first_texels[k]
         assert not differences(alone.texels, together.texels[4 * first :][: len(alone.texels)])
-        assert not differences(alone.errors[0], together.errors[k]) and alone.steps[0] == together.steps[k]
+        assert not differences(alone.errors[0], together.errors[k])
         assert not differences(alone.sizes[0], together.sizes[k])
 
 
@@ -150,24 +142,23 @@ def test_what_textures_need_does_not_depend_on_their_neighbours():
 @pytest.mark.parametrize("wrap", [WRAP_REPEAT, WRAP_MIRROR, WRAP_CLAMP], ids=["repeat", "mirror", "clamp"])
 def test_references_are_near_and_exactly_what_their_number_says(wrap):
     rng = np.random.default_rng(1)
-    for n_texel in (1, 7, 16384):
-        period = 2 * n_texel if wrap == WRAP_MIRROR else n_texel
-        texcoords = np.concatenate([rng.uniform(-9, 9, 50), [0.0, 0.5, 1.0, -0.5, 1e6, -1e6, 1.5, 2.0]]) * n_texel
-        for s, t in rng.permutation(np.stack([texcoords, texcoords[::-1]], axis=1)):
-            s_ref, t_ref, number = texcoord_references((s, t), (float(n_texel), float(n_texel)), (wrap, wrap))
-            assert number == int(number) and 0 <= number < 2**24
-            for texcoord, reference, whole in ((s, s_ref, int(number) & 0xFFF), (t, t_ref, int(number) >> 12)):
-                nearest = min(max(texcoord, 0.0), n_texel) if wrap == WRAP_CLAMP else texcoord
-                assert abs(reference - nearest) <= period * 2.0**-12, f"{reference} for {texcoord} of {n_texel}"
-                off = whole / 2.0**11 - reference / period
-                assert (off if wrap == WRAP_CLAMP else off % 1.0) == 0.0, f"{whole} for {reference} of {n_texel}"
+    period = 2 if wrap == WRAP_MIRROR else 1
+    texcoords = np.concatenate([rng.uniform(-9, 9, 50), [0.0, 0.5, 1.0, -0.5, 1e6, -1e6, 1.5, 2.0]])
+    for u, t in rng.permutation(np.stack([texcoords, texcoords[::-1]], axis=1)):
+        u_ref, t_ref, number = texcoord_references((u, t), (wrap, wrap))
+        assert number == int(number) and 0 <= number < 2**24
+        for texcoord, reference, whole in ((u, u_ref, int(number) & 0xFFF), (t, t_ref, int(number) >> 12)):
+            nearest = min(max(texcoord, 0.0), 1.0) if wrap == WRAP_CLAMP else texcoord
+            assert abs(reference - nearest) <= period * 2.0**-12, f"{reference} for {texcoord}"
+            off = whole / 2.0**11 - reference / period
+            assert (off if wrap == WRAP_CLAMP else off % 1.0) == 0.0, f"{whole} for {reference}"
 
 
 def test_a_reference_is_a_number_whatever_the_texcoord_is():
     for texcoord in (np.nan, np.inf, -np.inf, 1e300):
         for wrap in (WRAP_REPEAT, WRAP_MIRROR, WRAP_CLAMP):
-            found = s_ref, t_ref, number = texcoord_references((texcoord, 3.0), (8.0, 8.0), (wrap, wrap))
-            assert 0.0 <= s_ref <= 16.0 and abs(t_ref - 3.0) < 0.01 and 0 <= number < 2**24, f"{texcoord}: {found}"
+            found = u_ref, t_ref, number = texcoord_references((texcoord, 0.4), (wrap, wrap))
+            assert 0.0 <= u_ref <= 2.0 and abs(t_ref - 0.4) < 0.01 and 0 <= number < 2**24, f"{texcoord}: {found}"
 
 
 def test_quotients_of_planes_are_within_their_error():

@@ -1,11 +1,12 @@
-"""Textures of exact records: looked up in float32 where that is good enough, else in float64."""
+"""Textures at the texture coordinates of exact records."""
 
 import numpy as np
 import pytest
 from helpers.arrays import differences
 
 import rasterizer as rz
-from rasterizer.pipeline.texturing import fixed_point
+from rasterizer.pipeline.texcoords import fixed_point
+from rasterizer.pipeline.texture_lookup import product_of
 
 SIZE = (120, 90)
 RNG = np.random.default_rng(3)
@@ -25,25 +26,17 @@ def drawn(scene, **options):
     return rz.render(scene, SIZE, **{"samples": 1, "threads": 1, "shading": "phong"} | options)
 
 
-@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
-def test_large_textured_triangles_are_looked_up_in_float32_within_their_bound(filter):
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+def test_exact_records_are_looked_up_within_their_bound(filter):
+    """Those of large triangles, of texels that are not blended, and of alpha: as exactly as with tolerance 0."""
+    clear = np.concatenate([NOISE, NOISE[..., :1]], axis=2)
     for wrap, shading in zip(("repeat", "clamp", "mirror"), ("phong", "flat", "gouraud"), strict=True):
-        scene = wall(rz.Texture(NOISE, filter=filter, wrap=wrap))
-        found, exact = drawn(scene, shading=shading), drawn(scene, shading=shading, tolerance=0.0)
-        error, bound = np.abs(found.color - exact.color).max(), found.stats.error_bound
-        assert "0 by planes" in str(found.stats.plan) and exact.color.max() > 0.3
-        assert error <= bound, f"{wrap}, {shading}: {error:.3g} > {bound:.3g}"
-        assert error > 2e-6, f"{wrap}, {shading}: {error:.3g}, nothing of it is looked up in float32"
-
-
-def test_edges_of_texels_and_alpha_stay_exact():
-    """Next to a texel's edge the nearest one may be another; an error of alpha weights all that is behind."""
-    clear = rz.Texture(np.concatenate([NOISE, NOISE[..., :1]], axis=2))
-    for scene in (wall(rz.Texture(NOISE, filter="nearest")), wall(clear)):
-        for shading in ("gouraud", "phong"):
+        for image in (NOISE, clear):
+            scene = wall(rz.Texture(image, filter=filter, wrap=wrap))
             found, exact = drawn(scene, shading=shading), drawn(scene, shading=shading, tolerance=0.0)
             error = np.abs(found.color - exact.color).max()
-            assert error < 1e-6, f"{shading}: {error:.3g} > 1e-6"
+            assert "0 by planes" in str(found.stats.plan) and exact.color.max() > 0.3
+            assert error < 1e-6, f"{wrap}, {shading}: {error:.3g} > 1e-6"
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
@@ -60,12 +53,20 @@ def test_the_bytes_are_those_of_any_band_and_any_neighbour(shading):
     assert 0.5 < is_wall.mean() < 1.0 and not differences(alone.color[is_wall], beside.color[is_wall])
 
 
-def test_a_fraction_of_a_picture_is_rounded_down_and_stays_below_1():
+def test_a_fraction_of_a_picture_is_rounded_up_and_stays_below_1():
     x = np.concatenate(
         [np.random.default_rng(1).random(1000), [0.0, 2.0**-33, 1.0 - 2.0**-33, np.nextafter(1, 0), 1.0]]
     )
     bits = np.array([np.int64(fixed_point(each)) % 2**32 for each in x.tolist()])
-    assert not differences((bits <= x * 2.0**32) & (bits > x * 2.0**32 - 1.0) | (x == 1.0) & (bits == 2**32 - 1), True)
+    is_up = (bits >= x * 2.0**32) & (bits < x * 2.0**32 + 1.0)
+    assert not differences(is_up | (x > 1.0 - 2.0**-32) & (bits == 2**32 - 1), True)
+
+
+def test_the_border_of_two_texels_belongs_to_the_second_one():
+    for n in (1, 2, 3, 5, 7, 10, 640, 1000, 4095, 12345, 16384):
+        for k in range(0, n, max(1, n // 50)):
+            column = product_of(fixed_point(k / n), np.int32(n))[0] >> 16
+            assert column == k, f"the border before texel {k} of {n} lies in {column}"
 
 
 def test_samples_of_a_material_in_float64_keep_their_own_texels():
