@@ -30,8 +30,9 @@ each, their sum, and the normal's own rounding). What is straight within that co
 
 Files round more: to float32, M 2^-24, or to six decimals, 5e-7, which is below M 2^-20 from M = 0.53 on. That moves the
 end of a diagonal by up to sqrt(3) M 2^-20, so two diagonals with lengths that differ by up to 4 sqrt(3) M 2^-20, which
-is below M 2^-17, may be equally long, and count so. The quads of surfaces of revolution have two diagonals of one
-length: without that, rounding would turn them at random.
+is below M 2^-17, may be equally long. They count so, unless they differ by more than 2^-10 of the longer one: far from
+the origin, as in maps, that is the quad's shape, and better known than by six digits. The quads of surfaces of
+revolution have two diagonals of one length: without that, rounding would turn them at random.
 """
 
 from collections.abc import Sequence
@@ -169,8 +170,14 @@ def find_diagonals(points: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_
         turn, limit = measure_turns(points)[:2]
         is_turning = turn > limit
         may_be_0, may_be_1 = is_turning[1::2].all(axis=0), is_turning[0::2].all(axis=0)
+<<<<<<< HEAD
         from_0, from_1 = np.sqrt(dot(*2 * [points[:, 2:] - points[:, :2]]))
         is_tie = abs(from_0 - from_1) <= 2.0**-17 * abs(points).max(axis=(0, 1))
+=======
+        from_0, from_1 = np.sqrt(_dot(*2 * [points[:, 2:] - points[:, :2]]))
+        slack = np.minimum(2.0**-17 * abs(points).max(axis=(0, 1)), 2.0**-10 * np.maximum(from_0, from_1))
+        is_tie = abs(from_0 - from_1) <= slack
+>>>>>>> 89bf56bd (Let only rounding make two diagonals equally long: far from the origin a thousandth of a length told them apart)
         begin = np.where(is_tie, find_lowest(points) % 2, from_1 < from_0)
     has_size = np.isfinite(limit).all(axis=0)
     return np.where(may_be_0 & may_be_1, begin, may_be_1) * has_size, may_be_0 | may_be_1 | ~has_size

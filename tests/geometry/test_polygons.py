@@ -222,6 +222,13 @@ def test_rounding_does_not_turn_the_diagonals_of_a_surface_of_revolution():
         assert (triangles == lowest[:, None, None]).any(axis=2).all(), f"{digits} decimals"
 
 
+def test_far_from_the_origin_the_shorter_diagonal_is_found():
+    """A map's quads of a metre, in metres of its grid."""
+    quad = np.array([(0.0, 0, 0), (1, 0, 0), (1.05, 1, 0), (0, 1, 0)])
+    for place in ((0, 0, 0), (500_000, 5_800_000, 30), (-1e9, 0, 1e9)):
+        assert cut_one(quad + place).corners.tolist() == [[1, 2, 3], [1, 3, 0]], place
+
+
 def test_polygons_keep_their_triangles():
     """Moved, turned, mirrored and in every shading: a mesh is cut once, when it is made."""
     points = np.array([(0, 0, 0), (2, 0.3, 0), (2.5, 2, 1), (0, 1, 0.2)])
