@@ -170,14 +170,9 @@ def find_diagonals(points: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_
         turn, limit = measure_turns(points)[:2]
         is_turning = turn > limit
         may_be_0, may_be_1 = is_turning[1::2].all(axis=0), is_turning[0::2].all(axis=0)
-<<<<<<< HEAD
         from_0, from_1 = np.sqrt(dot(*2 * [points[:, 2:] - points[:, :2]]))
-        is_tie = abs(from_0 - from_1) <= 2.0**-17 * abs(points).max(axis=(0, 1))
-=======
-        from_0, from_1 = np.sqrt(_dot(*2 * [points[:, 2:] - points[:, :2]]))
         slack = np.minimum(2.0**-17 * abs(points).max(axis=(0, 1)), 2.0**-10 * np.maximum(from_0, from_1))
         is_tie = abs(from_0 - from_1) <= slack
->>>>>>> 89bf56bd (Let only rounding make two diagonals equally long: far from the origin a thousandth of a length told them apart)
         begin = np.where(is_tie, find_lowest(points) % 2, from_1 < from_0)
     has_size = np.isfinite(limit).all(axis=0)
     return np.where(may_be_0 & may_be_1, begin, may_be_1) * has_size, may_be_0 | may_be_1 | ~has_size
