@@ -49,6 +49,7 @@ ROWS = np.empty((0, 3))  # vectors
 CORNERS, FACES = np.empty((3, 0), np.uint32), np.empty(0, np.uint32)
 SIDES = np.empty(0, np.int8)
 NUMBERS, FLAGS, LENGTHS = np.empty(0, np.int64), np.empty(0, np.uint8), np.empty(0)
+PLACES = np.empty(0, np.int32)
 WORDS = np.empty((0, 3), np.uint32)
 KEYS = np.empty(0, np.uint64)
 NO_FANS = normals.Fans(FACES, FACES, FACES, 0)
@@ -307,17 +308,16 @@ class PictureKernels(KernelList):
         workspace, extents, rows = parts.workspace, parts.workspace.extents, Rows(0, 1)
         buffer = a_buffer.make_a_buffer(workspace.room, extents, 1, self.plan.n_channel)
         self.add(a_buffer.number_samples, extents, buffer.columns, buffer.first_samples)
-        lists = a_buffer.FragmentLists(0, 0, 0, NUMBERS, *buffer.lists, True, NUMBERS)
-        triangles, vertices, *_ = NO_TRIANGLES
-        self.add(a_buffer.list_fragments, 0, make_deferred(0, extents), triangles, vertices, rows, workspace.block,
-                 workspace.visibility, lists)  # fmt: skip
-        self.add(a_buffer.divide_room, buffer.cursors, buffer.starts)
-        self.add(a_buffer.sort_lists, lists)
+        fragments = a_buffer.Fragments(buffer.columns, PLACES, PLACES, NUMBERS, NUMBERS)
+        band, deferred = Band(FACES, 0, 0), make_deferred(0, extents)
+        self.add(a_buffer.list_fragments, band, deferred, 0, NO_TRIANGLES, workspace.block, workspace.visibility,
+                 fragments)  # fmt: skip
+        self.add(a_buffer.sort_fragments, fragments, buffer.starts, NUMBERS)
         layer = a_buffer.make_layer(workspace.room, extents, rows, workspace.radiance, workspace.alphas)
         translucent = a_buffer.Translucent(buffer.opacity, buffer.columns, extents.left, extents.right)
-        self.add(a_buffer.show_layer, 0, layer, lists, buffer.transmittance, 0.0)
+        self.add(a_buffer.show_layer, 0, layer, NUMBERS, buffer, 0.0)
         self.add(a_buffer.composite, layer, workspace.records, buffer, self.plan.opacity)
-        self.add(a_buffer.put_behind, 0, 0, workspace.visibility, lists, buffer, workspace.radiance, translucent)
+        self.add(a_buffer.put_behind, 0, 0, workspace.visibility, buffer, workspace.radiance, translucent)
         self.add(forget_extents, extents)
         self.add(buffers.clear_band, workspace.visibility, 0)
 

@@ -7,20 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..pipeline.a_buffer import (
-    FEW,
     ABuffer,
-    FragmentLists,
+    Fragments,
     Translucent,
     composite,
-    divide_room,
-    list_fragments,
+    gather_fragments,
     make_a_buffer,
     make_layer,
-    order_by_depth,
     put_behind,
     show_layer,
-    sort_lists,
-    split_samples,
+    sort_fragments,
 )
 from ..pipeline.buffers import clear_band
 from ..pipeline.cull import Band, Rows
@@ -85,12 +81,13 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     render_pass.shade(workspace, band, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
-    if count_fragments(task, surfaces, a_buffer):
+    fragments = list_before(task, surfaces, a_buffer)
+    if fragments.found[1]:  # the order at equal depth isn't known
         with scan_by_index(task) as surfaces:
-            count_fragments(task, surfaces, a_buffer)
-            translucent = composite_band(task, surfaces, in_front, a_buffer)
+            fragments = list_before(task, surfaces, a_buffer)
+            translucent = composite_band(task, surfaces, in_front, a_buffer, fragments)
     else:
-        translucent = composite_band(task, surfaces, in_front, a_buffer)
+        translucent = composite_band(task, surfaces, in_front, a_buffer, fragments)
     forget_extents(deferred.extents)
     return everything, translucent
 
@@ -112,76 +109,51 @@ def scan_by_index(task: Task):
     pool.release(shape, second)
 
 
-def count_fragments(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> bool:
-    """Count the fragments of each sample; tell whether any is as deep as an opaque surface whose index isn't known."""
-    n_sample, no_entries, ties = len(a_buffer.cursors), np.empty(0, np.int64), np.zeros(1, np.int64)
-    a_buffer.cursors.fill(0)
-    lists = FragmentLists(0, n_sample, 0, no_entries, *a_buffer.lists, True, ties)
-    list_rows(task, surfaces, lists, Rows(0, task.band.n_row))
-    return bool(ties[0])
+def list_before(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> Fragments:
+    """List what transparent triangles show before the opaque ones."""
+    workspace = task.memory.workspace
+    return gather_fragments(
+        task.band, surfaces.deferred, task.drawn.drawables, workspace.block, surfaces.visibility, a_buffer,
+        workspace.room,
+    )  # fmt: skip
 
 
-def list_rows(task: Task, surfaces: Surfaces, lists: FragmentLists, rows: Rows) -> None:
-    """Count or list the fragments of some rows of a band."""
-    band, (triangles, vertices, *_), block = task.band, task.drawn.drawables, task.memory.workspace.block
-    of_picture = Rows(band.y_start + rows.y_start, band.y_start + rows.y_end)
-    list_fragments(band.y_start, surfaces.deferred, triangles, vertices, of_picture, block, surfaces.visibility, lists)
-
-
-def composite_band(task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer: ABuffer) -> Translucent | None:
-    """Divide the room among the lists, fill them and put what they show in front of the opaque surfaces.
+def composite_band(
+    task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer: ABuffer, fragments: Fragments
+) -> Translucent | None:
+    """Sort the fragments and put what they show in front of the opaque surfaces.
 
     Parameters
     ----------
     counts : what the scan stage found of transparent triangles
-    a_buffer : with the lengths of the lists
     """
-    n_fragment, n_list = divide_room(a_buffer.cursors, a_buffer.starts)
-    if n_fragment > FEW * n_list:
-        surfaces = surfaces._replace(deferred=order_by_depth(surfaces.deferred, task.drawn.drawables))
+    n_fragment = int(fragments.found[0])
+    if n_fragment == 0:
+        return None
     extents, is_any = make_extents(task.band.n_row), False
     translucent = Translucent(a_buffer.opacity, a_buffer.columns, extents.left, extents.right)
-    for first, end in split_samples(a_buffer.starts, a_buffer.first_samples):
-        base, stop = int(a_buffer.starts[first]), int(a_buffer.starts[end])
-        if base < stop:
-            entries = task.memory.workspace.room.array("fragments", (stop - base,))
-            lists = FragmentLists(first, end, base, entries, *a_buffer.lists, False, np.zeros(1, np.int64))
-            rows = rows_of(lists, a_buffer)
-            list_rows(task, surfaces, lists, rows)
-            for some in split_rows(rows, a_buffer):
-                is_any |= composite_rows(task, surfaces, counts, a_buffer, lists, some, translucent)
+    entries = task.memory.workspace.room.array("sorted", (n_fragment,))
+    sort_fragments(fragments, a_buffer.starts, entries)
+    for rows in split_rows(a_buffer):
+        is_any |= composite_rows(task, surfaces, counts, a_buffer, entries, rows, translucent)
     return translucent if is_any else None
 
 
-def rows_of(lists: FragmentLists, a_buffer: ABuffer) -> Rows:
-    """Return the rows of the band that a range of samples reaches."""
-    if lists.end - lists.first == len(a_buffer.cursors):
-        return Rows(0, len(a_buffer.columns))
-    y_start = int(np.searchsorted(a_buffer.first_samples, lists.first, side="right")) - 1
-    return Rows(y_start, int(np.searchsorted(a_buffer.first_samples, lists.end)))
-
-
-def split_rows(rows: Rows, a_buffer: ABuffer):
-    """Divide rows of a band into strips, as many at a time as have MAX_SHADED samples."""
+def split_rows(a_buffer: ABuffer):
+    """Divide the rows of a band into strips, as many at a time as have MAX_SHADED samples."""
     strip, first_samples = 1 << STRIP_SHIFT, a_buffer.first_samples
-    if first_samples[rows.y_end] - first_samples[rows.y_start] <= MAX_SHADED:
-        yield Rows(rows.y_start // strip * strip, rows.y_end)
-        return
-    widest = int(np.diff(first_samples[rows.y_start : rows.y_end + 1]).max())
-    n_row = max(MAX_SHADED // widest // strip, 1) * strip
-    for y in range(rows.y_start // strip * strip, rows.y_end, n_row):
-        yield Rows(y, min(y + n_row, rows.y_end))
+    n_row = len(first_samples) - 1
+    at_a_time = n_row
+    if first_samples[n_row] > MAX_SHADED:
+        at_a_time = max(MAX_SHADED // int(np.diff(first_samples).max()) // strip, 1) * strip
+    for y in range(0, n_row, at_a_time):
+        yield Rows(y, min(y + at_a_time, n_row))
 
 
-def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows: Rows, translucent) -> bool:
+def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, entries, rows: Rows, translucent) -> bool:
     """Shade one layer after the other, nearest first, sum them up, and put the opaque surfaces behind; tell whether any
-    sample has none."""
+    sample has none. `entries` are the lists of the band's samples."""
     band, drawn, render_pass, (workspace, *_) = task
-    first, end = (int(a_buffer.first_samples[y]) for y in rows)
-    lists = lists._replace(first=max(lists.first, first), end=min(lists.end, end))
-    if lists.first >= lists.end:
-        return False
-    sort_lists(lists)
     radiance = workspace.radiance[: len(a_buffer.color)]
     layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.alphas)
     shaded = workspace._replace(
@@ -189,8 +161,8 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
     )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0
-    while show_layer(number, layer, lists, a_buffer.transmittance, opacity.min_transmittance):
+    while show_layer(number, layer, entries, a_buffer, opacity.min_transmittance):
         render_pass.shade(shaded, of_picture, counts)
         composite(layer, surfaces.records, a_buffer, opacity)
         number += 1
-    return put_behind(*rows, workspace.visibility, lists, a_buffer, radiance, translucent)
+    return put_behind(*rows, workspace.visibility, a_buffer, radiance, translucent)

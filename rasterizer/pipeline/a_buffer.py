@@ -14,11 +14,12 @@ Only samples in the extents of the transparent triangles have lists: `extents`, 
     row j    . 0  1  2  3 .            samples, has room for as many as there are, and lists hold nothing opaque.
     row j+1  . 4  5  6  7 .
 
-Lists are counted, room is divided, they are filled and sorted. They stand one behind the other: that of sample k is
-entries[starts[k] - base:starts[k + 1] - base]. Entries hold depth above the index of the triangle's record, so they
-order all surfaces at a sample, whatever their order in the file: at equal depth the lower index lies in front, as
-everywhere. The lists of a range of samples are worked on at a time, so that a thread needs no more than MAX_FRAGMENTS
-entries.
+Every span of a transparent triangle appends its fragments to one array, each with the number of the one before at the
+same sample (Yang et al. 2010, "Real-time concurrent linked list construction on the GPU", CGF 29(4), 1297-1304).
+Kernels can't make arrays: one that has no room for the next triangle says so, and goes on in a larger one. Then the
+lists are put one behind the other and sorted: that of sample k is entries[starts[k]:starts[k + 1]]. Entries hold depth
+above the index of the triangle's record, so they order all surfaces at a sample, whatever their order in the file: at
+equal depth the lower index lies in front, as everywhere.
 
 Then one layer after the other is shaded, the k-th fragments of all samples, and summed up (Porter & Duff 1984, `over`):
 
@@ -49,6 +50,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
+from ..errors import SceneError
 from . import setup as s
 from .records import material_of
 from .scan import Deferred, Payload, box_of, fill_spans, surface_of
@@ -67,9 +69,7 @@ from .visibility import (
     widen_extent,
 )
 
-MAX_FRAGMENTS = 2**22  # of all lists that a thread works on at a time: 32 MB; more where a sample alone has more
-FEW = 32  # lists that are longer on the average are filled in the order of depth, so that little is left to sort
-PATIENCE = 8  # steps a fragment that a list may cost before it is sorted in another way
+MAX_FRAGMENTS = 2**26  # of a band: more are refused; 20 bytes each
 
 
 class Room:
@@ -85,41 +85,27 @@ class Room:
             self._arrays[name] = np.empty(n, dtype)
         return self._arrays[name][:n].reshape(shape)
 
-    @property
-    def n_byte(self) -> int:
-        """How much memory that is."""
-        return sum(array.nbytes for array in self._arrays.values())
-
 
 class ABuffer(NamedTuple):
     """What is kept of the samples of a band that transparent surfaces may cover."""
 
     columns: np.ndarray  # (n_row,) int64: see above
     first_samples: np.ndarray  # (n_row + 1,) int64
-    cursors: np.ndarray  # (n_sample,) int64: the length of each sample's list, then where its next entry goes
-    starts: np.ndarray  # (n_sample + 1,) int64: where each sample's list begins, were all kept at a time
+    starts: np.ndarray  # (n_sample + 1,) int64: where each sample's list begins, and the last one ends
     transmittance: np.ndarray  # (n_sample,) float64: the part of the light from behind that arrives
     opacity: np.ndarray  # (n_sample,) float64: summed up, because 1 - transmittance loses the digits of small ones
     color: np.ndarray  # (n_channel, n_sample) float64: what the layers show, weighted by their opacity
 
-    @property
-    def lists(self) -> tuple:
-        """Where lists begin and end: fields of FragmentLists."""
-        return self.columns, self.cursors, self.starts
 
+class Fragments(NamedTuple):
+    """What a band's transparent triangles show before the opaque surfaces: linked lists."""
 
-class FragmentLists(NamedTuple):
-    """The lists of a range of samples."""
-
-    first: int  # samples first..end
-    end: int
-    base: int  # where entries[0] would stand, were the lists of all samples kept at a time
-    entries: np.ndarray  # (n_fragment,) int64
     columns: np.ndarray  # see ABuffer
-    cursors: np.ndarray
-    starts: np.ndarray
-    is_counting: bool  # how long the lists are to be, before there is room for them
-    ties: np.ndarray  # (1,) int64: not 0 if a fragment is as deep as an opaque surface whose index isn't known
+    last: np.ndarray  # (n_sample,) int32: the last fragment of each sample; -1 for none
+    before: np.ndarray  # (n,) int32: of each fragment the one before at its sample; -1 for none
+    entries: np.ndarray  # (n,) int64
+    # (2,) int64: how many there are; not 0 if one is as deep as an opaque surface whose index isn't known
+    found: np.ndarray
 
 
 def make_a_buffer(room: Room, extents, n_row, n_channel) -> ABuffer:
@@ -134,7 +120,6 @@ def make_a_buffer(room: Room, extents, n_row, n_channel) -> ABuffer:
     a_buffer = ABuffer(
         columns,
         first_samples,
-        room.array("cursors", (n_sample,)),
         room.array("starts", (n_sample + 1,)),
         room.array("transmittance", (n_sample,), np.float64),
         room.array("opacity", (n_sample,), np.float64),
@@ -146,30 +131,41 @@ def make_a_buffer(room: Room, extents, n_row, n_channel) -> ABuffer:
     return a_buffer
 
 
-def order_by_depth(transparent: Deferred, drawables) -> Deferred:
-    """Order transparent triangles by the least depth of each."""
-    z = drawables.vertices.z[drawables.triangles.vertex_idx[:, transparent.faces]]
-    order = np.argsort(z.min(axis=0), kind="stable")
-    return transparent._replace(faces=transparent.faces[order], payloads=transparent.payloads[order])
-
-
-def split_samples(starts, first_samples):
-    """Divide the samples of a band into ranges (first, end) whose lists have MAX_FRAGMENTS fragments at most.
-
-    But at least a sample each; whole rows where possible. Samples behind the last list belong to the last range.
+def gather_fragments(
+    band, transparent: Deferred, drawables, block, visibility, a_buffer: ABuffer, room: Room, most=MAX_FRAGMENTS
+) -> Fragments:
+    """List the fragments of a band's transparent triangles that lie before the opaque surfaces, in any order.
 
     Parameters
     ----------
-    starts : (n_sample + 1,) int64, where each sample's list begins
-    first_samples : (n_row + 1,) int64, the first sample of each row
+    band : Band
+    transparent : Deferred, the triangles through which what is behind them is seen
+    drawables : Drawables, all of the picture
+    block : Block, scratch
+    visibility : VisibilityBuffer, the opaque surfaces
+    room : for the fragments
+    most : how many there may be, roughly
+
+    Raises SceneError where there are more.
     """
-    first, n_sample = 0, len(starts) - 1
-    while first < n_sample:
-        end = int(np.searchsorted(starts, starts[first] + MAX_FRAGMENTS, side="right")) - 1
-        whole_rows = int(first_samples[np.searchsorted(first_samples, end, side="right") - 1])
-        end = max(whole_rows if whole_rows > first else end, first + 1)
-        yield first, end
-        first = end
+    # From the furthest to the nearest by one of their corners: so little is left to sort.
+    order = np.argsort(-drawables.vertices.z[drawables.triangles.vertex_idx[0, transparent.faces]])
+    transparent = transparent._replace(faces=transparent.faces[order], payloads=transparent.payloads[order])
+    n, first, last = len(a_buffer.transmittance), 0, np.full(len(a_buffer.transmittance), -1, np.int32)
+    lists = a_buffer.columns, last, room.array("before", (n,), np.int32), room.array("fragments", (n,))
+    fragments = Fragments(*lists, np.zeros(2, np.int64))
+    rest, n_face = (drawables, block, visibility), len(transparent.faces)
+    while (first := list_fragments(band, transparent, first, *rest, fragments)) < n_face:
+        # A triangle covers no more than all samples: twice the room is enough for the next one.
+        if 2 * n > most:
+            raise SceneError(
+                f"transparent surfaces cover more than {most} samples in {band.n_row} rows, too many to sort: make "
+                "some of them opaque, or leave them out"
+            )
+        before, entries = room.array("before", (2 * n,), np.int32), room.array("fragments", (2 * n,))
+        before[:n], entries[:n] = fragments.before, fragments.entries
+        fragments, n = fragments._replace(before=before, entries=entries), 2 * n
+    return fragments
 
 
 # ---------------------------------------------------------------- lists
@@ -195,105 +191,70 @@ def number_samples(extents, out_columns, out_first_samples):
 
 
 @kernel
-def list_fragments(y_start, transparent, triangles, vertices, rows, block, visibility, lists):
-    """Count or list the fragments of a band's transparent triangles that lie before the opaque surfaces.
+def list_fragments(band, transparent, start, drawables, block, visibility, fragments):
+    """Append the fragments of the triangles from number `start` on, as far as there is room; return which comes next.
 
     Parameters
     ----------
-    y_start : the band's first row in the picture, samples
-    transparent : Deferred, the triangles through which what is behind them is seen
-    triangles, vertices : all of the picture
-    rows : Rows of the picture, those of the band that are worked on
-    block : Block, scratch
-    visibility : VisibilityBuffer, the opaque surfaces
-    lists : FragmentLists, of which the cursors are moved on, and entries are written where they aren't only counted
+    fragments : Fragments, changed; see `gather_fragments` for the others
     """
-    faces, payloads = transparent.faces, transparent.payloads
-    for first in range(0, len(faces), s.BLOCK):
+    faces, payloads, found = transparent.faces, transparent.payloads, fragments.found
+    for first in range(start, len(faces), s.BLOCK):
         n = index(min(len(faces) - first, s.BLOCK))
-        s.gather_vertices(faces[index(first) : index(first) + n], triangles, vertices, block)
-        s.order_vertices(vertices.pixel, block)
-        s.compute_boxes(rows, visibility.width, block)
+        s.gather_vertices(faces[index(first) : index(first) + n], drawables.triangles, drawables.vertices, block)
+        s.order_vertices(drawables.vertices.pixel, block)
+        s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         for k in range(n):
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:
+                if found[0] + (box.right - box.left) * (box.bottom - box.top) > len(fragments.entries):
+                    return first + np.int64(k)
                 surface = surface_of(k, Payload(payloads[index(first) + k], np.int64(0), np.int64(0)), block)
-                fill_spans(visibility, y_start, box, surface, lists)
+                fill_spans(visibility, band.y_start, box, surface, fragments)
+    return np.int64(len(faces))
 
 
 @kernel
-def divide_room(cursors, starts):
-    """Turn the lengths of the lists into where they begin; return how many fragments there are, and how many lists.
+def sort_fragments(fragments, starts, out_entries):
+    """Put the lists of all samples one behind the other, and sort each, nearest first.
 
     Parameters
     ----------
-    cursors : (n_sample,) int64, in: the length of each list, out: where it begins
-    starts : (n_sample + 1,) int64, written: where each list begins, and the last one ends
+    fragments : Fragments
+    starts : (n_sample + 1,) int64, written: see ABuffer
+    out_entries : (n,) int64, written; as many as `found` says
     """
-    total = n_list = np.int64(0)
-    for k in range(index(len(cursors))):
-        n = cursors[k]
-        starts[k], cursors[k] = total, total
-        total += n
-        n_list += n > 0
-    starts[index(len(cursors))] = total
-    return total, n_list
-
-
-@kernel
-def sort_lists(lists):
-    """Sort the lists of samples, nearest first.
-
-    Parameters
-    ----------
-    lists : FragmentLists, of which the entries are changed
-    """
-    fragments, starts = lists.entries, lists.starts
-    for sample in range(index(lists.first), index(lists.end)):
-        begin, end = index(starts[sample] - lists.base), index(starts[sample + index(1)] - lists.base)
-        if end - begin > index(1):
-            sort(fragments[begin:end])
+    n = np.int64(0)
+    for sample in range(index(len(fragments.last))):
+        starts[sample] = n
+        fragment = fragments.last[sample]
+        while fragment >= 0:
+            out_entries[index(n)] = fragments.entries[index(fragment)]
+            fragment = fragments.before[index(fragment)]
+            n += 1
+        sort(out_entries[index(starts[sample]) : index(n)])
+    starts[index(len(fragments.last))] = n
 
 
 @helper
 def sort(entries):
-    """Sort a list: by insertion, which is fastest for short ones and for those that are nearly sorted, else as a heap.
+    """Sort a list: by insertion over smaller and smaller gaps, which for lists of up to four is insertion alone.
 
-    Source: Williams 1964, "Algorithm 232: Heapsort", CACM 7(6), 347-348.
+    Sources: Shell 1959, "A high-speed sorting procedure", CACM 2(7), 30-32; gaps of Knuth 1973, "The art of computer
+    programming" 3, 5.2.1: n^1.5 steps.
     """
-    n, patience = np.int64(len(entries)), PATIENCE * np.int64(len(entries)) + 64
-    for k in range(1, n):
-        entry, i = entries[index(k)], k
-        while i > 0 and entries[index(i - 1)] > entry:
-            entries[index(i)] = entries[index(i - 1)]
-            i -= 1
-        entries[index(i)] = entry
-        patience -= k - i
-        if patience < 0:
-            break
-    if patience >= 0:
-        return
-    for k in range(n // 2 - 1, -1, -1):
-        sift(entries, k, n)
-    for k in range(n - 1, 0, -1):
-        entries[0], entries[k] = entries[k], entries[0]
-        sift(entries, np.int64(0), k)
-
-
-@helper
-def sift(entries, k, n):
-    """Let an entry sink until both below it in the heap of n entries are smaller."""
-    entry = entries[k]
-    while 2 * k + 1 < n:
-        child = 2 * k + 1
-        if child + 1 < n and entries[child + 1] > entries[child]:
-            child += 1
-        if entries[child] <= entry:
-            break
-        entries[k] = entries[child]
-        k = child
-    entries[k] = entry
+    n, gap = np.int64(len(entries)), np.int64(1)
+    while 3 * gap + 1 < n:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(gap, n):
+            entry, i = entries[index(k)], np.int64(k)
+            while i >= gap and entries[index(i - gap)] > entry:
+                entries[index(i)] = entries[index(i - gap)]
+                i -= gap
+            entries[index(i)] = entry
+        gap //= 3
 
 
 # ---------------------------------------------------------------- layers
@@ -358,15 +319,15 @@ def make_layer(room, extents, rows, radiance, alphas) -> Layer:
 
 
 @kernel
-def show_layer(number, layer, lists, transmittance, min_transmittance):
+def show_layer(number, layer, entries, a_buffer, min_transmittance):
     """Make fragment `number` of each list the layer that is shaded, of samples that aren't done; return whether there
     is any.
 
     Parameters
     ----------
-    layer : Layer, whose extents are narrowed; samples that are not in `lists` show nothing
-    lists : FragmentLists, with a fragment at least
-    transmittance : (n_sample,) float64
+    layer : Layer, whose extents are narrowed
+    entries : (n,) int64, all lists; one fragment at least
+    a_buffer : ABuffer
     min_transmittance : see Opacity
     """
     visibility, is_any = layer.visibility, False
@@ -374,40 +335,31 @@ def show_layer(number, layer, lists, transmittance, min_transmittance):
         left, right = visibility.left[strip], visibility.right[strip]
         next_left, next_right = NO_START, NO_END
         first_row = layer.first_row + np.int64(strip << index(STRIP_SHIFT))
-        for row in range(first_row, min(first_row + (1 << STRIP_SHIFT), layer.end_row)):
+        for row in range(first_row, min(first_row + (1 << STRIP_SHIFT), layer.end_row) if left < right else first_row):
             start = index((row - layer.first_row) * visibility.pitch + left)
-            entries = visibility.entries[start : start + index(max(right - left, 0))]
-            if left < right:
-                for k in range(start + index(right - left), start + index(right - left + LANES)):
-                    visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
-            show_row(entries, lists.columns[index(row)] + left, number, lists, transmittance, min_transmittance)
-            first, end = shown_extent(entries)
-            next_left = min(next_left, left + first if first < end else NO_START)
-            next_right = max(next_right, left + end if first < end else NO_END)
+            end = start + index(right - left)
+            for k in range(end, end + index(LANES)):
+                visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
+            shown, sample = visibility.entries[start:end], index(a_buffer.columns[index(row)] + left)
+            show_row(shown, sample, number, entries, a_buffer, min_transmittance)
+            first, end_shown = shown_extent(shown)
+            next_left = min(next_left, left + first if first < end_shown else NO_START)
+            next_right = max(next_right, left + end_shown if first < end_shown else NO_END)
         visibility.left[strip], visibility.right[strip] = next_left, next_right
         is_any |= next_left < next_right
     return is_any
 
 
 @helper
-def show_row(entries, first_sample, number, lists, transmittance, min_transmittance):
-    """Fill the entries of a row with fragment `number` of each list; CLEAR where there is none, or none is seen."""
-    n = np.int64(len(entries))
-    first, end = max(lists.first - first_sample, 0), min(lists.end - first_sample, n)
-    for k in range(index(0), index(min(max(first, 0), n))):
-        entries[k] = CLEAR
-    for k in range(index(max(end, 0)), index(n)):
-        entries[k] = CLEAR
-    if first >= end:
-        return
-    start, n = index(first_sample + first), index(end - first)
-    out, fragments, skipped = entries[index(first) : index(end)], lists.entries, number - lists.base
-    starts, ends = lists.starts[start : start + n], lists.starts[start + index(1) : start + index(1) + n]
-    arriving = transmittance[start : start + n]
+def show_row(out, sample, number, entries, a_buffer, min_transmittance):
+    """Fill a row with fragment `number` of each list, from `sample` on; CLEAR where there is none, or none is seen."""
+    n = index(len(out))
+    starts, ends = a_buffer.starts[sample : sample + n], a_buffer.starts[sample + index(1) : sample + index(1) + n]
+    arriving = a_buffer.transmittance[sample : sample + n]
     for k in range(n):
-        fragment = starts[k] + skipped
-        is_shown = (fragment < ends[k] - lists.base) & (arriving[k] > min_transmittance)
-        entry = fragments[index(fragment if is_shown else np.int64(0))]
+        fragment = starts[k] + number
+        is_shown = (fragment < ends[k]) & (arriving[k] > min_transmittance)
+        entry = entries[index(fragment if is_shown else np.int64(0))]
         out[k] = entry if is_shown else CLEAR
 
 
@@ -514,26 +466,23 @@ class Translucent(NamedTuple):
 
 
 @kernel
-def put_behind(first_row, end_row, visibility, lists, a_buffer, radiance, translucent):
+def put_behind(first_row, end_row, visibility, a_buffer, radiance, translucent):
     """Put the opaque surfaces behind all layers; return whether any sample has none.
 
     Parameters
     ----------
     first_row, end_row : rows of the band
     visibility : VisibilityBuffer of the opaque surfaces; its extents are widened to the samples that have none
-    lists : FragmentLists, of which only the range is read
     a_buffer : ABuffer, all of its layers composited
     radiance : (n_channel, n_row * pitch) float32 or float64, that of the opaque surfaces; changed where layers are seen
     translucent : Translucent, whose extents are widened
     """
-    is_any = False
+    is_any, columns, first_samples = False, a_buffer.columns, a_buffer.first_samples
     for row in range(first_row, end_row):
-        column, first_sample, end_sample = a_buffer.columns[index(row)], lists.first, lists.end
-        first_sample = max(first_sample, a_buffer.first_samples[index(row)])
-        end_sample = min(end_sample, a_buffer.first_samples[index(row + 1)])
+        first_sample, end_sample = first_samples[index(row)], first_samples[index(row + 1)]
         if first_sample >= end_sample:
             continue
-        sample, n, left = index(first_sample), index(end_sample - first_sample), first_sample - column
+        left, sample, n = first_sample - columns[index(row)], index(first_sample), index(end_sample - first_sample)
         start, end = index(row * visibility.pitch + left), index(row * visibility.pitch + left) + n
         entries, opacity = visibility.entries[start:end], a_buffer.opacity[sample : sample + n]
         transmittance = a_buffer.transmittance[sample : sample + n]

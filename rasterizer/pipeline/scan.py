@@ -428,11 +428,11 @@ class Edge(NamedTuple):
 
 
 @helper
-def fill_spans(visibility, y_start, box, surface, lists):
+def fill_spans(visibility, y_start, box, surface, fragments):
     """Walk the left and the right chain down the rows and fill the samples between them.
 
     `y_start` is the band's first row in the picture.
-    `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is: see
+    `fragments` is None, or the Fragments that take what lies before the buffer, which is then left as it is: see
     a_buffer.py.
     """
     triangle = surface.triangle
@@ -447,8 +447,8 @@ def fill_spans(visibility, y_start, box, surface, lists):
             if x_start < x_end:
                 first = (y - y_start) * visibility.pitch + x_start
                 span = visibility.entries[index(first) : index(first + x_end - x_start)]
-                if lists is not None:
-                    list_span(span, lists.columns[index(y - y_start)] + x_start, x_start, y, surface, lists)
+                if fragments is not None:
+                    list_span(span, x_start, y - y_start, y, surface, fragments)
                 elif surface.is_sliver:
                     fill_sliver_span(span, x_start, y, surface)
                 else:
@@ -549,8 +549,8 @@ def entry_of_sliver(x, y, surface):
 
 
 @helper
-def list_span(span, first, x_start, y, surface, lists):
-    """Count the entries of a span that lie before those of the buffer, or append them to the lists of their samples.
+def list_span(span, x_start, row, y, surface, fragments):
+    """Append the entries of a span that lie before those of the buffer.
 
     Whole entries are compared, so that at equal depth the triangle with the lower index lies in front. Of an opaque
     surface that has its intensity in its entries the index is not known: a fragment at its depth is noted as a tie.
@@ -558,40 +558,26 @@ def list_span(span, first, x_start, y, surface, lists):
     Parameters
     ----------
     span : (n,) int64, a row's entries
-    first : the first sample of the span in the A-buffer
-    x_start, y : the same in the picture
-    lists : FragmentLists
+    x_start : its first column
+    row, y : the row in the band, and in the picture
+    fragments : Fragments, with room for all
     """
-    lengths, plane = lists.cursors, surface.plane
-    if lists.is_counting and not surface.is_sliver:  # all samples: the compiler makes vector instructions of it
-        lengths, ties = lengths[index(first) : index(first + np.int64(len(span)))], np.int64(0)
-        entry = entry_at(plane, x_start, y)
-        for k in range(index(len(span))):
-            new = np.int64(entry)
-            lengths[k] += (new >= 0) & (new < span[k])
-            ties |= is_tie(new, span[k])
-            entry += plane.dx
-        lists.ties[0] |= ties
-        return
-    for sample in range(max(first, lists.first), min(first + np.int64(len(span)), lists.end)):
-        x, old = x_start + sample - first, span[index(sample - first)]
-        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(plane, x, y))
-        if 0 <= new < old:
-            list_entry(lists, index(sample), new)
-        elif lists.is_counting:
-            lists.ties[0] |= np.int64(is_tie(new, old))
+    before, entries, count, ties = fragments.before, fragments.entries, fragments.found[0], np.int64(0)
+    last = fragments.last[index(fragments.columns[index(row)] + x_start) :]
+    for k in range(index(len(span))):
+        x = x_start + np.int64(k)
+        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(surface.plane, x, y))
+        # Written in any case, and counted where it lies before: without a branch, which would be a coin toss.
+        is_before = (new >= 0) & (new < span[k])
+        before[index(count)], entries[index(count)] = last[k], new
+        last[k] = np.int32(count) if is_before else last[k]
+        count += np.int64(is_before)
+        ties |= is_tie(new, span[k])
+    fragments.found[0] = count
+    fragments.found[1] |= ties
 
 
 @helper
 def is_tie(new, old):
     """Tell whether an entry that holds an index is as deep as one that doesn't."""
     return (new ^ old) & (DEPTH_MASK | IS_ID) == IS_ID
-
-
-@helper
-def list_entry(lists, sample, entry):
-    """Append an entry to the list of a sample, or count it."""
-    cursors, starts = lists.cursors, lists.starts
-    if not lists.is_counting and cursors[sample] < starts[sample + index(1)]:
-        lists.entries[index(cursors[sample] - lists.base)] = entry
-    cursors[sample] += 1

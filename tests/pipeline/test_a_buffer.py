@@ -1,10 +1,11 @@
-"""Check the lists of the A-buffer: which samples have one, how room is divided among them, and that they are sorted."""
+"""Check the lists of the A-buffer: which samples have one, that they are sorted, and that their array grows."""
 
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from helpers import stages
 from helpers.arrays import differences
 from helpers.pairs import pairs
 from helpers.pinhole import QUAD, SHADINGS, octasphere, sheet_camera
@@ -13,15 +14,18 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.pipeline.a_buffer import (
     INVISIBLE,
-    MAX_FRAGMENTS,
-    FragmentLists,
+    Fragments,
     Room,
-    divide_room,
+    gather_fragments,
+    make_a_buffer,
     min_transmittance,
     number_samples,
-    sort_lists,
-    split_samples,
+    sort_fragments,
 )
+from rasterizer.pipeline.cull import Band
+from rasterizer.pipeline.gradients import IS_TRANSPARENT
+from rasterizer.pipeline.scan import make_deferred
+from rasterizer.pipeline.transform import compute_z
 from rasterizer.pipeline.visibility import make_extents
 
 
@@ -34,59 +38,61 @@ def test_samples_in_the_extents_are_numbered_row_by_row():
     assert [int(columns[row]) + left for row, left in ((0, 3), (7, 3), (16, 0), (19, 0))] == [0, 28, 32, 38]
 
 
-def test_room_is_divided_by_the_lengths_of_the_lists():
-    cursors, starts = np.array([2, 0, 5, 1]), np.full(5, -1)
-    assert tuple(divide_room(cursors, starts)) == (8, 3)
-    assert starts.tolist() == [0, 2, 2, 7, 8] and cursors.tolist() == starts[:4].tolist()
-
-
 def test_room_grows_and_is_used_again():
     room = Room()
     first = room.array("a", (3, 4))
-    assert first.shape == (3, 4) and first.dtype == np.int64 and room.n_byte == 96
+    assert first.shape == (3, 4) and first.dtype == np.int64
     assert np.shares_memory(room.array("a", (5,)), first) and not np.shares_memory(room.array("b", (5,)), first)
     assert room.array("a", (5,), np.float64).dtype == np.float64 and room.array("a", (50,)).shape == (50,)
-    assert room.n_byte == 50 * 8 + 5 * 8
-
-
-def test_ranges_of_samples_are_whole_in_order_and_within_the_limit():
-    rng = np.random.default_rng(2)
-    for pitch, n_row in ((1, 1), (8, 5), (40, 16)):
-        for most in (0, 9, MAX_FRAGMENTS // 3, 2 * MAX_FRAGMENTS):
-            counts = rng.integers(0, most + 1, pitch * n_row)
-            start = np.append(0, np.cumsum(counts))
-            ranges = list(split_samples(start, np.arange(n_row + 1) * pitch))
-            assert [first for first, _ in ranges] == [0, *(end for _, end in ranges[:-1])], ranges
-            assert ranges[-1][1] == len(counts), ranges
-            for first, end in ranges:
-                n = start[end] - start[first]
-                assert end - first == 1 or n <= MAX_FRAGMENTS, f"{first}..{end}: {n} > {MAX_FRAGMENTS} fragments"
-                is_whole = end % pitch == 0 or start[(first // pitch + 1) * pitch] - start[first] > MAX_FRAGMENTS
-                assert is_whole, f"{first}..{end} ends within a row"
-            assert most > 9 or len(ranges) == 1, ranges
 
 
 def test_lists_are_sorted_in_whatever_order_they_are():
-    """The first list, which isn't in the range, stays as it is."""
-    rng, lists = np.random.default_rng(3), [np.array([3, 2, 1])]
+    rng, lists = np.random.default_rng(3), []
     for n in (0, 1, 2, 3, 24, 65, 1000):
         up = np.arange(n)
-        lists += [
-            up,
-            up[::-1],
-            rng.permutation(n),
-            rng.integers(0, 5, n),
-            np.zeros(n, int),
-            np.roll(up, n // 2),
-            up ^ 1,
-        ]
-        lists += [rng.integers(-(2**62), 2**62, n)]
-    starts = np.append(0, np.cumsum([len(each) for each in lists]))
-    entries, unused = np.concatenate(lists).astype(np.int64), np.zeros(1, np.int64)
-    sort_lists(FragmentLists(1, len(lists), 3, entries[3:], unused, unused, starts, False, unused))
-    for k, (each, start, end) in enumerate(zip(lists, starts, starts[1:], strict=False)):
-        wanted = np.sort(each) if k else each
-        assert np.array_equal(entries[start:end], wanted), f"list {k}: {entries[start:end]}"
+        lists += [up, up[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n, int), np.roll(up, n // 2)]
+        lists += [up ^ 1, rng.integers(0, 2**62, n)]
+    samples = np.repeat(np.arange(len(lists)), [len(each) for each in lists])
+    entries, order, n = np.concatenate(lists).astype(np.int64), rng.permutation(len(samples)), len(samples)
+    for dealt in (np.arange(n), order):
+        last, before = np.full(len(lists), -1, np.int32), np.empty(n, np.int32)
+        for k, sample in enumerate(samples[dealt]):
+            before[k], last[sample] = last[sample], k
+        starts, out = np.full(len(lists) + 1, 7), np.empty(n, np.int64)
+        fragments = Fragments(np.empty(0, np.int64), last, before, entries[dealt], np.array([n, 0]))
+        sort_fragments(fragments, starts, out)
+        assert starts.tolist() == [0, *np.cumsum([len(each) for each in lists])]
+        for k, each in enumerate(lists):
+            assert np.array_equal(out[starts[k] : starts[k + 1]], np.sort(each)), f"list {k}"
+
+
+def test_the_array_of_fragments_grows_up_to_a_limit():
+    """A band without opaque surfaces: each sample has as many fragments as triangles cover it."""
+    size, rng = (24, 18), np.random.default_rng(4)
+    triangles = np.concatenate([stages.random_triangles(rng, n, size, reach) for n, reach in ((60, 20.0), (30, 4.0))])
+    triangles = np.concatenate([triangles, stages.slivers(rng, 9, size, 2**10, 3)])
+    screen = stages.plain_screen(True, (1.0, 4.0))
+    coding = stages.plain_coding("exact", screen, 3, np.float64, features=IS_TRANSPARENT)
+    depth, extents = rng.uniform(1.0, 4.0, (len(triangles), 3)), make_extents(size[1])
+    deferred, values = make_deferred(len(triangles), extents), np.zeros((len(triangles), 3, 3))
+    workspace, _ = stages.scan_alone(triangles, depth, values, coding, screen, size, deferred=deferred)
+    drawables = stages.drawables_of(triangles, compute_z(depth, screen), values[None])
+    a_buffer = make_a_buffer(Room(), extents, size[1], 1)
+    rest = deferred.listed(), drawables, workspace.block, workspace.visibility, a_buffer
+    band = Band(np.arange(len(triangles), dtype=np.uint32), 0, size[1])
+    fragments = gather_fragments(band, *rest, Room())
+    expected = sum(reference.coverage(triangle, *size).astype(int) for triangle in triangles)
+    n, n_sample = int(fragments.found[0]), len(a_buffer.transmittance)
+    assert n == expected.sum() > 4 * n_sample and not fragments.found[1]
+    starts, entries = np.empty(n_sample + 1, np.int64), np.empty(n, np.int64)
+    sort_fragments(fragments, starts, entries)
+    counted = np.diff(starts)
+    for row in range(size[1]):
+        first, end = a_buffer.first_samples[row : row + 2]
+        left = first - a_buffer.columns[row]
+        assert np.array_equal(counted[first:end], expected[row, left : left + end - first]), f"row {row}"
+    with pytest.raises(rz.SceneError, match="more than 900 samples .* opaque"):
+        gather_fragments(band, *rest, Room(), most=900)
 
 
 # ---------------------------------------------------------------- layers
@@ -246,7 +252,7 @@ def test_ties_with_a_wall_that_is_seen_at_an_angle():
             assert_cards(frame, cards, f"{order}, {shading}, {tolerance=}", max(tolerance, 1e-6))
 
 
-def test_bands_and_threads_and_more_fragments_than_are_worked_on_at_a_time():
+def test_bands_and_threads_and_many_fragments():
     """Two bands, the first with more than 2^22 fragments; drawn twice in the same memory."""
     size, rng = (700, 192), np.random.default_rng(6)
     cards = [Card(2.0 + k, tuple(COLORS[k % 5]), 0.02) for k in range(32)] + random_cards(rng, 200, size)
