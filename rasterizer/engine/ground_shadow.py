@@ -9,13 +9,15 @@ any page. The light is round, far above the scene, and has the same intensity ev
 of the light's points sees it, in perspective, covers just the texels of the ground that get no light from there: a
 projected shadow (Blinn 1988, "Me and My (Fake) Shadow"). The mean over the points is the shadow of the area light.
 
-Masks of what is opaque are made of bits (pipeline/ground.py): each triangle is drawn once, whatever the number of
-points. What is transparent lets a share of the light through: such scenes are drawn from each point of the light, as
-pictures are.
+Masks are made of bits (pipeline/ground.py): each triangle is drawn once, whatever the number of points. What is
+transparent lets a share of the light through: triangles of one opacity a that turn the same side to the light are drawn
+into masks of their own. Where the two sides hide the shares h >= k of the light, k is weakened by a twice, as by the
+front and the back of a glass body, and h - k once: a·(h + (1 - a)·k) is lost. Opacities are combined as if each hid
+points of the light at random, which is exact but in half-shadows. Several surfaces of one opacity and side, one behind
+the other, count once, and a texture counts with the mean of its alpha.
 """
 
 import math
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -30,25 +32,19 @@ from ..pipeline.ground_picture import SeenGround, lay_under
 from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.framing import orbit_axes
-from ..scene.lights import AmbientLight
-from ..scene.mesh import Mesh
+from ..scene.material import Material
 from ..scene.scene import Scene
-from .drawn import NO_CLOCK
+from ..scene.texture import Texture
 from .kernels_of_plan import KernelList
-from .prepared import PreparedScene
-from .scene_tables import SceneTables
 
 HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
 RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller is a point
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 POINTS = 256  # of the light
-# Of the light for what is transparent, as many as there is time for; triangles times points
-MAX_POINTS, MIN_POINTS, FACES_DRAWN = 128, 16, 2**22
+OPACITIES = 32  # that are told apart, each of which costs as much as all that is opaque
 MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
 MIN_FACES, PASS_FACES = 2**15, 2**15  # that are worth layers of their own; that are drawn into them in one go
-# Prepared scenes whose masks are drawn side by side, and triangles of a scene of which there are several.
-MAX_BATCHES, MAX_BATCHED_FACES = 4, 2**17
 DECODED = LINEAR_OF_BYTE.astype(np.float32)
 NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 
@@ -65,6 +61,13 @@ class Ground(NamedTuple):
     radius: float  # half the diagonal of the scene's box
 
 
+class Caster(NamedTuple):
+    """Triangles that throw a shadow."""
+
+    vertices: NDArray[np.float64]  # (n_vertex, 3), world space, scene units
+    faces: NDArray[np.uint32]  # (n_face, 3)
+
+
 class GroundShadow:
     """Hold the shadow of a scene on the ground under it, for all pictures of the scene.
 
@@ -73,7 +76,7 @@ class GroundShadow:
     scene : Scene; its `up` says where the ground is. What is transparent lets light through
     strength : opacity of the ground where no light arrives, 0 to 1
     size : texels along the longer side of the shadow
-    points : of the light; None = 256; 128 where something is transparent, fewer for more than some 30,000 triangles
+    points : of the light; None = 256
     threads : how many; None = as many as the process may use
 
     Attributes
@@ -95,12 +98,7 @@ class GroundShadow:
         self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         if self.ground is not None:
             with compiling_ahead(partial(list_kernels, scene)):
-                if all(mesh.is_opaque for mesh in scene.meshes):
-                    hidden = _count_hidden(scene, self.ground, points or POINTS, threads)
-                else:
-                    fewer = min(max(FACES_DRAWN // max(scene.n_face, 1), MIN_POINTS), MAX_POINTS)
-                    hidden = draw_masks(scene, self.ground, points or fewer, threads)
-            self.opacity = np.float32(strength) * hidden
+                self.opacity = np.float32(strength) * _hidden_share(scene, self.ground, points or POINTS, threads)
         self._rimmed = np.pad(self.opacity, 1)  # no shadow beyond the last texel
         used = (np.flatnonzero(self._rimmed.any(axis=axis)) for axis in (0, 1))
         self._limits = np.array([(at[0] - 1.0, at[-1] + 1.0) if len(at) else (0.0, 0.0) for at in used])
@@ -162,13 +160,6 @@ class GroundShadow:
         threads.map(lay, threads.ranges(height, -(-MIN_PART // width)))
 
 
-def masks_of(scene: Scene, size: tuple[int, int] = (8, 8), threads: int | None = None) -> tuple[SceneTables, Options]:
-    """Return what masks are drawn of, and with."""
-    casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
-    options = Options(size=size, shading="flat", samples=1, threads=threads)
-    return SceneTables(casters, options), options
-
-
 def faded(size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return what the shadow is multiplied by in each column and in each row, (width,) and (height,): smoothly from 1
     to exactly 0 at the picture's border, over an eighth of its shorter side."""
@@ -208,45 +199,61 @@ def _light_points(n: int) -> NDArray[np.float64]:
     return np.stack([away * np.cos(k * GOLDEN_ANGLE), away * np.sin(k * GOLDEN_ANGLE)], axis=1)
 
 
-def _camera_at(ground: Ground, x: float, y: float) -> Camera:
-    """Return the camera at a point of the light whose pixels are the texels of the ground."""
-    rows, columns = ground.shape
-    height = HEIGHT * ground.radius
-    eye = ground.center + x * ground.right + y * ground.front + height * ground.up
-    focal = height / ground.texel
-    # Straight below the eye is the pixel that this texel is; OpenCV counts from the centre of the first one.
-    below = columns / 2 - 0.5 + x / ground.texel, rows / 2 - 0.5 + y / ground.texel
-    return Camera(
-        position=eye,
-        target=eye - ground.radius * ground.up,
-        up=-ground.front,
-        intrinsics=(focal, focal, *below),
-        size=(columns, rows),
-    )
+def _opacity_of(material: Material) -> float:
+    """Return the opacity of a material, rounded to a multiple of 1/OPACITIES; 1 where it is opaque."""
+    alpha = float(material.texture.mean[3]) if isinstance(material.texture, Texture) else 1.0
+    return 1.0 if material.is_opaque else round(OPACITIES * material.opacity * alpha) / OPACITIES
 
 
-def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
-    """Return which share of n points of the light each texel doesn't see, where all is opaque."""
+def _hidden_share(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
+    """Return which share of the light of n points each texel doesn't get."""
+    opacities = [np.array([_opacity_of(material) for material in mesh.palette]) for mesh in scene.meshes]
+    hidden, top = np.zeros(ground.shape, np.float32), float(np.ptp(scene.bounds @ ground.up))
+    for opacity in sorted({*np.concatenate(opacities).tolist()} - {0.0}, reverse=True):
+        casters = []
+        for mesh, of_palette in zip(scene.meshes, opacities, strict=True):
+            material = 0 if mesh.face_material is None else mesh.face_material
+            is_drawn = np.broadcast_to(of_palette[material] == opacity, mesh.n_face)
+            if is_drawn.any():
+                casters.append(Caster(mesh.vertices, mesh.faces if is_drawn.all() else mesh.faces[is_drawn]))
+        sides = (None,) if opacity == 1.0 else (1, -1)
+        shares = [_count_hidden(casters, side, top, ground, n, threads) for side in sides]
+        once, twice = np.maximum.reduce(shares), np.minimum.reduce(shares)
+        hidden += (1 - hidden) * np.float32(opacity) * (once + np.float32(1 - opacity) * twice)
+    return hidden
+
+
+def _count_hidden(
+    casters: list[Caster], side: int | None, top: float, ground: Ground, n: int, threads: int | None
+) -> NDArray[np.float32]:
+    """Return which share of n points of the light each texel doesn't see, where all is opaque.
+
+    Parameters
+    ----------
+    side : 1 or -1 = of the triangles that turn one or the other side to the light; None = of all
+    top : height of the scene above the ground
+    """
     height, radius = HEIGHT * ground.radius, SPREAD * HEIGHT * ground.radius / ground.texel
     columns, rows = ground.right / ground.texel, ground.front / ground.texel
     frame = np.array([ground.center, columns, rows, ground.up, (height, radius, 0.0)])
     middle = (np.array(ground.shape[::-1], np.float32) - 1) / 2
-    top = float(np.ptp(scene.bounds @ ground.up))
     workers = Workers(Options(threads=threads).n_thread)
-    n_part = max(min(workers.n_thread, scene.n_face // MIN_FACES), 1)
+    n_part = max(min(workers.n_thread, sum(len(caster.faces) for caster in casters) // MIN_FACES), 1)
     parts = [bits.make_layers(ground.shape, top / (height - top) * radius) for _ in range(n_part)]
     near = [np.empty((0, 9), np.float32)]
 
-    def draw(mesh: Mesh) -> None:
-        points = np.empty((mesh.n_vertex, 3), np.float32)
-        workers.map(lambda part: bits.project(mesh.vertices, frame, *part, points), workers.ranges(mesh.n_vertex))
+    def draw(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:
+        points = np.empty((len(vertices), 3), np.float32)
+        workers.map(lambda part: bits.project(vertices, frame, *part, points), workers.ranges(len(vertices)))
         points[:, :2] += middle
-        workers.map(lambda k: draw_part(mesh, points, k), range(n_part))
+        if side is not None:
+            faces = faces[_areas(points, faces) * side > 0]
+        workers.map(lambda k: draw_part(points, faces, k), range(n_part))
 
-    def draw_part(mesh: Mesh, points: NDArray[np.float32], k: int) -> None:
-        room, end = np.empty((2 * PASS_FACES, 9), np.float32), mesh.n_face * (k + 1) // n_part
-        for first in range(mesh.n_face * k // n_part, end, PASS_FACES):
-            n_near = bits.draw_layers(points, mesh.faces, first, min(first + PASS_FACES, end), parts[k], room)
+    def draw_part(points: NDArray[np.float32], faces: NDArray[np.uint32], k: int) -> None:
+        room, end = np.empty((2 * PASS_FACES, 9), np.float32), len(faces) * (k + 1) // n_part
+        for first in range(len(faces) * k // n_part, end, PASS_FACES):
+            n_near = bits.draw_layers(points, faces, first, min(first + PASS_FACES, end), parts[k], room)
             near.append(room[:n_near].copy())  # in any order: a texel that is hidden twice is hidden
 
     def count(first: int) -> NDArray[np.uint8]:
@@ -258,11 +265,18 @@ def _count_hidden(scene: Scene, ground: Ground, n: int, threads: int | None) -> 
         return counts
 
     with workers:
-        for mesh in scene.meshes:
-            draw(mesh)
+        for caster in casters:
+            draw(*caster)
         layers, triangles = bits.join(parts), np.concatenate(near)
         counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
     return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
+
+
+def _areas(points: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Return twice the signed areas of projected triangles, (n,)."""
+    a, b, c = (points[faces[:, k], :2].astype(np.float64) for k in range(3))
+    u, v = b - a, c - a
+    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
 
 
 def list_kernels(scene: Scene) -> list[Job]:
@@ -273,8 +287,6 @@ def list_kernels(scene: Scene) -> list[Job]:
     found, line = KernelList(), np.empty(0, np.float32)
     seen = SeenGround(NO_ALPHA, np.empty((2, 2)), np.empty((3, 3)), line, line)
     found.add(lay_under, seen, line, DECODED, (0, 0), np.empty((0, 0), np.uint32), NO_COLOR, NO_ALPHA)
-    if not all(mesh.is_opaque for mesh in scene.meshes):
-        return [*found.jobs, *PreparedScene(*masks_of(scene)).list_kernels(_camera_at(ground, 0.0, 0.0))]
     points, near = np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
     layers = bits.make_layers((4, 4), 0.0)
     found.add(bits.project, np.empty((0, 3)), np.empty((5, 3)), 0, 0, points)
@@ -282,35 +294,6 @@ def list_kernels(scene: Scene) -> list[Job]:
     lights = np.empty((2, bits.CHUNK), np.float32)
     found.add(bits.count_hidden, layers, near, lights, 0, bits.make_scratch(layers), np.empty(0, np.uint8))
     return list(found.jobs)
-
-
-def draw_masks(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
-    """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get.
-
-    For scenes with something transparent in them; others take less time by `_count_hidden`, which is compared with it.
-    """
-    rows, columns = ground.shape
-    spread = SPREAD * HEIGHT * ground.radius
-    points, n_thread = (spread * _light_points(n)).tolist(), Options(threads=threads).n_thread
-    # Masks of a small scene take less time side by side than one after the other on all threads.
-    n_batch = min(n_thread, MAX_BATCHES, n) if scene.n_face <= MAX_BATCHED_FACES else 1
-    casters, options = masks_of(scene, (columns, rows), n_thread // n_batch)
-
-    def draw_mask(prepared: PreparedScene, x: float, y: float) -> NDArray:
-        camera = _camera_at(ground, x, y)
-        return prepared.draw_picture(camera, NO_CLOCK).rgba[..., 3]
-
-    def draw_batch(k: int) -> NDArray[np.uint32]:
-        covered = np.zeros(ground.shape, np.uint32)  # whole numbers: their sum is the same in any order
-        prepared = PreparedScene(casters, options)
-        with prepared.threads:
-            for x, y in points[k::n_batch]:
-                covered += draw_mask(prepared, x, y)
-        return covered
-
-    with Workers(n_batch) as workers:
-        covered = sum(workers.map(draw_batch, range(n_batch)), np.uint32(0))
-    return covered.astype(np.float32) / np.float32(255 * n)
 
 
 def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:
