@@ -17,7 +17,6 @@ import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.attributes import light_all, make_coding, make_encoding, scale_depths
 from rasterizer.engine.depth_range import screen_of
-from rasterizer.engine.domains import measure_clearances
 from rasterizer.engine.draw import choose_band_rows, cull, gather_drawn
 from rasterizer.engine.passes import InterpolatedPass
 from rasterizer.engine.plan import make_plan
@@ -88,7 +87,7 @@ def go(scene) -> Followed:
 
 def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
-    plan = make_plan(tables := SceneTables(scene, OPTIONS), OPTIONS, measure_clearances(tables))
+    plan = make_plan(SceneTables(scene, OPTIONS), OPTIONS)
     lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.of_materials.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
@@ -97,7 +96,6 @@ def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
         plan=plan,
         screen=screen,
         encoding=make_encoding(plan, scene.background, OPTIONS.color_range),
-        textures=None,
         picture=make_picture(OPTIONS.size, with_color=False),
     )
 

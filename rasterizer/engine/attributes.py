@@ -142,37 +142,22 @@ def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:
     return bundles
 
 
-class NormalAttributes:
-    """The normals of a scene's points as attributes, kept from picture to picture."""
+def join_attributes(geometry, n_attribute: int) -> NDArray[np.float64]:
+    """Return the first attributes of all points, (1, n_point, n_attribute): normals, behind them the model's colours,
+    texture coordinates and tangents, 3 to 13."""
+    columns = [geometry.normals]
+    for column in (geometry.albedo, geometry.uv, geometry.tangents):
+        if len(column) == len(geometry.normals) and n_attribute > 3:
+            columns.append(column)
+    joined = np.concatenate(columns, axis=1) if len(columns) > 1 else geometry.normals
+    return np.ascontiguousarray(joined[None, :, :n_attribute])
 
-    def __init__(self, geometry):
-        self._geometry = geometry
-        self._kept: dict[int, NDArray[np.float64]] = {}
 
-    def of(self, plan) -> NDArray[np.float64]:
-        """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 13 attributes."""
-        return self._first(int(plan.of_materials.n_attributes.max()))
-
-    def normals(self) -> NDArray[np.float64]:
-        """The normals alone."""
-        return self._first(3)
-
-    def _first(self, n_attribute) -> NDArray[np.float64]:
-        """So many attributes, of all points."""
-        if n_attribute not in self._kept:
-            geometry, n_point = self._geometry, len(self._geometry.normals)
-            given = geometry.normals, geometry.albedo, geometry.uv, geometry.tangents
-            columns = [column for column in given if len(column) == n_point]
-            joined = np.concatenate(columns, axis=1) if n_attribute > 3 else geometry.normals
-            self._kept[n_attribute] = np.ascontiguousarray(joined[None, :, :n_attribute])
-        return self._kept[n_attribute]
-
-    def of_faces(self, view, screen) -> NDArray[np.float64]:
-        """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
-        normals = self._geometry.normals
-        away = (self._geometry.points - view.eye) if screen.is_perspective else view.forward
-        toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
-        return np.stack([toward, -toward])
+def turn_to_viewer(geometry, view, screen) -> NDArray[np.float64]:
+    """Return normals of flat faces, towards the viewer, (2, n_point, 3); side 1 is reversed: that is flipped."""
+    away = (geometry.points - view.eye) if screen.is_perspective else view.forward
+    toward = np.where((geometry.normals * away).sum(axis=1, keepdims=True) > 0.0, -geometry.normals, geometry.normals)
+    return np.stack([toward, -toward])
 
 
 # ---------------------------------------------------------------- how entries, records and bytes hold them

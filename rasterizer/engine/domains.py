@@ -13,7 +13,7 @@ A material is lit in float32 where all of this holds, else in float64:
     intensities                 finite                      a light that amplifies without limit has no bound
     lengths                     2^-40 to 2^60               squares of others lose their digits
     furthest / nearest depth    2^22 at most                what depths lose of float64 must be less than a float32 does
-    depth cue                   fades what entries say of   a quarter of the tolerance is for that: `fading_of`
+    depth cue                   fades what entries say of   a quarter of the tolerance is for that: `is_far`
                                 depth by little
     shadows                     a point moves by 1/8 texel  else they show other shadows (shadow_maps.py)
     roundings                   half of the tolerance       see below; the other half is for planes and entries
@@ -231,19 +231,6 @@ def furthest_over_nearest(screen: Screen, furthest: float) -> float:
     return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
 
 
-def fading_of(cue: Any, screen: Screen, n_sample: tuple[int, int]) -> float:
-    """Return how far off the share may be that depth cueing leaves of an intensity, where depths are those of entries.
-
-    Without perspective these err by half a unit of the z-buffer for each step from a triangle's first sample, along
-    both axes, and by DEPTH_PLANE_ROUNDING; over the cue's scale that is a change of the share.
-    """
-    if cue is None or screen.z_scale == 0.0:
-        return 0.0
-    if screen.is_perspective:
-        return DEPTH_ERROR * (0.25 + max(cue.start, 0.0) / cue.scale)
-    return (0.5 * sum(n_sample) + DEPTH_PLANE_ROUNDING) / abs(screen.z_scale) / cue.scale
-
-
 def is_far(plan: Any, furthest: NDArray[np.float64], nearness: NDArray[np.float64], screen: Screen) -> bool:
     """Tell whether float32 won't do for anything in one view, because of its lengths, depths or cue.
 
@@ -252,10 +239,16 @@ def is_far(plan: Any, furthest: NDArray[np.float64], nearness: NDArray[np.float6
     plan : Plan
     furthest, nearness : as `furthest_of` and `nearness_in` return them
     """
-    n_sample = plan.options.size[0] * plan.options.factor, plan.options.size[1] * plan.options.factor
-    fades_to = 0.0 if plan.cue is None else float(plan.cue.color.max())
-    fading = fading_of(plan.cue, screen, n_sample)
-    is_fading = fading > 0.0 and not fading * (plan.bound + fades_to) <= MAX_FADING * plan.options.tolerance
+    cue, is_fading = plan.cue, False
+    if cue is not None and screen.z_scale != 0.0:
+        # How far off the share may be that the cue leaves of an intensity, where depths are those of entries. Without
+        # perspective these err by half a unit of the z-buffer for each step from a triangle's first sample, along both
+        # axes, and by DEPTH_PLANE_ROUNDING; over the cue's scale that is a change of the share.
+        fading = DEPTH_ERROR * (0.25 + max(cue.start, 0.0) / cue.scale)
+        if not screen.is_perspective:
+            n_step = 0.5 * plan.options.factor * sum(plan.options.size)
+            fading = (n_step + DEPTH_PLANE_ROUNDING) / abs(screen.z_scale) / cue.scale
+        is_fading = not fading * (plan.bound + float(cue.color.max())) <= MAX_FADING * plan.options.tolerance
     lengths = np.concatenate([furthest, (furthest[:, None] / np.where(nearness > 0.0, nearness, 1.0))[nearness > 0.0]])
     is_long = not (LENGTHS[0] <= lengths.min() and lengths.max() <= LENGTHS[1])
     return is_long or is_fading or furthest_over_nearest(screen, float(furthest.max())) > MAX_DEPTHS

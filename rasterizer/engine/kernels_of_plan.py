@@ -23,7 +23,7 @@ from ..pipeline.edges import draw_edges
 from ..pipeline.gradients import HAS_TEXTURE, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import ShadowMaps, SurfacePoints, light_points
-from ..pipeline.phong_shading import FaceTable, shade_lit
+from ..pipeline.phong_shading import shade_lit
 from ..pipeline.resolve import encode_picture
 from ..pipeline.scan import ScanCounts, make_deferred, scan, scan_index
 from ..pipeline.shade import fade, shade_interpolated
@@ -36,7 +36,7 @@ from ..scene.mesh import Mesh
 from .attributes import make_coding, make_encoding, scale_depths
 from .buffers import BUFFER_TABLE
 from .depth_range import DEEP, depths_of_boxes, fit_depth_range
-from .domains import measure_clearances, nearness_in
+from .domains import nearness_in
 from .plan import Plan, make_plan
 from .scene_tables import SceneTables
 from .shadow_maps import corners_of, leaves_casters_out
@@ -102,8 +102,8 @@ def list_mesh_kernels() -> list[Job]:
 
 def plan_ahead(tables: SceneTables, options: Options, camera: Camera) -> Plan:
     """The plan of a scene in a view, but for what its surfaces are needed for."""
-    plan, view = make_plan(tables, options, clearances := measure_clearances(tables)), camera.view()
-    roundings = plan.intensities.roundings_at(nearness_in(tables, clearances, view))
+    plan, view = make_plan(tables, options), camera.view()
+    roundings = plan.intensities.roundings_at(nearness_in(tables, plan.clearances, view))
     return plan.with_shares(plan.shares_at(roundings, False), False)
 
 
@@ -269,7 +269,7 @@ class PictureKernels(KernelList):
 
     def add_lit(self, parts: Parts) -> None:
         """Add what lights every sample: Phong's method."""
-        plan, workspace, table = self.plan, parts.workspace, FaceTable(np.empty((0, 5)))
+        plan, workspace, table = self.plan, parts.workspace, np.empty((0, 5))
         tangents = 0 if plan.has_tangents else None
         for dtype in plan.of_materials.dtypes:
             batch = workspace.batch if dtype == SINGLE else workspace.double_batch

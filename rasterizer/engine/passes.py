@@ -22,7 +22,7 @@ from ..pipeline.cull import Band
 from ..pipeline.gradients import DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, SINGLE_PRECISION, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
-from ..pipeline.phong_shading import FaceTable, shade_lit
+from ..pipeline.phong_shading import shade_lit
 from ..pipeline.records import max_units
 from ..pipeline.resolve import Encoding, Picture, SampleGrid, make_grid, resolve
 from ..pipeline.scan import Deferred, ScanCounts, scan, scan_index
@@ -37,7 +37,7 @@ from .buffers import BUFFER_TABLE
 from .drawn import Drawn
 from .plan import Plan
 
-NO_TABLE = FaceTable(np.empty((0, 5)))
+NO_PLANES = np.empty((0, 5))  # of triangles on which no shadow falls
 NOTHING_FOUND = ScanCounts(0, 0, 0, 0, -1)
 
 
@@ -51,7 +51,7 @@ class Pass:
 
     attributes: np.ndarray  # (n_side, n_point, n_attribute) float64: interpolated over the triangles
     size: tuple[int, int]  # (width, height) in pixels
-    face_table: FaceTable = NO_TABLE
+    face_planes: np.ndarray | None = None  # (n_face, 5) float64, see pipeline/shadow_lookup.py; None without light
     factor: int = 1  # samples a pixel along each axis
     hidden_sides: np.ndarray | None = None  # see pipeline/cull.py: find_visible; None where all are drawn
     is_filled: bool = False  # bands without triangles are finished, too
@@ -100,11 +100,11 @@ class Pass:
     def of_clipped(self, clipped: Clipped, corner_idx):
         """Return the pass of the triangles that are left after clipping; `corner_idx` (3, n_face) is where the corners
         of those before have their attributes."""
-        planes = self.face_table.planes
+        planes = self.face_planes
         return replace(
             self,
             attributes=clipped.add_values(self.attributes, corner_idx),
-            face_table=FaceTable(planes[clipped.faces]) if len(planes) else self.face_table,
+            face_planes=planes[clipped.faces] if planes is not None and len(planes) else planes,
             hidden_sides=None if self.hidden_sides is None else self.hidden_sides[clipped.faces],
         )
 
@@ -258,7 +258,7 @@ class LitPass(ColorPass):
         for feature, dtype, batch in types:
             if band.counts.features & feature:
                 lighting = self.lightings[np.dtype(dtype)]
-                shade_lit(band, self.screen, lighting, self.face_table, tangents, texturing, batch, radiance)
+                shade_lit(band, self.screen, lighting, self.face_planes, tangents, texturing, batch, radiance)
 
 
 @dataclass(**AS_PASS)

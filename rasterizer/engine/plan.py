@@ -69,7 +69,9 @@ class Plan(NamedTuple):
     tables: SceneTables
     options: Options
     of_materials: MaterialTable
+    clearances: NDArray[np.float64]  # (n_material, n_light), see domains.py
     intensities: Intensities
+    is_lit_per_sample: bool  # by Phong's method
     n_channel: int  # the most that any material needs
     tint: NDArray[np.float32]  # (3,): the colour of what has one channel
     level_scale: float  # levels a unit of intensity
@@ -80,11 +82,6 @@ class Plan(NamedTuple):
     metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     cue: Cue | None  # None where nothing fades with depth
-
-    @property
-    def is_lit_per_sample(self) -> bool:
-        """By Phong's method."""
-        return self.options.shading == "phong"
 
     @property
     def dtype(self) -> np.dtype:
@@ -122,13 +119,13 @@ def make_plan(
 
     Parameters
     ----------
-    clearances : (n_material, n_light), as `domains.measure_clearances` returns them; None = 0
+    clearances : (n_material, n_light), how near lights are; None = as `domains.measure_clearances` finds it
     run : see `make_textures`
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
     materials, cue = tables.materials, tables.depth_cue
-    clearances = np.zeros(tables.is_lit.shape) if clearances is None else clearances
+    clearances = domains.measure_clearances(tables) if clearances is None else clearances
     fades_to = max(cue.color) if cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         intensities = domains.bound_intensities(tables, clearances, options.shading == "phong")
@@ -148,7 +145,9 @@ def make_plan(
         tables=tables,
         options=options,
         of_materials=table,
+        clearances=clearances,
         intensities=intensities,
+        is_lit_per_sample=options.shading == "phong",
         n_channel=n_channel,
         tint=tint,
         level_scale=(int(LEVEL_MASK) - 1) / max_level if 0.0 < max_level < np.inf else 1.0,

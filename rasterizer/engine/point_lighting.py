@@ -83,7 +83,7 @@ def illuminate(
     options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
     meshes = (SimpleNamespace(palette=(material,), uv=None, colors=None, face_colors=None),)
     tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
-    plan = make_plan(tables, options)
+    plan = make_plan(tables, options, np.zeros(tables.is_lit.shape))
     lighting = make_lighting(plan, view, plan.dtype)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)

@@ -22,17 +22,18 @@ from ..scene.camera import Camera, View
 from . import domains
 from .attributes import (
     NONE,
-    NormalAttributes,
+    join_attributes,
     light_all,
     make_coding,
     make_encoding,
     scale_depths,
+    turn_to_viewer,
 )
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, screen_of
 from .draw import draw
 from .drawn import NO_CLOCK, Counts
-from .passes import NO_TABLE, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
+from .passes import NO_PLANES, BufferPass, ColorPass, InterpolatedPass, LitPass
 from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .points import Geometry, Part, gather_geometry, gather_inner_sides, list_opaque_fans, make_parts
@@ -79,6 +80,7 @@ class PreparedScene:
     def __init__(self, tables: SceneTables, options: Options, like: "PreparedScene | None" = None) -> None:
         self.tables, self.options = tables, options
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
+        self._joined: dict[int, NDArray[np.float64]] = {}  # attributes, by their number
         self._drawings: dict[bytes, Drawing] = {}  # by the shares of the tolerance, see Plan
         for name in {"geometry", "_inner_sides"}.intersection(() if like is None else vars(like)):
             vars(self)[name] = vars(like)[name]
@@ -106,14 +108,9 @@ class PreparedScene:
         return gather_inner_sides(self.tables.meshes, list_opaque_fans(self.tables.meshes))
 
     @cached_property
-    def _clearances(self) -> NDArray[np.float64]:
-        """How near lights are to materials, see domains.py."""
-        return domains.measure_clearances(self.tables)
-
-    @cached_property
     def plan(self) -> Plan:
         """What the scene needs in any view."""
-        return make_plan(self.tables, self.options, self._clearances, self.threads.map)
+        return make_plan(self.tables, self.options, run=self.threads.map)
 
     def prepare(self) -> PlanSummary:
         """Make what all pictures share: the plan, then the geometry; return the plan in words."""
@@ -122,9 +119,11 @@ class PreparedScene:
         vars(self).setdefault("geometry", self.geometry)
         return summary
 
-    @cached_property
-    def _normals(self) -> NormalAttributes:
-        return NormalAttributes(self.geometry)
+    def _attributes(self, n_attribute: int) -> NDArray[np.float64]:
+        """So many attributes of all points, kept from picture to picture."""
+        if n_attribute not in self._joined:
+            self._joined[n_attribute] = join_attributes(self.geometry, n_attribute)
+        return self._joined[n_attribute]
 
     @cached_property
     def _buffer_tables(self) -> BufferTables:
@@ -185,7 +184,7 @@ class PreparedScene:
         """The same on the screen of the picture."""
         tables, plan = self.tables, self.plan
         furthest = domains.furthest_of(tables.material_boxes, view)
-        nearness = domains.nearness_in(tables, self._clearances, view)
+        nearness = domains.nearness_in(tables, plan.clearances, view)
         roundings = plan.intensities.roundings_at(nearness)
         is_far = domains.is_far(plan, furthest, nearness, screen)
         if tables.has_shadows and not plan.of_materials.is_double.all():
@@ -206,7 +205,7 @@ class PreparedScene:
         coding = make_coding(plan, options.tolerance)
         return Drawing(
             plan=plan,
-            normals=self._normals.of(plan) if plan.is_lit_per_sample else NONE,
+            normals=self._attributes(int(plan.of_materials.n_attributes.max())) if plan.is_lit_per_sample else NONE,
             coding=coding,
             encoding=make_encoding(plan, self.tables.background, options.color_range),
             lightings={
@@ -260,8 +259,8 @@ class PreparedScene:
             "picture": picture,
         }
         if plan.is_lit_per_sample:
-            face_table = FaceTable(self._shadows.shapes) if plan.tables.has_shadows else NO_TABLE
-            return LitPass(attributes=drawing.normals, face_table=face_table, lightings=lightings, **shared)
+            planes = self._shadows.shapes if plan.tables.has_shadows else NO_PLANES
+            return LitPass(attributes=drawing.normals, face_planes=planes, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen, hidden_sides)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, **shared)
@@ -290,7 +289,7 @@ class PreparedScene:
             check_depths(camera, view, self.tables.bounds)
         normals, size = NONE, (options.size[0] * factor, options.size[1] * factor)
         if any(BUFFER_TABLE[name].needs_normals for name in names):
-            normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.normals()
+            normals = turn_to_viewer(self.geometry, view, screen) if options.is_flat else self._attributes(3)
         return BufferPass(
             attributes=normals,
             size=size,

@@ -46,14 +46,8 @@ from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, record_of, stretch_of
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
 
-class FaceTable(NamedTuple):
-    """What is known of every triangle beside its corners and material; an array that isn't needed has no rows."""
-
-    planes: np.ndarray  # (n_face, 5) float64: plane and normal offset, see shadow_lookup.py; read only for shadows
-
-
 @kernel
-def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch, out_radiance):
+def shade_lit(band, screen, lighting, face_planes, tangent_attribute, texturing, batch, out_radiance):
     """Interpolate normals and evaluate the illumination equation at the visible samples of materials that are computed
     in the type of the batch.
 
@@ -64,7 +58,8 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
     band : ScannedBand. Attributes 0-2 of its records are the normals, 3-5 the albedo (only of materials that have one)
     screen : Screen
     lighting : Lighting (lighting.py)
-    faces : FaceTable
+    face_planes : (n_face, 5) float64: plane and longest side of every triangle, see shadow_lookup.py; read only for
+        shadows
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled
     texturing : Texturing; None where there are no textures
@@ -92,7 +87,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, batch
                 gather_fragments(entries, band, where, material, texturing, screen, is_double, batch)
                 interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
                 weight_albedo(entries, band, where, material, texturing, start, batch)
-                gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
+                gather_face_planes(entries, band.records, lighting.shadows, face_planes, screen.eye, batch)
                 n_side = count_side_by_side(batch, n)
                 normalize_normals(batch, n_side)
                 if lighting.needs_view or lighting.needs_position:

@@ -186,7 +186,7 @@ def test_float64_of_one_material_leaves_the_others_their_way():
 
 SHINY = rz.Material(specular=0.5, shininess=400)
 AMPLIFIED = (rz.PointLight((3, 3, 3), 0.3, (0.1, 0, 0.3), amplify=True),)
-INVERSE_SQUARE = (rz.PointLight((3, 3, 3), 0.3, (0, 0, 1), amplify=True),)
+INVERSE_SQUARE = (rz.PointLight((0, 0, 0), 0.3, (0, 0, 1), amplify=True, attached="camera"),)
 MIRROR = rz.Material(specular=0.5, shininess=20_000)
 DULL = rz.Material(specular=0.5, shininess=0.5)
 BRIGHT = (rz.DirectionalLight((0, 0, -1), 500),)

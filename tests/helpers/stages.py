@@ -199,9 +199,9 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
 
 def computed_in(plan, dtype):
     """A plan with all materials in one type."""
-    bit = DOUBLE_PRECISION if np.dtype(dtype) == np.float64 else SINGLE_PRECISION
-    features = plan.of_materials.features & np.uint8(255 - DOUBLE_PRECISION - SINGLE_PRECISION) | np.uint8(bit)
-    return plan._replace(of_materials=plan.of_materials._replace(features=features))
+    share = np.inf if np.dtype(dtype) == np.float64 else 1 / 8
+    shares = np.full(len(plan.tables.materials), share)
+    return plan._replace(of_materials=plan.of_materials.with_shares(shares, "asked for"))
 
 
 def random_triangles(rng, n, size, reach):

@@ -23,7 +23,7 @@ from helpers.stages import (
 import rasterizer as rz
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.gradients import EXACT, HAS_COLORS
-from rasterizer.pipeline.phong_shading import FaceTable, shade_lit
+from rasterizer.pipeline.phong_shading import shade_lit
 from rasterizer.pipeline.records import FACE, PLANES_FACE, UNIT_SHIFT
 from rasterizer.pipeline.shade import shade_interpolated
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK, RECORD_MASK, RECORD_SHIFT
@@ -36,7 +36,7 @@ SIZE, WIDE = (120, 90), (3 * BATCH_SIZE + 50, 12)
 LEVELS = float(LEVEL_MASK - 1)
 DEPTHS = (1.0, 4.0)
 DTYPES = [np.float32, np.float64]
-NO_FACES = FaceTable(np.empty((0, 5)))
+NO_FACES = np.empty((0, 5))
 WHITE = np.ones(3, np.float32)
 
 
