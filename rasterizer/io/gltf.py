@@ -26,7 +26,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
-from ..scene.texture import Budget, Texture, decode_ahead, least_of, read_picture
+from ..scene.texture import Texture, decode_ahead, least_of, read_picture
 from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part
 
@@ -500,7 +500,7 @@ class Pictures:
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
         self._pixels, self._textures, self._numbers, self._means = {}, {}, {}, {}
-        self._budget, self._contents, self._decoded = Budget(self.model.name), {}, {}
+        self._contents, self._decoded = {}, {}
 
     def decode_ahead(self, materials: Iterable[dict]) -> None:
         """Decode the images of some of the tree's materials on threads."""
@@ -540,9 +540,8 @@ class Pictures:
 
     def _sampled(self, pixels, sampling, image, make=Texture) -> Texture:
         """Make a texture of an image's pixels; `sampling` is its filter and its wrap."""
-        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
         filter, wrap = sampling
-        return make(pixels, filter=filter, wrap=wrap, name=self._label(image))
+        return self.model.textures.add(make(pixels, filter=filter, wrap=wrap, name=self._label(image)))
 
     def numbers(self, use: dict) -> Texture | None:
         """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
@@ -597,13 +596,14 @@ class Pictures:
                     raise self.model.error("the texture has no image")
                 data, decoded = self._contents.pop(number, None), self._decoded.pop(number, None)
                 data = self._bytes_of(number) if data is None else data
-                self._pixels[number] = read_picture(BytesIO(data), f"image {number}", self._budget, decoded)
+                self._pixels[number] = read_picture(BytesIO(data), f"image {number}", self.model.textures, decoded)
             except (ModelError, LookupError, TypeError, ValueError) as fault:
                 reason = str(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
                 self.model.warn(f"{what}: {reason}; its materials keep their plain colour")
                 self._pixels[number] = None
-        return self._pixels[number]
+        pixels = self._pixels[number]
+        return None if pixels is None else self.model.textures.fitted(pixels)
 
     def _bytes_of(self, number) -> bytes | memoryview:
         """Return the bytes of an image."""

@@ -308,6 +308,11 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
         part["name"] = name_in(part["name"])
+    model.textures.warn()
+    for part in parts.values() if model.textures.n_halving else ():
+        many = "materials" in part
+        fitted = tuple(model.textures.fit_material(material) for material in materials_of(part))
+        part.update({"materials": fitted} if many else {"material": fitted[0]})
     _report(model, contents, [part for part, _ in placed], settings.crease_angle)
     if len(placed) > 1:
         drawn = {key for key, part in parts.items() if _is_worth_drawing(part, settings.drop_bad_faces)}

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import ModelError, cut, warn_caller
 from ..scene.material import Material
+from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder, LongFile
 from .limits import MAX_WARNINGS, Allowance
@@ -105,8 +106,11 @@ class ModelFile:
     beside: Folder
     log: Callable[[str], object]
     allowance: Allowance = None  # None = its own, by its size
+    textures: Budget = None  # counts those that are made of it
 
     def __post_init__(self) -> None:
+        if self.textures is None:
+            object.__setattr__(self, "textures", Budget(self.name))
         if self.allowance is None:
             object.__setattr__(self, "allowance", Allowance(len(self.data), f"{self.name}: "))
 

@@ -54,7 +54,7 @@ import numpy as np
 from ..errors import ModelError, SceneError, cut
 from ..scene.material import Material
 from ..scene.spectrum import rgb_from_xyz
-from ..scene.texture import Budget, Texture, decode_ahead, read_picture
+from ..scene.texture import Texture, decode_ahead, read_picture
 from ..scene.triangulation import listed
 from .files import OutsideError, identity_of
 from .limits import name_in
@@ -372,12 +372,8 @@ class Maps:
     model: ModelFile
     _pictures: dict[Path, np.ndarray | None] = field(default_factory=dict)
     _textures: dict[tuple, Texture | None] = field(default_factory=dict)
-    _budget: Budget = field(init=False)
     _contents: dict[Path, bytes] = field(default_factory=dict)
     _decoded: dict[Path, np.ndarray] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._budget = Budget(self.model.name)
 
     def decode_ahead(self, library, maps) -> None:
         """Decode the pictures of maps (name, wrap) on threads."""
@@ -440,7 +436,7 @@ class Maps:
         if path not in self._pictures:
             try:
                 decoded = self._decoded.pop(path, None)
-                self._pictures[path] = read_picture(BytesIO(content), path.name, self._budget, decoded)
+                self._pictures[path] = read_picture(BytesIO(content), path.name, self.model.textures, decoded)
             except ModelError as fault:
                 self._pictures[path] = None
                 library.warn(f"{what}: {fault}; the material keeps its plain colour")
@@ -448,17 +444,20 @@ class Maps:
 
     def _make(self, library, material, color_path, alpha_path, wrap) -> Texture:
         """Make the texture of one or two pictures that have been read."""
-        first = alpha_path if color_path is None else color_path
-        self._budget.take(math.prod(self._pictures[first].shape[:2]), f"{library.name}: texture '{first.name}'")
+        return self.model.textures.add(self._mix(library, material, color_path, alpha_path, wrap))
+
+    def _mix(self, library, material, color_path, alpha_path, wrap) -> Texture:
+        """Make it, of pictures that are fitted to the file's budget."""
+        fitted = self.model.textures.fitted
         if color_path is None:
-            grey = _grey(self._pictures[alpha_path])
+            grey = _grey(fitted(self._pictures[alpha_path]))
             image = np.ones((*grey.shape, 4), np.float32)
             image[..., 3] = grey
             return _texture(alpha_path, image, wrap)
-        texture = _texture(color_path, self._pictures[color_path], wrap)
+        texture = _texture(color_path, fitted(self._pictures[color_path]), wrap)
         if alpha_path is None or alpha_path == color_path:
             return texture
-        grey = _grey(self._pictures[alpha_path])
+        grey = _grey(fitted(self._pictures[alpha_path]))
         if grey.shape != texture.shape:
             what = f"map_d '{alpha_path.name}' of material '{cut(material, 80)}'"
             library.tell(f"{what} has another size than its map_Kd; it is not applied")

@@ -27,7 +27,7 @@ import numpy as np
 
 from ..errors import ModelError, counted, cut
 from ..scene.material import Material
-from ..scene.texture import Budget, Texture, read_picture
+from ..scene.texture import Texture, read_picture
 from .files import unpack
 from .gltf import lit_fields
 from .limits import LEAST_TEXT, most, name_in
@@ -463,7 +463,6 @@ class _Pictures:
         self._model, self._read = model, read
         self._names: list[str] = []
         self._textures: dict[int, Texture | None] = {}
-        self._budget = Budget(model.name)
 
     def get(self, name: str) -> bytes:
         """Return what stands for a picture: what trimesh calls to read a file."""
@@ -482,9 +481,8 @@ class _Pictures:
         if number not in self._textures:
             name = cut(self._names[number])
             try:
-                pixels = read_picture(BytesIO(self._read(self._names[number])), "the picture", self._budget)
-                self._budget.take(pixels.shape[0] * pixels.shape[1], "the picture")
-                self._textures[number] = Texture(pixels, name=name[:80])
+                pixels = read_picture(BytesIO(self._read(self._names[number])), "the picture", self._model.textures)
+                self._textures[number] = self._model.textures.add(Texture(pixels, name=name[:80]))
             except (ModelError, OSError, ValueError, LookupError) as fault:
                 reason = getattr(fault, "strerror", None) or cut(fault)
                 self._model.warn(f"texture '{name[:80]}': {reason}; its materials keep their plain colour")

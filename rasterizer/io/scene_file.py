@@ -148,6 +148,9 @@ def _read_tables(root, context) -> SceneFile:
     look = Look(**words, **lights if "preset" in words else {}) if words else None
     context.own_settings = MeshSettings(*(words.get(name) for name in MeshSettings._fields))
     meshes, up = read_meshes(top["meshes"], context)
+    if context.budget.n_halving:
+        context.budget.warn()
+        meshes = [_with_fitted(mesh, context.budget) for mesh in meshes]
     settings = {"up": up} | ({} if "preset" in words else lights)
     camera = read_camera(top["camera"]) if "camera" in top else None
     framing = camera if isinstance(camera, Viewpoint) else None
@@ -426,13 +429,15 @@ class Context:
         key = (path, make, *settings.items())
         if key not in self._textures:
             pixels = entry.call(read_picture, self.read(path, entry), str(path), self.budget)
-            self.take(pixels, entry)
-            self._textures[key] = entry.call(make, pixels, name=str(path), **settings)
+            self._textures[key] = self.budget.add(entry.call(make, pixels, name=str(path), **settings))
         return self._textures[key]
 
-    def take(self, image, entry) -> None:
-        """Count a texture that is made of an image (h, w, ..)."""
-        entry.call(self.budget.take, math.prod(np.shape(image)[:2]), "a texture")
+
+def _with_fitted(mesh, budget) -> Mesh:
+    """Return a mesh with textures that are halved as those of the whole file."""
+    if mesh.materials is None:
+        return replace(mesh, material=budget.fit_material(mesh.material))
+    return replace(mesh, materials=[budget.fit_material(material) for material in mesh.materials])
 
 
 def array_of(entry, context, key) -> np.ndarray:
@@ -530,9 +535,10 @@ def _read_texture(entry, context, make) -> Texture:
         raise entry.fault("texture is missing: the number of the texture in arrays")
     else:
         image = array_of(table["arrays"], context, f"texture{index_of(table['texture'])}")
-        context.take(image, entry)
-        texture = entry.call(make, image, **settings)
-    return replace(texture, name=table["name"].text()) if "name" in table else texture
+        texture = context.budget.add(entry.call(make, image, **settings), 0)
+    if "name" not in table:
+        return texture
+    return context.budget.add_like(replace(texture, name=table["name"].text()), texture)
 
 
 # --- lights and cameras -------------------------------------------------------------------------------------

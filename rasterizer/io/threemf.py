@@ -28,7 +28,7 @@ from ..choices import install_command
 from ..errors import ModelError, cut
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 from ..scene.material import Material
-from ..scene.texture import Budget, Texture, read_picture
+from ..scene.texture import Texture, read_picture
 from .limits import name_in
 from .model_file import WHITE, Contents, ModelFile, Part, materials_of
 from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, unpacked
@@ -179,7 +179,7 @@ class _Looks:
     def __init__(self, model, loaded, members) -> None:
         self.model, self.left_out = model, set()
         self._loaded, self._members = loaded, {name.lower(): data for name, data in members.items()}
-        self._textures, self._budget = {}, Budget(model.name)
+        self._textures = {}
         # lib3mf 2.5 takes the first materials of a group, whichever a composite names.
         mixed = {words for text in members.values() for words in _MIXED.findall(text)}
         self._are_mixes_right = all(words.split() == [b"%d" % k for k in range(len(words.split()))] for words in mixed)
@@ -244,11 +244,11 @@ class _Looks:
                 data = self._members.get(name.lower())
                 if data is None:
                     raise ModelError(f"there is no '{name[:80]}' in it")
-                pixels = read_picture(BytesIO(data), f"texture '{name[:80]}'", self._budget)
-                self._budget.take(pixels.shape[0] * pixels.shape[1], f"texture '{name[:80]}'")
+                pixels = read_picture(BytesIO(data), f"texture '{name[:80]}'", self.model.textures)
                 wraps = tuple(_WRAPS[int(style)] for style in source.GetTileStyleUV())
                 filtered = "nearest" if int(source.GetFilter()) == _NEAREST else "trilinear"
-                self._textures[number] = Texture(pixels, filter=filtered, wrap=wraps, name=name[:80])
+                texture = Texture(pixels, filter=filtered, wrap=wraps, name=name[:80])
+                self._textures[number] = self.model.textures.add(texture)
             except ModelError as fault:
                 self.model.warn(f"the texture can't be read ({fault}); its triangles are drawn white")
                 self._textures[number] = None

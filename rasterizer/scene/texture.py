@@ -16,7 +16,7 @@ import warnings
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -40,6 +40,7 @@ MAX_TEXELS = 2**14  # along a side
 MAX_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
 ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MAX_IN_PICTURE
 LEAST_TEXELS, TEXELS_A_BYTE = 5 * 2**21, 8  # of all textures of a file, whatever its size, or by its size; see `Budget`
+MOST_TEXELS_A_BYTE = 64  # of all pictures of a file that are decoded, or 8 times as many as one picture may have
 MAX_WEBP = 2**24  # texels of a WebP picture, each of which takes 13 bytes on the way, unless its file is large
 MAX_SCANNED = 2**30  # texels of a JPEG picture times its scans, each of which goes through all of them
 _STRIP = 2**16  # texels that are converted at a time
@@ -220,6 +221,19 @@ class Texture(KeepsArrays):
             levels.append(_halve(levels[-1]))
         return tuple(levels)
 
+    def halved(self, n_halving: int) -> "Texture":
+        """Return the same with a picture that is halved so often: each texel is the mean of those whose place it takes,
+        weighted by alpha."""
+        image: Any = self.encoded
+        if image is None:
+            image = self.image
+            for _ in range(n_halving):
+                image = _halve(image)
+        else:
+            image = _halved(image, n_halving)
+        make = Texture.of_numbers if self._is_of_numbers else Texture
+        return make(image, filter=self.filter, wrap=self.wrap, name=self.name)
+
     @property
     def n_level(self) -> int:
         """How many the picture and its mipmaps are."""
@@ -249,12 +263,15 @@ def max_texels() -> int:
 
 
 class Budget:
-    """Count the texels of all textures that one file asks for: twice as many as one picture may have, and no more.
+    """Count the texels of all textures of one file; where they are too many in sum, all are halved alike, once or more.
 
     Pictures count a quarter when they are read (4 bytes a texel), and in full for every texture made of them (16, or 21
-    with mipmaps), so that a file that uses one picture in a thousand ways is stopped. A picture of one colour packs to
-    a thousandth: so textures may have TEXELS_A_BYTE texels for each byte of their pictures, or LEAST_TEXELS where that
-    is more. One that would have more is read at a half of its size, or less. RASTER_MOST_TEXELS takes that limit away.
+    with mipmaps), so that a file that uses one picture in a thousand ways takes no more. A picture of one colour packs
+    to a thousandth: so textures may have TEXELS_A_BYTE texels for each byte of their pictures, or LEAST_TEXELS where
+    that is more, and twice as many as one picture at most. RASTER_MOST_TEXELS takes the first of these limits away.
+
+    Pictures and textures are halved as soon as it is known that they must be: those that come later when they are read,
+    others by `fitted` and `fit`.
 
     Parameters
     ----------
@@ -262,43 +279,83 @@ class Budget:
     """
 
     def __init__(self, name: str = "") -> None:
-        self.name = name
-        self.n_byte = self.n_read = self.n_made = 0
+        self.name, self.n_halving = name, 0
+        self._n_byte = self._n_read = self._n_texel = 0  # of pictures; of these, and of all as they would be in full
+        self._kept: dict[int, tuple[Any, int]] = {}  # pictures and textures by their id, and how often each was halved
+        self._fitted: dict[int, Texture] = {}
+        self._materials: dict[int, tuple[Any, Any]] = {}  # given and returned
 
     @property
     def limit(self) -> int:
-        """How many texels may be made of the pictures read so far."""
+        """How many texels there may be beside the pictures read so far."""
         limit = 2 * max_texels()
-        return limit if ENVIRONMENT in os.environ else min(limit, max(LEAST_TEXELS, TEXELS_A_BYTE * self.n_byte))
+        return limit if ENVIRONMENT in os.environ else min(limit, max(LEAST_TEXELS, TEXELS_A_BYTE * self._n_byte))
 
-    def take(self, n_texel: int, name: str) -> None:
-        """Count the texels of a texture that is to be made; raises ModelError where they are too many."""
-        self.n_made += n_texel
-        self._check(self.n_made, self.limit, name)
+    def read(self, size: tuple[int, int], n_byte: int, name: str) -> int:
+        """Count a picture of so many texels and bytes that is to be read; return how often it is halved.
 
-    def divisor(self, size: tuple[int, int], n_byte: int, name: str) -> int:
-        """Count a picture of so many texels and bytes that is to be read, and return by what its size is divided.
-
-        Raises ModelError where too many have been read.
+        Raises ModelError where pictures that are far smaller in the file ask for more than is ever decoded.
         """
-        width, height = size
-        self.n_byte += n_byte
-        self.n_read += width * height // 4
-        self._check(self.n_read, 2 * max_texels(), name)
-        divisor = 1
-        while self.n_made + 5 * (width // divisor) * (height // divisor) // 4 > self.limit and divisor < 16:
-            divisor *= 2
-        if ENVIRONMENT in os.environ or min(width, height) < divisor:
-            divisor = 1
-        self.n_made += (width // divisor) * (height // divisor) // 4
-        self._check(self.n_made, self.limit, name)
-        return divisor
+        n_texel = math.prod(size)
+        self._n_byte += n_byte
+        self._n_read += n_texel
+        most = max(8 * max_texels(), MOST_TEXELS_A_BYTE * self._n_byte)
+        if self._n_read > most:
+            raise ModelError(f"{name}: the pictures of this file have more than {most} texels together")
+        self._count(n_texel // 4)
+        return self.n_halving
 
-    def _check(self, n_texel: int, limit: int, name: str) -> None:
-        if n_texel > limit:
-            what = f"{name}: the textures of this file need more than {limit} texels together"
-            raise ModelError(
-                f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {max_texels()} a picture)"
+    def keep(self, pixels: NDArray[np.uint8], n_halving: int) -> NDArray[np.uint8]:
+        """Remember how often a picture was halved when it was read; return it."""
+        self._kept[id(pixels)] = pixels, n_halving
+        return pixels
+
+    def fitted(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return a picture that was kept as it is to be used now: all of a texture's have been halved as often."""
+        n_halving = self._kept[id(pixels)][1] if id(pixels) in self._kept else self.n_halving
+        return _halved(pixels, self.n_halving - n_halving)
+
+    def add(self, texture: "Texture", n_halving: int | None = None) -> "Texture":
+        """Count a texture, which was made of fitted pictures, or whose pixels were halved so often; return it."""
+        n_halving = self.n_halving if n_halving is None else n_halving
+        self._kept[id(texture)] = texture, n_halving
+        self._count(math.prod(texture.shape) << 2 * n_halving)
+        return texture
+
+    def add_like(self, texture: "Texture", other: "Texture") -> "Texture":
+        """Count a texture with the pixels of another one that was added; return it."""
+        return self.add(texture, self._kept[id(other)][1])
+
+    def _count(self, n_texel: int) -> None:
+        """Count texels, as they would be in full."""
+        self._n_texel += n_texel
+        while self._n_texel >> 2 * self.n_halving > self.limit:
+            self.n_halving += 1
+
+    def fit(self, texture: "Texture") -> "Texture":
+        """Return a texture that was added, halved as often as all are when everything has been read."""
+        kept, n_halving = self._kept.get(id(texture), (texture, self.n_halving))
+        if n_halving == self.n_halving:
+            return kept
+        if id(texture) not in self._fitted:
+            self._fitted[id(texture)] = texture.halved(self.n_halving - n_halving)
+        return self._fitted[id(texture)]
+
+    def fit_material(self, material: Any) -> Any:
+        """Return a material with its textures as `fit` returns them; the same for the same one."""
+        if id(material) not in self._materials:
+            given = {name: getattr(material, name) for name in ("texture", "metallic_roughness")}
+            found = {name: self.fit(texture) for name, texture in given.items() if texture is not None}
+            is_same = all(found[name] is given[name] for name in found)
+            self._materials[id(material)] = material, material if is_same else replace(material, **found)
+        return self._materials[id(material)][1]
+
+    def warn(self) -> None:
+        """Warn once where textures were halved."""
+        if self.n_halving:
+            what = f"its textures have {self._n_texel} texels, more than {self.limit}"
+            warn_caller(
+                f"{self.name}: {what}: all are read at 1/{1 << self.n_halving} of their size; {ENVIRONMENT} raises that"
             )
 
 
@@ -319,7 +376,8 @@ def read_picture(
 
     Returns
     -------
-    (h, w) or (h, w, 2..4) uint8, sRGB-encoded, as the file has it, read-only; palettes and rarer modes as RGBA
+    (h, w) or (h, w, 2..4) uint8, sRGB-encoded, as the file has it, or halved where `budget` says so; read-only.
+    Palettes and rarer modes as RGBA
 
     Raises
     ------
@@ -337,10 +395,12 @@ def read_picture(
                 _check_size(picture, name)
                 if picture.format == "WEBP" and 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > MAX_WEBP:
                     raise ModelError(f"{name}: a WebP picture of {size} in {n_byte} bytes is not read")
-                divisor = 1 if budget is None else budget.divisor(picture.size, n_byte, name)
-                if decoded is None or divisor > 1:
+                n_halving = 0 if budget is None else budget.read(picture.size, n_byte, name)
+                if n_halving:
+                    decoded = None
+                if decoded is None:
                     with _silenced() if picture.format == "TIFF" else nullcontext():
-                        decoded = _pixels_of(picture, name) if divisor == 1 else _reduced(picture, divisor)
+                        decoded = _pixels_of(picture, name) if n_halving == 0 else _reduced(picture, n_halving)
     except (ModelError, SceneError):
         raise
     except UnidentifiedImageError as fault:
@@ -351,12 +411,7 @@ def read_picture(
         ) from fault
     except _PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
-    if budget is not None and divisor > 1:
-        what = (
-            f"{budget.name}: {name}: {n_byte} bytes that unpack to {size} texels are read at 1/{divisor} of that size"
-        )
-        warn_caller(f"{what}; {ENVIRONMENT} takes the limit away")
-    return fixed(decoded)
+    return fixed(decoded) if budget is None else budget.keep(fixed(decoded), n_halving)
 
 
 def decode_ahead(pictures: Iterable[tuple[Any, bytes | memoryview]]) -> dict[Any, NDArray[np.uint8]]:
@@ -384,9 +439,8 @@ def decode_ahead(pictures: Iterable[tuple[Any, bytes | memoryview]]) -> dict[Any
                 picture = Image.open(BytesIO(data), formats=_DECODED_AHEAD)
                 _check_size(picture, "")
                 n_texel = math.prod(picture.size)
-                if len(data) > 8 * n_texel + 2**16 or budget.divisor(picture.size, len(data), "") > 1:
+                if len(data) > 8 * n_texel + 2**16 or budget.read(picture.size, len(data), "") > 0:
                     break
-                budget.take(n_texel, "")
             except (ModelError, SceneError, *_PICTURE_FAULTS, Image.DecompressionBombError):
                 break
             if _is_plain(picture):
@@ -458,15 +512,27 @@ def _check_size(picture: "Image.Image", name: str) -> None:
             raise ModelError(f"{name}: a JPEG picture of {width} x {height} in {n_scan} scans is not read")
 
 
-def _reduced(picture: "Image.Image", divisor: int) -> NDArray[np.uint8]:
-    """Return a picture of which each block of `divisor` texels a side has become one, their mean."""
-    width, height = (n // divisor for n in picture.size)
-    out, n_row = np.empty((height, width, 4), np.uint8), max(1, _STRIP // (width * divisor))
-    for top in range(0, height, n_row):
-        bottom = min(top + n_row, height)
-        strip = picture.crop((0, top * divisor, width * divisor, bottom * divisor)).convert("RGBA")
-        out[top:bottom] = np.asarray(strip.reduce(divisor))
+def _reduced(picture: "Image.Image", n_halving: int) -> NDArray[np.uint8]:
+    """Return a picture that is halved, RGBA: each block of texels has become one, their mean, weighted by alpha."""
+    (width, height), divisor = picture.size, 1 << n_halving
+    across, down = min(divisor, width), min(divisor, height)
+    out = np.empty((height // down, width // across, 4), np.uint8)
+    n_row = max(1, _STRIP // (width * down))
+    for top in range(0, len(out), n_row):
+        bottom = min(top + n_row, len(out))
+        strip = picture.crop((0, top * down, out.shape[1] * across, bottom * down)).convert("RGBA")
+        out[top:bottom] = np.asarray(strip.reduce((across, down)))
     return out
+
+
+def _halved(pixels: NDArray[np.uint8], n_halving: int) -> NDArray[np.uint8]:
+    """Return the pixels of a picture (h, w, ..), halved as `_reduced` does."""
+    from PIL import Image
+
+    if n_halving == 0:
+        return pixels
+    is_grey = pixels.ndim == 3 and pixels.shape[2] == 1
+    return fixed(_reduced(Image.fromarray(pixels[..., 0] if is_grey else pixels), n_halving))
 
 
 def _reason(fault: Exception) -> str:

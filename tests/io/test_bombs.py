@@ -1,11 +1,13 @@
 """Small files that ask for much: memory and time are looked at before they are spent, and the limit is named."""
 
+import base64
 import io
 import json
 import struct
 import subprocess
 import sys
 import tracemalloc
+import warnings
 import zipfile
 import zlib
 from pathlib import Path
@@ -14,7 +16,7 @@ import numpy as np
 import pytest
 from helpers.file_bombs import BOMBS, LONG, QUICK
 from helpers.file_fuzz import MTL, OBJ, TRIANGLE, npz, picture
-from helpers.model_bytes import gltf_with
+from helpers.model_bytes import gltf_with, rich_gltf
 from helpers.refusals import assert_refused
 from PIL import Image
 
@@ -82,16 +84,64 @@ def test_the_limit_can_be_raised_and_lowered(monkeypatch):
     assert_refused(read, [(text, "RASTER_MOST_TEXELS must be a whole number") for text in bad], rz.SceneError)
 
 
-def test_all_textures_of_a_file_have_one_budget(tmp_path, monkeypatch):
+def textured_files(folder, n):
+    """Files of three formats with n materials each, whose pictures have 5 x 3 texels."""
+    (folder / "wood.png").write_bytes(picture(size=(5, 3)))
+    (folder / "leaf.png").write_bytes(picture(size=(5, 3), mode="RGBA"))
+    names = ["wood.png", "leaf.png"] * n
+    ways = [{"filter": filter, "wrap": wrap} for filter in ("nearest", "bilinear") for wrap in ("clamp", "mirror")]
+    tables = [TRIANGLE | {"material": {"texture": {"file": names[k]} | ways[k // 2 % 4]}} for k in range(n)]
+    (folder / "scene.json").write_text(json.dumps({"meshes": tables}))
+    wraps = ("", "-clamp on ")
+    mtl = "".join(f"newmtl m{k}\nmap_Kd {wraps[k % 2]}{names[k // 2]}\n" for k in range(n))
+    (folder / "m.mtl").write_text(mtl + "map_d leaf.png\n")
+    faces = "".join(f"usemtl m{k}\nf 1/1 2/2 3/3\n" for k in range(n))
+    (folder / "m.obj").write_text(f"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n{faces}")
+    return folder / "scene.json", folder / "m.obj"
+
+
+def test_where_textures_of_a_file_are_too_many_all_are_halved_alike(tmp_path, monkeypatch):
+    """With one warning, however often; pictures that were read before that is known, too."""
     monkeypatch.setenv(ENVIRONMENT, "40")
-    (tmp_path / "wood.png").write_bytes(picture(size=(5, 3)))
-    ways = [
-        {"filter": name, "wrap": wrap} for name in ("nearest", "bilinear") for wrap in ("clamp", "mirror", "repeat")
-    ]
-    meshes = [TRIANGLE | {"material": {"texture": {"file": "wood.png"} | way}} for way in ways]
-    with pytest.raises(rz.ModelError, match="the textures of this file need more than 80 texels together"):
-        read_scene(json.dumps({"meshes": meshes}).encode(), tmp_path)
-    assert len(read_scene(json.dumps({"meshes": meshes[:4] + meshes[:3]}).encode(), tmp_path).scene.meshes) == 7
+    for n, size in ((2, (3, 5)), (8, (1, 2))):
+        for path in textured_files(tmp_path, n):
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                scene = rz.load(path)
+            shapes = {material.texture.shape for mesh in scene.meshes for material in mesh.palette}
+            assert shapes == {size}, f"{path.name}: {shapes}, not {size}"
+            said = [str(each.message) for each in told]
+            assert len(said) == (n > 2), said
+            assert all("all are read at 1/2 of their size" in text and "more than 80:" in text for text in said), said
+
+
+def test_one_picture_in_many_materials_of_a_gltf_keeps_all_of_them(monkeypatch):
+    """As in Khronos' AlphaBlendModeTest: every alphaMode makes a texture of its own."""
+    monkeypatch.setenv(ENVIRONMENT, "40")
+    tree = json.loads(rich_gltf())
+    data = picture(size=(6, 6), mode="RGBA")
+    tree["images"] = [{"uri": "data:;base64," + base64.b64encode(data).decode()}]
+    surface = {"baseColorTexture": {"index": 0}}
+    modes = [{"alphaMode": "OPAQUE"}, {"alphaMode": "BLEND"}, {"alphaMode": "MASK", "alphaCutoff": 0.2}]
+    tree["materials"] = [mode | {"pbrMetallicRoughness": surface} for mode in (*modes, {"alphaMode": "MASK"})]
+    whole = tree["meshes"][0]["primitives"][0]
+    tree["meshes"][0]["primitives"] = [whole | {"material": k} for k in range(4)]
+    with pytest.warns(UserWarning, match="have 153 texels, more than 80: all are read at 1/2 of their size") as told:
+        scene = rz.load(json.dumps(tree).encode(), format="gltf")
+    assert len(told) == 1
+    assert [mesh.material.texture.shape for mesh in scene.meshes] == [(3, 3)] * 4
+
+
+def test_a_texture_is_halved_by_means_that_alpha_weights():
+    image = np.array([[[200, 0, 0, 255], [0, 100, 0, 0], [8, 8, 8, 255]]] * 2, np.uint8)
+    half = Texture(image, "nearest", "clamp", "leaf").halved(1)
+    assert half.shape == (1, 1) and abs(int(half.encoded[0, 0, 0]) - 200) <= 1 and half.encoded[0, 0, 1] <= 1
+    assert 126 <= half.encoded[0, 0, 3] <= 129
+    assert (half.filter, half.wrap, half.name) == ("nearest", ("clamp", "clamp"), "leaf")
+    numbers = Texture.of_numbers(np.full((4, 4), 51, np.uint8)).halved(2)
+    assert numbers.shape == (1, 1) and abs(numbers.image[0, 0, 0] - 0.2) < 1e-6
+    floats = Texture(np.full((4, 2, 3), 7.0)).halved(1)
+    assert floats.shape == (2, 1) and (floats.image[..., :3] == 7.0).all()
 
 
 def test_metadata_that_unpacks_to_much_is_not_unpacked():
