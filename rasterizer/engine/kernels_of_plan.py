@@ -160,7 +160,9 @@ class PictureKernels(KernelList):
     def add_geometry(self) -> None:
         """Add what gathers the geometry: normals and creases."""
         if self.options.is_flat:
-            self.add(normals.sum_by_polygon, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, LENGTHS)
+            self.add(
+                normals.sum_by_polygon, ROWS, ROWS, np.empty((0, 3), np.uint32), FACES, ROWS, ROWS, np.empty((0, 2))
+            )
         else:
             self.add(surfaces.flag_inverted, ROWS, ROWS, CORNERS, CORNERS, (0, 0), FLAGS)
             if any(mesh.normals is None or mesh.crease_angle is not None for mesh in self.tables.meshes):

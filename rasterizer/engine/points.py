@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..geometry.closed import find_inner_sides
-from ..geometry.normals import Fans, Split, list_fans, map_parts, polygon_normals, split_creases, within_range
+from ..geometry.normals import Fans, Split, list_fans, map_parts, polygon_planes, split_creases, within_range
 from ..geometry.surfaces import flag_inverted
 from ..geometry.weld import unique_rows
 from ..scene.arrays import distinct
@@ -215,8 +215,7 @@ def smooth_part(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Pa
 def flat_part(mesh: Mesh) -> Part:
     """Give every polygon of a mesh one point, its area-weighted centroid, with its plane normal (Newell)."""
     polygons = number_polygons(mesh)
-    normals = polygon_normals(mesh.vertices, mesh.faces, polygons)
-    points = polygon_centroids(mesh.vertices, mesh.faces, polygons, len(normals))
+    normals, points = polygon_planes(mesh.vertices, mesh.faces, polygons)
     albedo = None
     if mesh.colors is not None:
         albedo = polygon_colors(mesh, polygons, len(normals))
@@ -292,26 +291,10 @@ def polygon_colors(mesh: Mesh, polygons: NDArray, n_polygon: int) -> NDArray[np.
     return _mean_by(corners // len(rows), rows[corners % len(rows)], n_polygon)
 
 
-def polygon_centroids(vertices: NDArray, faces: NDArray, polygons: NDArray, n_polygon: int) -> NDArray[np.float64]:
-    """Compute the area-weighted centroids (n_polygon, 3) of polygons given as triangles.
-
-    Where no triangle of a polygon has an area, its centroid is the mean of theirs.
-    """
-    centers = sum(vertices[faces[:, k]] for k in range(3)) / 3.0
-    scaled = within_range(vertices)
-    a, b, c = (scaled[faces[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    total = np.bincount(polygons, area, n_polygon)
-    share = np.where(total[polygons] > 0.0, area, 1.0)
-    return _mean_by(polygons, centers, n_polygon, share)
-
-
-def _mean_by(group: NDArray, values: NDArray, n_group: int, weights: NDArray | None = None) -> NDArray[np.float64]:
-    """Return the weighted mean of the rows of each group."""
-    weights = np.ones(len(values)) if weights is None else weights
-    total = np.bincount(group, weights, n_group)
-    sums = [np.bincount(group, values[:, k] * weights, n_group) for k in range(values.shape[1])]
-    return np.stack(sums, axis=1) / total[:, None]
+def _mean_by(group: NDArray, values: NDArray, n_group: int) -> NDArray[np.float64]:
+    """Return the mean of the rows of each group."""
+    sums = [np.bincount(group, values[:, k], n_group) for k in range(values.shape[1])]
+    return np.stack(sums, axis=1) / np.bincount(group, minlength=n_group)[:, None]
 
 
 def number_polygons(mesh: Mesh) -> NDArray[np.uint32]:

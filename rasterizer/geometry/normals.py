@@ -141,10 +141,30 @@ def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) 
 
     Source: Newell's method in Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1).
     """
-    vertices, faces, polygons = *_freeze_mesh(vertices, faces), _freeze(polygons, np.uint32)
-    normals = np.zeros((int(polygons.max()) + 1 if len(polygons) else 0, 3))
-    sum_by_polygon(vertices, faces, polygons, normals, np.zeros(len(normals)))
-    return normals
+    return polygon_planes(vertices, faces, polygons)[0]
+
+
+def polygon_planes(
+    vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the unit normal and the area-weighted centroid of every polygon; parameters as in `polygon_normals`.
+
+    Returns
+    -------
+    normals : (max(polygons) + 1, 3) float64, as `polygon_normals` returns them
+    centroids : the same shape, scene units; where no triangle of a polygon has an area, the mean of theirs
+    """
+    vertices, faces, polygons = _freeze(vertices, np.float64), _freeze(faces, np.uint32), _freeze(polygons, np.uint32)
+    n_polygon = int(polygons.max()) + 1 if len(polygons) else 0
+    normals, centroids, sums = np.zeros((n_polygon, 3)), np.zeros((n_polygon, 3)), np.zeros((n_polygon, 2))
+    sum_by_polygon(vertices, within_range(vertices), faces, polygons, normals, centroids, sums)
+    is_flat = (sums[:, 1] == 0.0)[polygons]
+    if is_flat.any():
+        of_flat, centers = polygons[is_flat], vertices[faces[is_flat]].sum(axis=1) / 3.0
+        for axis in range(3):
+            centroids[:, axis] += np.bincount(of_flat, centers[:, axis], n_polygon)
+        centroids /= np.maximum(np.bincount(of_flat, minlength=n_polygon), 1)[:, None]
+    return normals, centroids
 
 
 def split_creases(
@@ -350,24 +370,31 @@ def make_fan_scratch(valence: int) -> FanScratch:
 
 
 @kernel
-def sum_by_polygon(vertices, faces, polygons, out_normals, out_scales):
-    """Sum the area vectors by polygon and bring them to unit length, where they are more than rounding.
+def sum_by_polygon(vertices, scaled, faces, polygons, out_normals, out_centroids, out_sums):
+    """Sum the area vectors by polygon and bring them to unit length, where they are more than rounding; average the
+    centres of the triangles by their areas.
 
-    vertices (n_vertex, 3) f64, faces (n_face, 3) u32, polygons (n_face,) u32; out_normals (n_polygon, 3) f64
-    and out_scales (n_polygon,) f64, for the size that the rounding is relative to, come in as zero.
+    vertices and scaled, of which areas can be computed, (n_vertex, 3) f64, faces (n_face, 3) u32, polygons (n_face,)
+    u32; out_normals and out_centroids (n_polygon, 3) f64 come in as zero, and so does out_sums (n_polygon, 2) f64: the
+    size that the rounding is relative to, and twice the area. Where that is 0, the centroid stays zero.
     """
     for face in range(len(faces)):
-        p0, p1 = vector_of_row(vertices, faces[face, 0]), vector_of_row(vertices, faces[face, 1])
-        area, scale, _ = _area_vector(p0, p1, vector_of_row(vertices, faces[face, 2]))
-        polygon = polygons[face]
-        out_scales[polygon] += scale
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        p0, p1 = vector_of_row(scaled, a), vector_of_row(scaled, b)
+        area, scale, _ = _area_vector(p0, p1, vector_of_row(scaled, c))
+        polygon, size = polygons[face], length(area)
+        out_sums[polygon, 0] += scale
+        out_sums[polygon, 1] += size
         for axis in range(3):
             out_normals[polygon, axis] += area[axis]
+            center = (vertices[a, axis] + vertices[b, axis] + vertices[c, axis]) / 3.0
+            out_centroids[polygon, axis] += size * center
     for polygon in range(len(out_normals)):
-        size = length(vector_of_row(out_normals, polygon))
-        has_area = size > _FLAT * out_scales[polygon]
+        size, total = length(vector_of_row(out_normals, polygon)), out_sums[polygon, 1]
+        has_area = size > _FLAT * out_sums[polygon, 0]
         for axis in range(3):
             out_normals[polygon, axis] = out_normals[polygon, axis] / size if has_area else 0.0
+            out_centroids[polygon, axis] = out_centroids[polygon, axis] / total if total > 0.0 else 0.0
 
 
 @kernel

@@ -11,7 +11,8 @@ from helpers.solids import sphere
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cores import Workers
-from rasterizer.engine.points import flat_part, gather_geometry, polygon_centroids, smooth_part
+from rasterizer.engine.points import flat_part, gather_geometry, smooth_part
+from rasterizer.geometry.normals import polygon_planes
 from rasterizer.geometry.surfaces import flag_inverted
 from rasterizer.geometry.weld import FEW
 
@@ -123,7 +124,7 @@ def test_centroids_are_weighted_by_area():
 def test_polygons_without_area_still_have_a_point():
     vertices = np.array([[0, 0, 0.0], [2, 0, 0], [4, 0, 0], [0, 3, 0]])
     faces, polygons = np.array([[0, 1, 2], [1, 1, 2], [0, 1, 3]]), np.array([0, 0, 1], np.uint32)
-    found = polygon_centroids(vertices, faces, polygons, 2)
+    _, found = polygon_planes(vertices, faces, polygons)
     assert np.abs(found - [[7 / 3, 0, 0], [2 / 3, 1, 0]]).max() < 1e-14
 
 
