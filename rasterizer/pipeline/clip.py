@@ -73,7 +73,7 @@ class Clipped(NamedTuple):
 
     vertices: Vertices  # behind the old ones stand three for each part
     faces: np.ndarray  # (n,) uint32, the triangle that each is, or is a part of
-    is_part: np.ndarray  # (n,) bool
+    parts: np.ndarray  # (n_part,) which of them are parts
     weights: np.ndarray  # (n_part, 3, 3) float64, of each corner of a part on the vertices of its triangle
     n_clipped: int  # triangles that were clipped or lie wholly outside
 
@@ -85,7 +85,8 @@ class Clipped(NamedTuple):
         """
         if values.shape[-1] == 0:
             return values
-        a, b, c = (values[:, rows[k, self.faces[self.is_part]], None] for k in range(3))  # (n_side, n_part, 1, n_value)
+        owners = self.faces[self.parts]
+        a, b, c = (values[:, rows[k, owners], None] for k in range(3))  # (n_side, n_part, 1, n_value)
         weight = self.weights[..., None]
         with np.errstate(invalid="ignore", over="ignore"):  # of values that nobody reads, and that may be anything
             means = weight[:, :, 0] * a + weight[:, :, 1] * b + weight[:, :, 2] * c
@@ -96,8 +97,8 @@ class Clipped(NamedTuple):
     def rows_of(self, rows, n_row):
         """Return where the corners of the triangles that are left find what they have, (3, n) uint32: of parts behind
         the n_row rows of old vertices; see `add_values`."""
-        found = np.ascontiguousarray(rows[:, self.faces])
-        found[:, self.is_part] = np.arange(n_row, n_row + 3 * len(self.weights)).reshape(-1, 3).T
+        found = np.take(rows, self.faces, axis=1)
+        found[:, self.parts] = np.arange(n_row, n_row + 3 * len(self.weights)).reshape(-1, 3).T
         return found
 
 
@@ -125,7 +126,11 @@ def clip(positions, vertex_idx, vertices: Vertices, screen) -> Clipped:
     order = np.argsort(faces, kind="stable")
     columns = (np.append(old, values[is_placed].ravel()) for old, values in zip(vertices[:5], new, strict=True))
     return Clipped(
-        Vertices(*columns, vertices.pixel), faces[order], order >= len(whole), parts[:, :, WEIGHTS:], len(touched)
+        Vertices(*columns, vertices.pixel),
+        faces[order],
+        np.flatnonzero(order >= len(whole)),
+        parts[:, :, WEIGHTS:],
+        len(touched),
     )
 
 

@@ -47,8 +47,8 @@ FAULTS = (
     Fault(
         "clipped faces: a new vertex has what the next corner of the face has",
         "pipeline/clip.py",
-        "rows[k, self.faces[self.is_part]]",
-        "rows[(k + 1) % 3, self.faces[self.is_part]]",
+        "rows[k, owners]",
+        "rows[(k + 1) % 3, owners]",
         "pipeline pictures",
     ),
     Fault(

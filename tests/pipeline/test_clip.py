@@ -193,10 +193,11 @@ def test_faces_keep_their_order_and_their_points():
     assert np.diff(clipped.faces.astype(int)).min() >= 0
     assert clipped.n_clipped == (~is_whole).sum() > 20 and is_whole.sum() > 20
     assert set(np.flatnonzero(is_whole)) <= set(clipped.faces)
-    assert not differences(clipped.is_part, ~is_whole[clipped.faces])
-    rows, n_part = clipped.rows_of(np.ascontiguousarray(faces.T.astype(np.uint32)), 60), clipped.is_part.sum()
-    assert not differences(rows[:, ~clipped.is_part], faces[clipped.faces[~clipped.is_part]].T)
-    assert not differences(rows[:, clipped.is_part].T.ravel(), np.arange(60, 60 + 3 * n_part))
+    is_part = ~is_whole[clipped.faces]
+    assert not differences(clipped.parts, np.flatnonzero(is_part))
+    rows, n_part = clipped.rows_of(np.ascontiguousarray(faces.T.astype(np.uint32)), 60), len(clipped.parts)
+    assert not differences(rows[:, ~is_part], faces[clipped.faces[~is_part]].T)
+    assert not differences(rows[:, is_part].T.ravel(), np.arange(60, 60 + 3 * n_part))
     assert [a[:60].tobytes() for a in clipped.vertices[:5]] == [a.tobytes() for a in before[:5]]
     assert [len(a) for a in clipped.vertices[:5]] == 5 * [60 + 3 * n_part]
 
@@ -218,7 +219,7 @@ def test_new_vertices_have_what_is_linear_in_eye_space_where_they_are():
             assert np.abs(true[60:] - values).max() <= 1e-10 * np.abs(true[60:]).max(), is_perspective
         corner = np.ascontiguousarray(rng.integers(0, n, (3, 200)).astype(np.uint32))
         values = np.concatenate([rng.normal(size=(2, n, 4)), np.full((2, n, 1), 1 / 3)], axis=2)
-        of_faces = values[:, corner[:, clipped.faces[clipped.is_part]]]
+        of_faces = values[:, corner[:, clipped.faces[clipped.parts]]]
         new = clipped.add_values(values, corner)[:, n:].reshape(2, -1, 3, 5)
         assert (new[..., 4] == 1 / 3).all()
         assert (new >= of_faces.min(axis=1)[:, :, None]).all() and (new <= of_faces.max(axis=1)[:, :, None]).all()
