@@ -441,7 +441,7 @@ def attenuation(_):
 @case(
     "edges at exactly the crease angle",
     "They are no creases: neither split in shading nor drawn as edges, however the corners are rounded.",
-    path="entries, planes",
+    path="planes",
 )
 def on_the_crease(_):
     turn = 2 * np.pi * np.arange(12) / 12

@@ -9,7 +9,7 @@ What a map shows follows from the light's `Beam` (lights.py); an area light is m
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -520,12 +520,13 @@ class Precision:
 
     def is_far(self, view: View) -> bool:
         """Tell whether float32 moves any point too far in one view."""
+        return any(not shift <= MAX_SHIFT * texel for shift, texel in self.shifts_in(view))
+
+    def shifts_in(self, view: View) -> Iterator[tuple[float, float]]:
+        """Yield of each light how far float32 moves points in a view, and the width of a texel, scene units."""
         for light, lasting in zip(self._lights, self._lasting, strict=True):
             origin, extent, texel = lasting or self._measure(light, view)
-            shift = lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum()))
-            if not shift <= MAX_SHIFT * texel:
-                return True
-        return False
+            yield lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum())), texel
 
     def _measure(self, light, view) -> tuple:
         """Where a light is, how far the scene extends from there (sum of components), and the width of a texel."""

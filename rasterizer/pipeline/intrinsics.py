@@ -456,7 +456,7 @@ def side_by_side(builder, n, size):
 
 
 def freeze(builder, value):
-    """The same value, as LLVM's instruction `freeze` gives it: see `scan.settled`."""
+    """The same value, as LLVM's instruction `freeze` gives it: see `_merge`."""
     instruction = ir.instructions.Instruction(builder.block, value.type, "freeze", [value])
     builder._insert(instruction)
     return instruction

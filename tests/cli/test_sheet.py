@@ -91,7 +91,7 @@ def test_a_model_that_fails_leaves_its_cell_empty(capsys):
 
 
 def test_the_output_replaces_no_model_and_goes_to_stdout(capfdbinary):
-    rz.Scene(rz.load(CUBE).meshes).save("own.json")
+    rz.save(rz.Scene(rz.load(CUBE).meshes), "own.json")
     os.rename("own.json", "own.png")
     assert run("own.png", "--input-format", "json", "-o", "own.png") == 4
     assert b"which is read" in capfdbinary.readouterr().err

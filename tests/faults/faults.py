@@ -856,9 +856,9 @@ HELD_OUT = (
     ),
     Fault(
         "flat shading: a polygon's centroid is the mean of its triangles', not weighted by area",
-        "engine/points.py",
-        "np.where(total[polygons] > 0.0, area, 1.0)",
-        "np.ones(len(area))",
+        "geometry/normals.py",
+        "polygon, size = polygons[face], length(area)",
+        "polygon, size = polygons[face], min(length(area), 1.0)",
         "geometry pictures reference",
     ),
     Fault(

@@ -15,8 +15,6 @@ from helpers.stages import (
     slivers,
 )
 
-from rasterizer.engine.attributes import NONE
-from rasterizer.engine.passes import ShadowMapPass
 from rasterizer.pipeline import records as r
 from rasterizer.pipeline.samples import PLANE_GROUP
 from rasterizer.pipeline.setup import DEPTH_PLANE_ROUNDING
@@ -428,15 +426,14 @@ def test_what_is_too_far_for_albedo_in_planes_may_have_normals_there():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_records_stay_within_the_room_that_a_pass_gives_them(kind):
-    """As many units a triangle as `Pass.max_records` says, of blocks whose materials have any number of attributes;
+    """As many units a triangle as `max_units` says, of blocks whose materials have any number of attributes;
     what lies behind is left as it is."""
     screen = plain_screen(True, DEPTHS)
     coding = mixed_coding(kind, screen)._replace(limits=np.full(8, 1e30), albedo_tolerance=1e30)
     for seed in range(2):
         triangles, depth, attributes, material = mixed_band(seed)
         for chosen in (np.arange(8), np.array([0, 3, 4]), np.array([2, 7]), np.array([0])):
-            made = ShadowMapPass(attributes=NONE, coding=coding, size=SIZE, depth=(0.0, 1.0), texels=np.empty((0, 0)))
-            n = made.max_records(len(triangles))
+            n = len(triangles) * r.max_units(coding)
             with_guard, counts = scan_alone(
                 triangles, depth, attributes, coding, screen, SIZE, material=chosen[material % len(chosen)],
                 room=n + 3 * len(triangles), fill=77,

@@ -10,7 +10,6 @@ from rasterizer.compiler.kernels import kernel
 from rasterizer.pipeline.samples import (
     PLANE_GROUP,
     PlaneGroup,
-    ScreenPoints,
     evaluate_planes,
     evaluate_slopes,
     evaluate_values,
@@ -180,10 +179,7 @@ def evaluate_plainly(entries, group, column, first, n_row, weights=None):
     """
     numbers, whole, k = group.numbers, group.numbers.view(np.int32), np.arange(len(entries))
     record = np.where(entries >> ID_BIT & 1, entries & RECORD_MASK, 0) << (UNIT_SHIFT - 1)
-    xs, ys = (first.x[k], first.y[k]) if isinstance(first, ScreenPoints) else (256 * (first[0] + k), 256 * first[1])
-    across, down = (
-        np.float32(place / 256 - whole[record + 1 + axis]) for axis, place in enumerate((np.int64(xs), np.int64(ys)))
-    )
+    across, down = (np.float32(place - whole[record + 1 + axis]) for axis, place in enumerate((first[0] + k, first[1])))
     part = numbers[(record + column)[:, None] + np.arange(5 * PLANE_GROUP)].reshape(-1, 5, PLANE_GROUP)
     rows = ((part[:, 0] + across[:, None] * part[:, 1]) + down[:, None] * part[:, 2]).T
     if weights is not None:
@@ -196,30 +192,28 @@ def evaluate_plainly(entries, group, column, first, n_row, weights=None):
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("form", [PLANES, VALUES, SLOPES, BOTH], ids=["planes", "values", "slopes", "both"])
 def test_planes_are_those_of_plain_python(form, way):
-    """In a row and of lists of points, which may lie half-way between samples; also of entries that hold intensities,
-    or nothing. Nothing is written beyond the next multiple of LANES."""
+    """Also of entries that hold intensities, or nothing. Nothing is written beyond the next multiple of LANES."""
     for case, n in enumerate((0, 1, 3, 4, 5, 64, 127)):
         rng = np.random.default_rng(n)
-        points = ScreenPoints(*(128 * rng.integers(0, 2**19, (2, 128))).astype(np.int32), 2.0)
         column, n_unit = ((4, 3), (16, 3))[case % 2] if form != BOTH else (4, 3)
         group, entries = group_of(random_records(rng, n_unit), column), random_entries(rng, 128, n_unit)[:n]
         weights = np.float32(rng.uniform(0.5, 2.0**20, 128))
-        for first in ((np.int64(1900), np.int64(33)), points):
-            out, behind = np.full((2, WEIGHTS + 128), 7, np.float32)
-            out[WEIGHTS:] = weights
-            before = out.copy(), behind.copy()
-            WAYS[way](form, entries, group, first, out, PLACES, behind)
-            written = [(out, START, column, (4, 4, 10, 4)[form])]
-            written += [(behind, START_BEHIND, column + 12, 10)] if form == BOTH else []
-            for array, start, plane, n_row in written:
-                expected = evaluate_plainly(entries, group, plane, first, n_row, weights if form == VALUES else None)
-                for row in range(n_row):
-                    left = start + row * STRIDE
-                    found = array[left : left + n]
-                    same = found.view(np.int32) == np.ascontiguousarray(expected[row]).view(np.int32)
-                    assert same.all(), f"{n} samples, row {row}: {found[~same][:4]} != {expected[row][~same][:4]}"
-                    array[left : left + -(-n // LANES) * LANES] = 7
-            assert (out == before[0]).all() and (behind == before[1]).all(), f"{n} samples: wrote beyond them"
+        first = np.int64(1900), np.int64(33)
+        out, behind = np.full((2, WEIGHTS + 128), 7, np.float32)
+        out[WEIGHTS:] = weights
+        before = out.copy(), behind.copy()
+        WAYS[way](form, entries, group, first, out, PLACES, behind)
+        written = [(out, START, column, (4, 4, 10, 4)[form])]
+        written += [(behind, START_BEHIND, column + 12, 10)] if form == BOTH else []
+        for array, start, plane, n_row in written:
+            expected = evaluate_plainly(entries, group, plane, first, n_row, weights if form == VALUES else None)
+            for row in range(n_row):
+                left = start + row * STRIDE
+                found = array[left : left + n]
+                same = found.view(np.int32) == np.ascontiguousarray(expected[row]).view(np.int32)
+                assert same.all(), f"{n} samples, row {row}: {found[~same][:4]} != {expected[row][~same][:4]}"
+                array[left : left + -(-n // LANES) * LANES] = 7
+        assert (out == before[0]).all() and (behind == before[1]).all(), f"{n} samples: wrote beyond them"
 
 
 @pytest.mark.parametrize("way", WAYS)

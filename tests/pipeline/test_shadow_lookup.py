@@ -55,7 +55,7 @@ class Points:
             self.maps.append(shadows.draw(plan, view, plan.dtype, WorkspacePool(), Workers(1))[0])
             self.blocks.append(self.maps[-1].block)
             if tolerance > 0:
-                self.shift = Precision(plan, bounds).shift(view)
+                ((self.shift, _),) = Precision(plan, bounds).shifts_in(view)
         face = rng.integers(0, geometry.vertex.shape[1], N_POINT)
         weights = rng.dirichlet((1, 1, 1), N_POINT)
         position = np.einsum("nk,kna->an", weights, geometry.positions[geometry.vertex[:, face]])
