@@ -236,10 +236,11 @@ class Renderer:
         """
         if TYPE_CHECKING:  # how Jedi finds the words
             Viewpoint(**words)
-        seen_by = self._camera_of(viewpoint_of({"camera": camera, **words}))
-        pixels = None if out is None else checked_out(out, self.options)
-        with self._prepared.threads.lock, compiling_ahead(partial(self._list_kernels, seen_by)):
-            return self._render(seen_by, pixels)
+        with compiling_ahead(self._list_kernels):  # where the picture stands on a ground, framing takes its shadow
+            seen_by = self._camera_of(viewpoint_of({"camera": camera, **words}))
+            pixels = None if out is None else checked_out(out, self.options)
+            with self._prepared.threads.lock:
+                return self._render(seen_by, pixels)
 
     def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
         """Tell what a pixel shows, without a picture: no more is drawn than the rows around it.
@@ -268,16 +269,11 @@ class Renderer:
         """Return the camera that a picture is taken with."""
         return viewpoint.over(self._framing).camera_of(self.scene, self.options.size, lambda: self.subject)
 
-    def _list_kernels(self, camera: Camera | None = None) -> list[Job]:
-        """List the kernels of a picture through a camera; None = of the first one, before anything is prepared."""
-        if camera is None:
-            found = self._prepared.list_kernels(self.scene.camera_for(self.options.size))
-            if self.options.ground:
-                from .engine import ground_shadow
+    def _list_kernels(self) -> list[Job]:
+        """List the kernels of a picture, as far as they are known before it is drawn."""
+        from .engine.recorded_kernels import list_kernels  # where one is missing
 
-                found += ground_shadow.list_kernels(self.scene)
-            return found
-        return self._prepared.list_kernels(camera, self._prepared.see(camera).drawing.plan)
+        return list_kernels(self.scene, self.options)
 
     @cached_property
     def _ground(self) -> Any:

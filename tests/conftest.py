@@ -4,10 +4,10 @@ import signal
 import time
 
 import pytest
-from helpers.small_scenes import compile_usual_kernels
 
-from rasterizer.compiler.kernels import STORE
+from rasterizer.compiler.kernels import STORE, compile_into, missing_in
 from rasterizer.engine import draw
+from rasterizer.engine.recorded_kernels import list_all_kernels
 
 
 def pytest_addoption(parser):
@@ -17,13 +17,13 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session):
-    """Compile the usual kernels before the workers are started, so that no test pays for them, or finds the notice
+    """Compile all recorded kernels before the workers are started, so that no test pays for them, or finds the notice
     about them on stderr. Where nothing is kept, as with RASTER_STORE=off, each kernel is compiled when it is met."""
     config = session.config
     if hasattr(config, "workerinput") or config.option.collectonly or config.option.lazily or not STORE.is_kept:
         return
     with config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
-        compile_usual_kernels()
+        compile_into(STORE, missing_in(STORE, list_all_kernels()))
 
 
 @pytest.fixture

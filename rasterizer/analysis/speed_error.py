@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import kernels
-from ..engine.kernels_of_plan import list_kernels
-from ..engine.scene_tables import SceneTables
+from ..engine.recorded_kernels import list_kernels
 from ..errors import counted
 from ..options import Options
 from ..renderer import Renderer
@@ -204,9 +203,7 @@ def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> N
     listed: list[kernels.Job] = []
     truth = {"shading": "phong", "samples": 16, "tolerance": 0.0}
     for chosen in (*(method.options for method in methods), truth):
-        for output in ("color", "rgb"):
-            settings = Options(**options | chosen | {"outputs": (output,)})
-            listed += list_kernels(SceneTables(scene, settings), settings, scene.camera_for(settings.size))
+        listed += list_kernels(scene, Options(**options | chosen | {"outputs": ("color",)}))
     kernels.compile_into(kernels.STORE, kernels.missing_in(kernels.STORE, listed))
 
 

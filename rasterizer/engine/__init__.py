@@ -14,7 +14,7 @@ What is known before the first stage, in the order in which it is made:
     domains             where float32 is enough, and what is stated of a picture
     plan                what this scene needs, and nothing else: types, channels and paths of its materials
     plan_summary        the plan in words and counts
-    kernels_of_plan     the kernels that the plan calls, each with its signature
+    recorded_kernels    the kernels that pictures call, each with its signature: what is compiled ahead
     depth_range         depths that are seen or clipped, and the z-buffer fitted to them
     uniforms            lights and materials as arrays, for one view
     attributes          what is interpolated: intensities of lit points, or normals

@@ -18,13 +18,11 @@ the other, count once, and a texture counts with the mean of its alpha.
 """
 
 import math
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import Job, compiling_ahead
 from ..cores import MIN_PART, Workers
 from ..options import Options
 from ..pipeline import ground as bits
@@ -35,7 +33,6 @@ from ..scene.framing import orbit_axes
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.texture import Texture
-from .kernels_of_plan import KernelList
 
 HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
 SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
@@ -97,8 +94,7 @@ class GroundShadow:
         self.ground = _ground_under(scene, size)
         self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         if self.ground is not None:
-            with compiling_ahead(partial(list_kernels, scene)):
-                self.opacity = np.float32(strength) * _hidden_share(scene, self.ground, points or POINTS, threads)
+            self.opacity = np.float32(strength) * _hidden_share(scene, self.ground, points or POINTS, threads)
         self._rimmed = np.pad(self.opacity, 1)  # no shadow beyond the last texel
         used = (np.flatnonzero(self._rimmed.any(axis=axis)) for axis in (0, 1))
         self._limits = np.array([(at[0] - 1.0, at[-1] + 1.0) if len(at) else (0.0, 0.0) for at in used])
@@ -277,23 +273,6 @@ def _areas(points: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np
     a, b, c = (points[faces[:, k], :2].astype(np.float64) for k in range(3))
     u, v = b - a, c - a
     return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-
-
-def list_kernels(scene: Scene) -> list[Job]:
-    """List the kernels that make the shadow of a scene, and lay it under a picture."""
-    ground = _ground_under(scene, 8)
-    if ground is None:
-        return []
-    found, line = KernelList(), np.empty(0, np.float32)
-    seen = SeenGround(NO_ALPHA, np.empty((2, 2)), np.empty((3, 3)), line, line)
-    found.add(lay_under, seen, line, DECODED, (0, 0), np.empty((0, 0), np.uint32), NO_COLOR, NO_ALPHA)
-    points, near = np.empty((0, 3), np.float32), np.empty((0, 9), np.float32)
-    layers = bits.make_layers((4, 4), 0.0)
-    found.add(bits.project, np.empty((0, 3)), np.empty((5, 3)), 0, 0, points)
-    found.add(bits.draw_layers, points, np.empty((0, 3), np.uint32), 0, 0, layers, near)
-    lights = np.empty((2, bits.CHUNK), np.float32)
-    found.add(bits.count_hidden, layers, near, lights, 0, bits.make_scratch(layers), np.empty(0, np.uint8))
-    return list(found.jobs)
 
 
 def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import Job
 from ..cores import Workers
 from ..locks import cached_property
 from ..options import Options
@@ -163,13 +162,6 @@ class PreparedScene:
         if is_outside.all():
             return self._inner_sides
         return self._inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
-
-    def list_kernels(self, camera: Camera, plan: Plan | None = None) -> list[Job]:
-        """List the kernels of a picture through a camera; see kernels_of_plan.py, which is imported where one is
-        missing."""
-        from .kernels_of_plan import list_kernels
-
-        return list_kernels(self.tables, self.options, camera, plan)
 
     def screen_for(self, camera: Camera, view: View, factor: int) -> Screen:
         """Return the screen of a camera, with `factor` samples a pixel along each axis; `view` is the camera's."""

@@ -9,7 +9,7 @@ What a map shows follows from the light's `Beam` (lights.py); an area light is m
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -441,28 +441,6 @@ def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
         wide = math.atan(beam.spread) + np.arcsin(np.clip(radius / distance, 0.0, 1.0))
         within &= is_round | (between <= wide + 2.0**-20)
     return bool(within.any())
-
-
-def leaves_casters_out(lights: Iterable[Any], corners: NDArray[np.float64], view: View) -> bool:
-    """Tell whether the shadow map of some light may leave out what casts no shadow in it: in a view, or where it is
-    carried, in another one.
-
-    Parameters
-    ----------
-    corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
-    """
-    for light in lights:
-        beam = None if shadow_of(light) is None else entry_of(light).beam(light, view)
-        if beam is None or beam.origin is None:
-            continue
-        if is_carried(light):
-            return True
-        if reaches(light, beam, corners):
-            maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
-            needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
-            if any(_borders_of(*seen, side, corners) is not None for seen in needed):
-                return True
-    return False
 
 
 def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:

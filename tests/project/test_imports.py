@@ -21,7 +21,7 @@ UNUSED = (
     "registries", "viewer",
     "cli.bench", "cli.batch", "cli.compare", "cli.completion", "cli.demo", "cli.doctor", "cli.info",
     "cli.processes", "cli.sheet", "cli.turntable", "cli.view", "cli.warmup",
-    "engine.edges", "engine.ground_shadow", "engine.kernels_of_plan", "engine.point_lighting", "engine.shadow_maps",
+    "engine.edges", "engine.ground_shadow", "engine.recorded_kernels", "engine.point_lighting", "engine.shadow_maps",
     "geometry.ears", "geometry.subdivide",
     "io.animation", "io.array_files", "io.gltf", "io.mtl", "io.other_formats",
     "io.ply", "io.scene_file", "io.threemf",
