@@ -265,8 +265,8 @@ def choice(choose: Callable) -> Callable:
     """Decorate a function that returns which one of several helpers is called in its place, all with its parameters.
 
     It goes by the types of its arguments alone: where a kernel calls it, the compiler asks it once, with types of its
-    own in the place of the arguments, and compiles nothing but what it returns. It looks at them by `class_of`,
-    `field_of` and `is_none`, which take either.
+    own in the place of the arguments, and compiles nothing but what it returns. It looks at them by `field_of` and
+    `is_none`, which take either.
     """
 
     def call(*arguments):
@@ -281,11 +281,6 @@ def choice(choose: Callable) -> Callable:
     functools.update_wrapper(call, choose)
     functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
     return Helper(call, lambda: _internals().compile_choice(call, choose_plain)) if IS_COMPILING else call
-
-
-def class_of(argument) -> type:
-    """Return the class of an argument of a choice, such as a NamedTuple."""
-    return getattr(argument, "instance_class", type(argument))
 
 
 def field_of(argument, name: str):

@@ -19,8 +19,6 @@ from ..pipeline.gradients import (
     HAS_COLORS,
     Coding,
     DepthScale,
-    LevelCoding,
-    NormalCoding,
 )
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
@@ -176,21 +174,22 @@ def make_coding(plan: Plan, tolerance) -> Coding:
     of_materials, n_material = plan.of_materials, len(plan.tables.materials)
     reads_double = of_materials.is_double | of_materials.is_textured
     rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
-    if of_materials.is_double.all():  # so all are exact
-        return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, NO_DEPTHS)
+    level_scale = 0.0 if plan.is_lit_per_sample else float(plan.level_scale)
+    if of_materials.is_double.all():
+        return Coding(*rows, np.zeros(n_material), level_scale, 0.0, False, None, NO_DEPTHS, is_exact=True)
     left = tolerance * (1.0 - np.where(of_materials.is_double, 1.0, of_materials.shares))
     brightest = max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
         has_albedo = (of_materials.features & HAS_ALBEDO) != 0
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         albedo_tolerance = float(tolerance / 4 / brightest)
-        return NormalCoding(
-            *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position or plan.cue is not None,
-            code_textures(plan, of_textures), NO_DEPTHS,
-        )  # fmt: skip
+        needs_distance = plan.needs_position or plan.cue is not None
+        textures = code_textures(plan, of_textures)
+        rest = albedo_tolerance, needs_distance, textures, NO_DEPTHS
+        return Coding(*rows, of_materials.normal_limits, level_scale, *rest, is_exact=False)
     limits = np.where(of_materials.is_textured, left / 4, left)
     textures = code_textures(plan, left * 3 / 4)
-    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, NO_DEPTHS)
+    return Coding(*rows, limits, level_scale, 0.0, plan.cue is not None, textures, NO_DEPTHS, is_exact=False)
 
 
 def code_textures(plan: Plan, limits) -> TextureCoding | None:

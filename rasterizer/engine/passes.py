@@ -145,10 +145,9 @@ class ColorPass(Pass):
 
     def scan(self, workspace, band, drawn, deferred):
         """As that of `Pass`, with records."""
-        found = scan(
+        return scan(
             band, drawn.drawables, self.coding, workspace.block, workspace.visibility, workspace.records, deferred
         )
-        return ScanCounts(*found)
 
     @property
     def n_channel(self) -> int:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, class_of, helper, index
+from ..compiler.kernels import helper, index
 from . import setup as s
 from .setup import (
     MIN_INVERSE,
@@ -48,41 +48,24 @@ MAX_CHANNELS = 3
 
 
 class Coding(NamedTuple):
-    """How this frame's attributes reach the samples. Its subclass, and what is None, decide what is compiled."""
+    """How this frame's attributes reach the samples. Whether `textures` is None decides what is compiled."""
 
     paths: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
     features: np.ndarray  # (n_material,) uint8: the bits above
     reads_double: np.ndarray  # (n_material,) bool: attributes are not rounded to float32
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
-    level_scale: float | None  # levels a unit of intensity; None where attributes are no intensities
+    level_scale: float  # levels a unit of intensity; 0 where attributes are normals, and what stands behind them
     albedo_tolerance: float  # error that is accepted in an attribute behind the normals
     needs_distance: bool  # samples have positions, which are found from their entries
     textures: TextureCoding | None  # None where no texture coordinates stand in planes
     depths: DepthScale
-
-
-class LevelCoding(Coding):
-    """Intensities in entries or in planes, where they are good enough."""
-
-
-class NormalCoding(Coding):
-    """Normals, and what stands behind them, in planes where they are good enough."""
-
-
-@choice
-def compute_gradients(n_attribute, coding, block):
-    """Compute the planes of a block's attributes; clear HAS_LEVELS and HAS_PLANES where they aren't good enough."""
-    if class_of(coding) is LevelCoding:
-        return compute_levels
-    if class_of(coding) is NormalCoding:
-        return compute_normals
-    return compute_none
+    is_exact: bool  # all records are
 
 
 @helper
-def compute_none(n_attribute, coding, block):
-    """Let all records be exact."""
+def clear_planes(block):
+    """Let all records of a block be exact."""
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = 0
@@ -93,7 +76,8 @@ def compute_none(n_attribute, coding, block):
 
 @helper
 def compute_levels(n_attribute, coding, block):
-    """Compute the planes of levels, then those of intensities where the first are not good enough."""
+    """Compute the planes of levels, then those of intensities where the first are not good enough; clear HAS_LEVELS and
+    HAS_PLANES where neither are."""
     ints, n_left = block.ints, 0
     if coding.needs_distance:
         check_distances(coding, block)
@@ -164,7 +148,7 @@ def clamp(level, highest):
 
 @helper
 def compute_normals(n_attribute, coding, block):
-    """Compute the planes of normals and albedo, where there are any."""
+    """Compute the planes of normals and albedo, where there are any; clear HAS_PLANES where they aren't good enough."""
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = 0

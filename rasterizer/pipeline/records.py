@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from . import setup as s
-from .gradients import HAS_ALBEDO, HAS_TEXTURE, MAX_CHANNELS, LevelCoding, NormalCoding
+from .gradients import HAS_ALBEDO, HAS_TEXTURE, MAX_CHANNELS
 from .samples import PLANE_GROUP, PlaneGroup
 from .textures import TEXCOORD_PLANE
 from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
@@ -66,10 +66,11 @@ def make_records(n, n_attribute) -> Records:
 def max_units(coding) -> int:
     """Return how many units a record has at most."""
     is_textured = coding.textures is not None
-    end = UNIT
-    if isinstance(coding, LevelCoding):
+    if coding.is_exact:
+        end = UNIT
+    elif coding.level_scale > 0.0:
         end = BEHIND_VALUES + (PLAIN_GROUP + VALUE_GROUP) * is_textured
-    elif isinstance(coding, NormalCoding):
+    else:
         has_albedo = bool((coding.features & HAS_ALBEDO).any())
         end = BEHIND_NORMALS + PLAIN_GROUP * is_textured + VALUE_GROUP * has_albedo
     return -(-end // UNIT)

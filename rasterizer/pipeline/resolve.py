@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from .fragments import BATCH_SIZE, NEXT, filled_up
 from .visibility import CLEAR, clear, extent_of_pixels, next_stretch, strip_of
 
@@ -246,7 +246,7 @@ def write_colors(pixels, n, color, alpha):
 # ---------------------------------------------------------------- the box filter: samples into pixels
 
 
-@choice
+@helper
 def average_samples(visibility, radiance, translucent, first, grid, n, batch):
     """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
     samples show anything.
@@ -259,11 +259,13 @@ def average_samples(visibility, radiance, translucent, first, grid, n, batch):
     first : the band's row of samples and the column of pixels where the batch begins
     grid : SampleGrid
     """
-    return average_single if len(grid[0]) == 1 else average_several
+    if factor_of(grid) == 1:
+        return average_single(visibility, radiance, translucent, first, n, batch)
+    return average_several(visibility, radiance, translucent, first, grid, n, batch)
 
 
 @helper
-def average_single(visibility, radiance, translucent, first, grid, n, batch):
+def average_single(visibility, radiance, translucent, first, n, batch):
     """See `average_samples`, for one sample a pixel: nothing is to sum."""
     if translucent is not None:
         return weight_single_samples(visibility, radiance, translucent, first, n, batch.values)

@@ -24,10 +24,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, class_of, helper, index, kernel, spelled_out
+from ..compiler.kernels import helper, index, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
-from .gradients import IS_INVISIBLE, IS_TRANSPARENT, NormalCoding, compute_gradients
+from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_levels, compute_normals
 from .records import write_exact, write_normals, write_values
 from .transform import HALF, SUBPIXEL
 from .visibility import (
@@ -87,8 +87,7 @@ def make_deferred(n, extents) -> Deferred:
     return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), extents, np.zeros(4, np.int64))
 
 
-@kernel
-def scan(band, drawables, coding, block, visibility, records, deferred):
+def scan(band, drawables, coding, block, visibility, records, deferred) -> ScanCounts:
     """Draw a band's triangles; return what was found.
 
     Parameters
@@ -100,12 +99,28 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
     visibility : VisibilityBuffer, clear; written
     records : Records, with room for all triangles; written
     deferred : Deferred, written; or None where all materials are opaque: then nothing of it is compiled
-
-    Returns
-    -------
-    the fields of ScanCounts
     """
-    faces = band.faces
+    kernel = scan_levels if coding.level_scale > 0.0 else scan_normals
+    return ScanCounts(*kernel(band, drawables, coding, block, visibility, records, deferred))
+
+
+@kernel
+def scan_levels(band, drawables, coding, block, visibility, records, deferred):
+    """Draw a band's triangles, whose attributes are intensities; see `scan`. Return the fields of ScanCounts."""
+    return scan_blocks(band, drawables, coding, block, (visibility, records), deferred, compute_levels, write_values)
+
+
+@kernel
+def scan_normals(band, drawables, coding, block, visibility, records, deferred):
+    """Draw a band's triangles, whose attributes are normals; see `scan`. Return the fields of ScanCounts."""
+    return scan_blocks(band, drawables, coding, block, (visibility, records), deferred, compute_normals, write_normals)
+
+
+@helper
+def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients, write_record):
+    """Draw a band's triangles as `scan` does into `out`, visibility and records, with the functions for what their
+    attributes are: one computes their planes, the other one writes these into a record."""
+    faces, (visibility, records) = band.faces, out
     n_record = n_level = n_plane = n_exact = features = np.int64(0)
     material = np.int64(0) if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
     for first in range(0, len(faces), s.BLOCK):
@@ -119,7 +134,10 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
-        compute_gradients(n_attribute, coding, block)
+        if coding.is_exact:
+            clear_planes(block)
+        else:
+            compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(index(len(some))):
             box = box_of(k, block)
@@ -217,12 +235,6 @@ def drawn_features(features, deferred):
 def plane_flags(k, block):
     """Return the flag of triangle k's planes in entries, IS_WEIGHTED or 0."""
     return IS_WEIGHTED if block.ints[s.IS_WEIGHTED + k] != 0 else np.int64(0)
-
-
-@choice
-def write_record(records, n_record, k, face, coding, block):
-    """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
-    return write_normals if class_of(coding) is NormalCoding else write_values
 
 
 @helper

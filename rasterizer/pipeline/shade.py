@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, class_of, field_of, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
 from . import fragments as f
 from .fragments import BATCH_SIZE
-from .gradients import HAS_COLORS, LevelCoding
+from .gradients import HAS_COLORS
 from .interpolate import (
     corner_values,
     corner_weights,
@@ -50,7 +50,7 @@ def shade_interpolated(band, tint, batch, out_radiance):
 
     Parameters
     ----------
-    band : ScannedBand with a LevelCoding, or one whose records are all exact
+    band : ScannedBand
     tint : (3,) float32, the colour of what has one channel, where the band has three
     batch : see fragments.py, float32
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
@@ -67,21 +67,10 @@ def shade_interpolated(band, tint, batch, out_radiance):
                 interpolate_intensities(entries, records, (first, y), band.coding.features, tint, out_radiance, start)
 
 
-@choice
+@helper
 def decode_batch(entries, band, first, tint, batch, out_radiance, start):
     """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry, `start`
     its number in the band."""
-    return decode_entries if class_of(field_of(band, "coding")) is LevelCoding else leave_entries
-
-
-@helper
-def leave_entries(entries, band, first, tint, batch, out_radiance, start):
-    """Do nothing."""
-
-
-@helper
-def decode_entries(entries, band, first, tint, batch, out_radiance, start):
-    """See `decode_batch`."""
     step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], index(len(entries))
     has_affine, has_weighted = find_planes(entries) if band.counts.n_plane > 0 else (False, False)
     if not has_affine and not has_weighted:

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, class_of, field_of, helper, index, is_none, kernel
+from ..compiler.kernels import choice, field_of, helper, index, is_none, kernel
 from . import fragments as f
 from .fragments import BARYCENTRIC, BATCH_SIZE, get_vector
-from .gradients import HAS_TEXTURE, IS_TRANSPARENT, LevelCoding
+from .gradients import HAS_TEXTURE, IS_TRANSPARENT
 from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
 from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
@@ -132,23 +132,13 @@ def gather_texcoords(entries, band, first, material, texturing, batch):
         evaluate_planes(entries, group, first, texturing.batch, S_PLANE, index(BATCH_SIZE))
 
 
-@choice
+@helper
 def shade_planes(entries, band, first, texturing, start, batch, out_radiance):
-    """Fill the intensities of samples that show planes; of exact records anything is written.
+    """Fill the intensities of samples that show planes, by planes that are mixed by the texels; of exact records
+    anything is written.
 
     `first` says where the samples lie (samples.py), `start` is the index of the first in the band.
     """
-    return mix_values if class_of(field_of(band, "coding")) is LevelCoding else leave_values
-
-
-@helper
-def leave_values(entries, band, first, texturing, start, batch, out_radiance):
-    """Do nothing."""
-
-
-@helper
-def mix_values(entries, band, first, texturing, start, batch, out_radiance):
-    """See `shade_planes`: evaluate the planes of intensities, and mix them by the texels."""
     records, rows, n = band.records, texturing.batch, index(len(entries))
     fill_weights(entries, band.coding.depths, batch)
     evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)

@@ -1,7 +1,6 @@
 """Stages of the pipeline fed by hand, one at a time: help for their tests."""
 
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,6 @@ from rasterizer.pipeline.gradients import (
     IN_PLANES,
     SINGLE_PRECISION,
     Coding,
-    LevelCoding,
-    NormalCoding,
 )
 from rasterizer.pipeline.interpolate import ScannedBand
 from rasterizer.pipeline.records import UNIT, max_units
@@ -49,19 +46,13 @@ def screen_of(view, projection, depths, far_clip=np.inf):
     return make_screen(view, projection, depths, depths[0], far_clip)
 
 
-class Given(NamedTuple):
-    """What a coding of tests is made of: its class, and the way that all of its materials ask for."""
-
-    kind: type
-    path: int
-
-
-# Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes.
+# What a coding of tests is made of, and the path that all of its materials ask for: exact records · intensities in
+# entries · intensities in planes · normals, and albedo behind them, in planes.
 KINDS = {
-    "exact": Given(Coding, EXACT),
-    "entries": Given(LevelCoding, IN_ENTRIES),
-    "values": Given(LevelCoding, IN_PLANES),
-    "normals": Given(NormalCoding, IN_PLANES),
+    "exact": EXACT,
+    "entries": IN_ENTRIES,
+    "values": IN_PLANES,
+    "normals": IN_PLANES,
 }
 
 
@@ -77,24 +68,25 @@ def plain_coding(
     tolerance : units of intensity, or of albedo · normal_limit : see gradients.Coding
     options : needs_distance; features, bits that all materials have beside their type
     """
-    made, n_attributes = KINDS[kind], np.atleast_1d(n_attributes).astype(np.int64)
+    path, n_attributes = KINDS[kind], np.atleast_1d(n_attributes).astype(np.int64)
     types = dtypes if isinstance(dtypes, (list, tuple)) else [dtypes]
     is_double = np.array([np.dtype(dtype) == np.float64 for dtype in types]) | np.zeros(len(n_attributes), bool)
     features = np.where(is_double, DOUBLE_PRECISION, SINGLE_PRECISION) | np.where(n_attributes >= 3, HAS_COLORS, 0)
     features = features | HAS_COLORS if kind == "normals" else features
     features = features | np.where(n_attributes >= 6, HAS_ALBEDO, 0) if kind in ("exact", "normals") else features
-    paths = np.where((made.path == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.path)  # an entry has one channel
-    return made.kind(
+    paths = np.where((path == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, path)  # an entry has one channel
+    return Coding(
         paths=np.where(is_double, EXACT, paths).astype(np.uint8),
         features=(features | options.get("features", 0)).astype(np.uint8),
         reads_double=is_double,
         n_attributes=n_attributes,
         limits=np.full(len(n_attributes), float(normal_limit if kind == "normals" else tolerance)),
-        level_scale=float(level_scale) if made.kind is LevelCoding else None,
+        level_scale=0.0 if kind == "normals" else float(level_scale),
         albedo_tolerance=float(tolerance),
         needs_distance=options.get("needs_distance", False),
         textures=None,
         depths=scale_depths(screen),
+        is_exact=kind == "exact",
     )
 
 

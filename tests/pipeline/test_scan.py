@@ -266,7 +266,8 @@ def test_without_the_compiler_the_same_comes_out(kind):
     stage, bit for bit."""
     triangles, depth, attributes, material = small_band(len(kind))
     coding, found = coding_of(kind, True), []
-    for run in (scan.scan, scan.scan.py_func):
+    kernel = scan.scan_normals if kind == "normals" else scan.scan_levels
+    for run in (kernel, kernel.py_func):
         listed = make_deferred(len(triangles), visibility.make_extents(BAND[1]))
         with np.errstate(all="ignore"):  # unsigned integers wrap, as they do in compiled code
             workspace, counts = stages.scan_alone(
