@@ -94,7 +94,7 @@ PATHS = (
     ),
     Variant(
         "one sample a pixel",
-        (("pipeline/resolve.py", "average_single if len(grid[0]) == 1 else", "average_several if True else"),),
+        (("pipeline/resolve.py", "if factor_of(grid) == 1:", "if False:"),),
     ),
     Variant(
         "grey encoding",
