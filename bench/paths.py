@@ -73,9 +73,6 @@ PATHS = (
         ),
     ),
     Variant(
-        "shadow filter: by hand", (("pipeline/shadow_lookup.py", '@spelled_out("build_count_before")', "@helper"),)
-    ),
-    Variant(
         "texels: by hand",
         (
             ("pipeline/texture_lookup.py", '@spelled_out("build_fetch_texels")', "@helper"),

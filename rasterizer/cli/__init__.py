@@ -20,7 +20,6 @@ import os
 import sys
 
 DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 
 
 def main(argv=None) -> int:
@@ -60,7 +59,6 @@ def _run_as_program() -> int:
     def collect_from_now_on():
         gc.freeze()
         gc.enable()
-        _keep_what_is_freed()
 
     def interrupt(*_):
         interrupts.append(True)
@@ -84,20 +82,6 @@ def _run_as_program() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
     gc.freeze()  # and nothing to collect
     return code
-
-
-def _keep_what_is_freed() -> None:
-    """Let the C library hand out again what was freed: new pages, which the system clears, take a tenth of the time of
-    a large model. Arrays of more than 32 MB go back at once all the same.
-
-    Source: mallopt(3); other libraries than glibc have no such call.
-    """
-    import ctypes
-
-    set_option = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if set_option is not None:
-        set_option(_M_MMAP_THRESHOLD, 2**25)
-        set_option(_M_TRIM_THRESHOLD, 2**30)
 
 
 def _interrupted() -> int:

@@ -166,7 +166,7 @@ def _some_faces(geometry: Geometry, faces: NDArray) -> Geometry:
 class ShadowMap(NamedTuple):
     """The maps of one light."""
 
-    block: NDArray[np.floating]  # the header, the texels, and TAPS that aren't written; float32 or float64
+    block: NDArray[np.floating]  # the header, and the texels; float32 or float64
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
 
     def fit_view(self, eye: NDArray[np.float64], plan: Plan) -> None:
@@ -208,8 +208,8 @@ def draw_shadow_map(
         return None
     maps, size = choose_views(beam, casters.corners, light.shadow), map_side(light.shadow)
     n_texel = sum(maps.is_needed) * size * size
-    block = _allocate_block(lookup.HEADER + n_texel + lookup.TAPS, dtype, room, before)
-    texels = block[lookup.HEADER : -lookup.TAPS].reshape(-1, size, size)
+    block = _allocate_block(lookup.HEADER + n_texel, dtype, room, before)
+    texels = block[lookup.HEADER :].reshape(-1, size, size)
     _write_header(block, maps, light.shadow, dtype)
     layer = 0
     for row, (light_view, projection), is_needed in zip(_map_rows(block), maps.views, maps.is_needed, strict=True):

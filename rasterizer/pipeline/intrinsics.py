@@ -2,7 +2,7 @@
 
 The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, frames
 take up to 2.5 times as long (bench/README.md). A function here is the instructions of the plain function that names it:
-those of scan.py, samples.py, shadow_lookup.py and texture_lookup.py, where the parameters are explained. It is loaded
+those of scan.py, samples.py and texture_lookup.py, where the parameters are explained. It is loaded
 only where one is compiled.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
@@ -18,7 +18,6 @@ from numba.core import cgutils
 
 from .fragments import BATCH_SIZE
 from .samples import PLANE_GROUP
-from .shadow_lookup import TAPS
 from .visibility import LANES, LEVEL_BITS
 
 TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
@@ -238,48 +237,6 @@ def _record_number(builder, entry, mask):
     one, bit = (ir.Constant(ir.IntType(64), number) for number in (1, LEVEL_BITS))
     is_id = builder.and_(builder.lshr(entry, bit), one)
     return builder.and_(builder.and_(entry, mask), builder.neg(is_id))
-
-
-# ---------------------------------------------------------------- shadows
-
-
-def build_count_before(typing_context, texels, corner, pitch, n_tap, plane):
-    """Build `shadow_lookup.count_before`: lanes beyond the square are compared with infinity."""
-    signature = types.int64(texels, types.uint64, types.uint64, types.int64, types.UniTuple(texels.dtype, 3))
-    long, size = ir.IntType(64), 4 if texels.dtype == types.float32 else 8
-
-    def generate(context, builder, signature, arguments):
-        data = data_of(context, builder, signature.args[0], arguments[0])
-        _, corner, pitch, n_tap, plane = arguments
-        limit, slope_x, slope_y = cgutils.unpack_tuple(builder, plane)
-        real = limit.type
-        reals = ir.VectorType(real, TAPS)
-        radius = builder.lshr(n_tap, long(1))
-        counts = ir.VectorType(ir.IntType(8 * size), TAPS)  # of each column
-        n_before = cgutils.alloca_once_value(builder, ir.Constant(counts, [0] * TAPS))
-        ones, steep = ir.Constant(reals, [1.0] * TAPS), splat(builder, reals, slope_y)
-        top = splat(builder, reals, builder.sitofp(builder.neg(radius), real))
-        with cgutils.for_range_slice(builder, long(0), n_tap, long(TAPS)) as (column, _):
-            first = builder.sitofp(builder.sub(column, radius), real)
-            right = builder.fadd(ir.Constant(reals, list(map(float, range(TAPS)))), splat(builder, reals, first))
-            along = builder.fmul(right, splat(builder, reals, slope_x))
-            along = builder.fadd(splat(builder, reals, limit), along)
-            is_tap = builder.fcmp_ordered("<=", right, splat(builder, reals, builder.sitofp(radius, real)))
-            along = builder.select(is_tap, along, ir.Constant(reals, [float("inf")] * TAPS))
-            row = cgutils.alloca_once_value(builder, top)
-            with cgutils.for_range(builder, n_tap) as loop:
-                down = builder.load(row)
-                builder.store(builder.fadd(down, ones), row)
-                here = builder.add(builder.add(corner, column), builder.mul(loop.index, pitch))
-                texel = builder.load(builder.bitcast(builder.gep(data, [here]), reals.as_pointer()), align=size)
-                is_before = builder.fcmp_ordered(">", texel, builder.fadd(along, builder.fmul(down, steep)))
-                builder.store(builder.sub(builder.load(n_before), builder.sext(is_before, counts)), n_before)
-        total = builder.load(n_before)
-        for half in (TAPS // 2, TAPS // 4, TAPS // 8):
-            total = builder.add(total, shuffle(builder, total, total, [(k + half) % TAPS for k in range(TAPS)]))
-        return builder.sext(builder.extract_element(total, ir.Constant(ir.IntType(32), 0)), long)
-
-    return signature, generate
 
 
 # ---------------------------------------------------------------- texels

@@ -61,7 +61,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, choice, helper, index, kernel, spelled_out
+from ..compiler.kernels import as_array, choice, helper, index, kernel
 from ..geometry.vectors import add, dot, length, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -82,7 +82,6 @@ RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER
 N_MAP_COLUMN = 16
 HEADER = MAPS + 6 * N_MAP_COLUMN
 ROUNDINGS = 35
-TAPS = 8  # texels of a row of a filter that are compared side by side; so many may be read behind the last map
 # Quantities of the batch. FROM_LIGHT, the point as seen from the light, becomes: the number of the texel that it lies
 # in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube.
 TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
@@ -335,23 +334,24 @@ def count_lit(batch, texels, first, sizes, start, end):
         batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * share if share > zero else zero
 
 
-@spelled_out("build_count_before")
+@helper
 def count_before(texels, corner, pitch, n_tap, plane):
-    """Count the texels of a square that lie before a plane: the inner loop of a filter, TAPS texels of a row at a time.
+    """Count the texels of a square that lie before a plane: the inner loop of a filter.
 
     Parameters
     ----------
-    texels : (n,) float32 or float64; TAPS behind the last one of the square may be read
+    texels : (n,) float32 or float64
     corner, pitch : uint64, the square's first texel, and texels from row to row
     n_tap : int64, texels a side
     plane : (limit, slope_x, slope_y), the plane's value in the middle of the square, and what it changes by a texel to
         the right and down; a texel that is larger lies before it
     """
-    (limit, slope_x, slope_y), radius, n_before = plane, n_tap >> 1, 0
-    for j in range(n_tap):
-        for i in range(n_tap):
-            right, down = texels.dtype.type(i - radius), texels.dtype.type(j - radius)
-            n_before += texels[int(corner) + j * int(pitch) + i] > limit + right * slope_x + down * slope_y
+    (limit, slope_x, slope_y), radius, n_before = plane, n_tap >> 1, np.int64(0)
+    for j in range(index(n_tap)):
+        first, down = corner + j * pitch, texels.dtype.type(np.int64(j) - radius)
+        for i in range(index(n_tap)):
+            right = texels.dtype.type(np.int64(i) - radius)
+            n_before += texels[first + i] > limit + right * slope_x + down * slope_y
     return n_before
 
 

@@ -54,7 +54,7 @@ def test_inner_sides_of_closed_bodies_change_no_texel():
             rz.DirectionalLight(toward, shadow=shadow),
         ):
             every, some = drawn_map(light, meshes), drawn_map(light, meshes, inner_sides=sides)
-            texels = slice(lookup.HEADER, -lookup.TAPS)
+            texels = slice(lookup.HEADER, None)
             assert not differences(some.block[texels], every.block[texels]), f"scene {seed}, {light!r}"
     assert n_inner > 500
 
@@ -253,7 +253,7 @@ def worst_error(corners, light, size, rng):
     casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box, box[:, [0, 7]], None)
     found = draw_shadow_map(light, View(np.zeros(3), *np.eye(3)), casters, DOUBLE, WorkspacePool(), Workers(1))
     row = found.block[lookup.MAPS : lookup.MAPS + lookup.N_MAP_COLUMN]
-    texels = found.block[lookup.HEADER : -lookup.TAPS].reshape(size, size)
+    texels = found.block[lookup.HEADER :].reshape(size, size)
     is_perspective = isinstance(light, rz.SpotLight)
     right, up, forward = (row[start : start + 3] for start in (lookup.RIGHT, lookup.UP, lookup.FORWARD))
     away = corners - found.origin
@@ -348,7 +348,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
         return shadows.draw(plan, view, np.dtype(np.float32), WorkspacePool(), Workers(1))
 
     first, moving = draw(plan)
-    own, texels = float(first.block[lookup.NORMAL_ERROR]), first.block[lookup.HEADER : -lookup.TAPS].tobytes()
+    own, texels = float(first.block[lookup.NORMAL_ERROR]), first.block[lookup.HEADER :].tobytes()
     assert moving.block[lookup.NORMAL_ERROR] == pytest.approx(5 * own), "over half of five texels, not of one"
     assert draw(turned)[0] is first and first.block[lookup.NORMAL_ERROR] > 2 * own > 0
     assert draw(plan)[0] is first and first.block[lookup.NORMAL_ERROR] == own
@@ -356,7 +356,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     assert nearer is moving, "rays that the camera carries are the same wherever it stands"
     elsewhere = View(np.array([3.0, 0, 4]), *np.eye(3)[[1, 2, 0]])
     again, moved = draw(plan, elsewhere)
-    assert again is first and again.block[lookup.HEADER : -lookup.TAPS].tobytes() == texels
+    assert again is first and again.block[lookup.HEADER :].tobytes() == texels
     assert not deviations(again.block[lookup.ORIGIN : lookup.ORIGIN + 3], again.origin - elsewhere.eye, atol=1e-06)
     assert moved is not moving, "a light that moves with the camera sees something else"
     tables = copy(plan.tables)

@@ -168,7 +168,7 @@ def naive_share(block, row):
     view = block[lookup.MAPS + number * lookup.N_MAP_COLUMN :][: lookup.N_MAP_COLUMN]
     if view[lookup.LAYER] < 0:
         return 1.0, np.inf
-    texels = block[lookup.HEADER : -lookup.TAPS].reshape(-1, size, size)[int(view[lookup.LAYER])]
+    texels = block[lookup.HEADER :].reshape(-1, size, size)[int(view[lookup.LAYER])]
     right, up, forward = (view[k : k + 3] for k in (lookup.RIGHT, lookup.UP, lookup.FORWARD))
     scale = np.array([view[lookup.SCALE_X], -view[lookup.SCALE_Y]])
     center = np.array([view[lookup.CENTER_X], view[lookup.CENTER_Y]])
