@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..compiler.kernels import Job
+from ..geometry.weld import FEW
 from ..options import Options
 from ..scene.lights import light_type_of
 from ..scene.scene import Scene
 
 FILE = Path(__file__).with_suffix(".json")
-MANY_FACES = 5000  # more rows than are sorted when equal ones are looked for (geometry/weld.py)
 
 
 class Record(NamedTuple):
@@ -58,7 +58,7 @@ def words_of(scene: Scene, options: Options) -> frozenset[str]:
         "shadows": any(getattr(light, "shadow", None) is not None for light in scene.lights),
         **{light_type_of(light): True for light in scene.lights},
         "polygons": any(mesh.polygons is not None for mesh in scene.meshes),
-        "many faces": any(mesh.n_face > MANY_FACES for mesh in scene.meshes),
+        "many faces": any(3 * mesh.n_face >= FEW for mesh in scene.meshes),
         "own normals": any(mesh.normals is not None for mesh in scene.meshes),
         "colors": any(mesh.colors is not None or mesh.face_colors is not None for mesh in scene.meshes),
     }
