@@ -154,9 +154,10 @@ class SceneTables:
             for k, number in enumerate(numbers.tolist()):
                 faces = mesh.faces if mesh.face_material is None else mesh.faces[mesh.face_material == k]
                 if len(faces):
-                    corners, starts = mesh.vertices[faces], np.arange(0, len(faces), -(-len(faces) // N_BOX))
-                    low = np.minimum.reduceat(corners.min(axis=1), starts)
-                    found[number].append(np.stack([low, np.maximum.reduceat(corners.max(axis=1), starts)], axis=1))
+                    corners = mesh.vertices[faces.ravel()]
+                    starts = np.arange(0, len(corners), 3 * -(-len(faces) // N_BOX))
+                    low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
+                    found[number].append(np.stack([low, high], axis=1))
         return [np.concatenate(boxes) if boxes else np.empty((0, 2, 3)) for boxes in found]
 
 
