@@ -8,8 +8,7 @@ Out: `Vertices`: x and y int32 in 1/256 px, and as they were before they were ro
      triangles go to the clip stage.
 
 Skew is a shear of the view, and that is all it is: where points are measured along `across` instead of `right`, they
-are seen as without skew. So the stages that only project, clip, or solve for weights know nothing of it. A length of
-theirs is not one of the world any more, see `skew_stretch`.
+are seen as without skew. So the stages that only project and clip know nothing of it.
 
 Float64 throughout: float32 would move one to four vertices in a hundred to another place of the grid.
 
@@ -248,14 +247,3 @@ def depths_on_plane(true_x, true_y, x, y, z, pixel):
     z1 = z[1] - slope_x * (true_x[1] - x[1]) - slope_y * (true_y[1] - y[1])
     z2 = z[2] - slope_x * (true_x[2] - x[2]) - slope_y * (true_y[2] - y[2])
     return (z0, z1, z2), 0.0 if is_edge_on else shift
-
-
-def skew_stretch(screen) -> float:
-    """Return how many times as long as in the world a length may be that is measured along across, up and forward,
-    or as short: 1 without skew.
-
-    It is the largest singular value of the shear [[1, -s], [0, 1]], s = skew/scale_x; the least is its inverse, because
-    the determinant is 1. They are the roots of λ⁴ - (2 + s²) λ² + 1.
-    """
-    lean = abs(screen.skew / screen.scale_x) if screen.skew != 0.0 else 0.0
-    return 0.5 * (lean + math.sqrt(lean * lean + 4.0))
