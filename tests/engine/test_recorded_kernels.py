@@ -32,7 +32,7 @@ def test_a_default_picture_takes_few_kernels():
         listed = [kernels.title_of(function) for function, _ in list_kernels(renderer.scene, renderer.options)]
     unused = "texture", "layers.", "a_buffer.", "shadow", "clip.", "buffers.", "ears."
     assert not [title for title in listed if any(part in title for part in unused)]
-    assert "phong_shading.shade_lit" in listed and len(listed) <= 13
+    assert "phong_shading.shade_lit" in listed and len(listed) <= 12
 
 
 def test_the_recorded_picture_that_is_most_like_another_one_counts():
