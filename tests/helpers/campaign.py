@@ -427,7 +427,7 @@ class Marker:
 # ── bounds of the other outputs ────────────────────────────────────────────────────────────────────────────
 
 
-DEPTH, NORMAL = 2.0**-23, 2.0**-22  # of exact buffers: of a depth itself, and of a component of a normal
+DEPTH, NORMAL = 1e-6, 2.0**-22  # of exact buffers: of a depth itself, and of a component of a normal
 
 
 def output_ratios(frame, expected, is_clear) -> dict[str, float]:

@@ -533,7 +533,9 @@ def bound_of(name, values) -> float:
     """How far a buffer may be off."""
     if name in (*LABELS, "face"):
         return 0.0
-    return 2.0**-22 if name in ("normal", "normal_camera") else 2.0**-23 * np.abs(values).max(initial=0.0)
+    if name in ("normal", "normal_camera"):
+        return 2.0**-22
+    return (1e-6 if name == "depth" else 2.0**-23) * np.abs(values).max(initial=0.0)
 
 
 def check_colors(case, twin, wanted, stats) -> list:
