@@ -17,6 +17,10 @@ from ..scene.lights import light_type_of
 from ..scene.scene import Scene
 
 FILE = Path(__file__).with_suffix(".json")
+# Words that decide which kernels all stages take; the others are about one or two kernels each.
+MAIN_WORDS = frozenset((
+    "flat shading", "gouraud shading", "phong shading", "tolerance 0", "picture", "shadows", "transparent", "texture",
+))  # fmt: skip
 
 
 class Record(NamedTuple):
@@ -32,9 +36,14 @@ def list_all_kernels() -> list[Job]:
 
 
 def list_kernels(scene: Scene, options: Options) -> list[Job]:
-    """List the kernels of the recorded picture that is most like one of a scene: the fewest words tell them apart."""
+    """List the kernels of the recorded picture that is most like one of a scene: the fewest main words tell them apart,
+    and of such the fewest words."""
     words = words_of(scene, options)
-    return min(read().pictures, key=lambda picture: len(picture[0] ^ words))[1]
+
+    def difference(picture):
+        return len((picture[0] ^ words) & MAIN_WORDS), len(picture[0] ^ words)
+
+    return min(read().pictures, key=difference)[1]
 
 
 def words_of(scene: Scene, options: Options) -> frozenset[str]:

@@ -37,7 +37,7 @@ def test_a_default_picture_takes_few_kernels():
 
 def test_the_recorded_picture_that_is_most_like_another_one_counts():
     glass = rz.load(MODELS / "glass.obj")
-    options = rz.Options(shading="phong", samples=16, tolerance=0.0, edge_color="red")
+    options = rz.Options(shading="phong", samples=16)
     listed = {kernels.title_of(function) for function, _ in list_kernels(glass, options)}
     assert {"phong_shading.shade_lit", "a_buffer.composite", "resolve.resolve_translucent"} <= listed
     assert not {"shade.shade_interpolated", "buffers.write_mask"} & listed
