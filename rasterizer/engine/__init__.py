@@ -8,12 +8,12 @@
 
 What is known before the first stage, in the order in which it is made:
 
-    points              all meshes of a scene as one set of arrays: what pictures are drawn from
     scene_tables        the scene as tables: materials, lights, the tint
     texture_tables      textures: in 16 bits with mip levels, and those that are looked up in float64
     domains             where float32 is enough, and what is stated of a picture
     plan                what this scene needs, and nothing else: types, channels and paths of its materials
     plan_summary        the plan in words and counts
+    points              all meshes of a scene as one set of arrays: what pictures are drawn from
     recorded_kernels    the kernels that pictures call, each with its signature: what is compiled ahead
     depth_range         depths that are seen or clipped, and the z-buffer fitted to them
     uniforms            lights and materials as arrays, for one view
