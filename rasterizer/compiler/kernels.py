@@ -31,11 +31,6 @@ from .machine_code import Code, LoadedCode
 from .signatures import Table, plain, signature_of
 from .store import Store, title_of
 
-# The type that hot loops count with. A signed index may count from the end of an array: numba tests for that at every
-# access, and the test keeps loops from becoming vector instructions. A sum of a signed and an unsigned integer is a
-# float64, so what is added to such an index has this type, too. Constants alone may be plain integers.
-index = np.uint64
-
 Job = tuple[Callable, tuple]  # a kernel that is compiled: its plain function, and a signature
 
 IS_COMPILING = not fingerprint.setting("DISABLE_JIT")
@@ -57,8 +52,10 @@ def _internals():
 def kernel(function: Callable) -> Callable:
     """Compile a loop over arrays on first use: without the GIL, kept in the store.
 
-    Division by zero yields inf or nan, and integers wrap, both in silence. Arguments are given by position. A kernel
-    doesn't allocate, raise or print, and returns None, a bool, a number or a tuple of these: else it can't be kept.
+    Division by zero yields inf or nan, and integers wrap, both in silence. An index counts from an array's start: a
+    negative one isn't tested for, as that test keeps loops from becoming vector instructions. Signed and unsigned
+    integers aren't mixed, as numba makes a float64 of their sum. Arguments are given by position. A kernel doesn't
+    allocate, raise or print, and returns None, a bool, a number or a tuple of these: else it can't be kept.
     """
     return Kernel(function) if IS_COMPILING else np.errstate(all="ignore")(function)
 

@@ -7,10 +7,10 @@ every function, and in writing, printing and reading instructions that the optim
 * A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
   it field by field, each array in it as seven numbers: a helper of one line that gets two structures would begin with a
   hundred instructions that put them together, and each call of it with as many that take them apart.
-* `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
-  description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too. What
-  an operation or a call is of was inferred before: numba infers it again. Ranges, and items of structures, take as few
-  instructions.
+* `ShortLower` reads and writes items of contiguous arrays where the array's description says, and takes no index for
+  one that counts from the end. Numba tests each, and copies the description to memory first, thirty instructions an
+  item. Variables that are set once stay out of memory, too. What an operation or a call is of was inferred before:
+  numba infers it again. Ranges, and items of structures, take as few instructions.
 * `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each type of arguments.
 * `ShortTyping` remembers what operators make of which types. Numba looks for it at each sum and each product. It
   remembers what all calls in a function make, as numba infers types until nothing changes: at least twice.
@@ -333,7 +333,7 @@ class ShortLower(lowering.Lower):
         builder, model = self.builder, context.data_model_manager[array_type]
         description, items = self.loadvar(array.name), self.loadvar(index.name)
         items = [builder.extract_value(items, k) for k in range(len(index_types))] if is_several else [items]
-        indices = [context.cast(builder, *pair, types.uintp) for pair in zip(items, index_types, strict=True)]
+        indices = [context.cast(builder, *pair, types.intp) for pair in zip(items, index_types, strict=True)]
         number, shape = indices[0], model.get(builder, description, "shape") if is_several else None
         for axis in range(1, len(indices)):
             number = builder.add(builder.mul(number, builder.extract_value(shape, axis)), indices[axis])
@@ -353,10 +353,8 @@ def _are_numbers(numba_types) -> bool:
 
 
 def _is_counted_from_start(index_type) -> bool:
-    """Tell whether an index is never negative by its type: a negative one counts from an array's end."""
-    if isinstance(index_type, types.IntegerLiteral):
-        return index_type.literal_value >= 0
-    return isinstance(index_type, types.Integer) and not index_type.signed
+    """Tell whether an index is one that kernels count from an array's start: all are but numbers below 0."""
+    return isinstance(index_type, types.Integer) and getattr(index_type, "literal_value", 0) >= 0
 
 
 @compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
@@ -389,6 +387,10 @@ class ShortTyping:
 
     def resolve_function_type(self, function, arguments, named):
         """Return the signature of a call."""
+        if isinstance(
+            function, types.Dispatcher
+        ):  # numba compiles a helper anew for every number that it is called with
+            arguments = tuple(map(types.unliteral, arguments))
         if named:
             return self._context.resolve_function_type(function, arguments, named)
         is_operator = isinstance(function, types.Function) and function.typing_key in _OPERATORS

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from .normals import Fans, list_fans, neighbors, sort
 from .vectors import cross, dot, subtract, vector_of_row
 from .weld import unique_rows
@@ -84,10 +84,10 @@ def find_bodies(vertices, faces, fans, keys, bodies, out_sides, out_is_border):
     out_sides : (n_face,) int8, see `find_inner_sides`
     out_is_border : (n_vertex,) bool, set at edges that one triangle has
     """
-    parents, n_face = bodies.parents, index(len(faces))
+    parents, n_face = bodies.parents, len(faces)
     for face in range(n_face):
         parents[face], out_sides[face] = face, 0
-    for vertex in range(index(len(vertices))):
+    for vertex in range(len(vertices)):
         join_faces(vertex, keys[: list_edges(vertex, fans, keys)], parents, out_sides, out_is_border)
     for face in range(n_face):
         if out_sides[face] != 0:  # it has an edge that isn't closed
@@ -109,17 +109,17 @@ def list_edges(vertex, fans, out_keys):
     A key is the other vertex << 32 | the triangle << 1 | whether it goes there, or comes back. A side without length is
     none.
     """
-    n = index(0)
-    for slot in range(index(fans.first[vertex]), index(fans.first[vertex + index(1)])):
-        corner = index(fans.corners[slot])
+    n = 0
+    for slot in range(fans.first[vertex], fans.first[vertex + 1]):
+        corner = fans.corners[slot]
         after, before = neighbors(corner, fans.corner_vertices)
-        key = np.int64(corner // index(3)) << 1
+        key = np.int64(corner // 3) << 1
         if after > vertex:
             out_keys[n] = np.int64(after) << 32 | key | 1
-            n += index(1)
+            n += 1
         if before > vertex:
             out_keys[n] = np.int64(before) << 32 | key
-            n += index(1)
+            n += 1
     sort(out_keys[:n])
     return n
 
@@ -128,19 +128,19 @@ def list_edges(vertex, fans, out_keys):
 def join_faces(vertex, keys, parents, out_is_open, out_is_border):
     """Join the triangles of each edge of a vertex. Flag one of those of an edge that isn't closed, and its vertices
     where one triangle has it."""
-    end = index(0)
+    end = 0
     while end < len(keys):
-        start, n_forth, other = end, index(0), keys[end] >> 32
-        face = index((keys[start] & 0xFFFFFFFF) >> 1)
+        start, n_forth, other = end, 0, keys[end] >> 32
+        face = (keys[start] & 0xFFFFFFFF) >> 1
         while end < len(keys) and keys[end] >> 32 == other:
-            n_forth += index(keys[end] & 1)
+            n_forth += keys[end] & 1
             if end > start:
-                join(face, index((keys[end] & 0xFFFFFFFF) >> 1), parents)
-            end += index(1)
+                join(face, (keys[end] & 0xFFFFFFFF) >> 1, parents)
+            end += 1
         if n_forth != 1 or end - start != 2:
             out_is_open[face] = 1
             if end - start == 1:
-                out_is_border[vertex] = out_is_border[index(other & 0xFFFFFFFF)] = True
+                out_is_border[vertex] = out_is_border[other & 0xFFFFFFFF] = True
 
 
 @helper
@@ -157,15 +157,15 @@ def root_of(face, parents):
     Source: Tarjan & van Leeuwen 1984, "Worst-case analysis of set union algorithms", JACM 31(2), 245-281.
     """
     while parents[face] != face:
-        parents[face] = parents[index(parents[face])]
-        face = index(parents[face])
+        parents[face] = parents[parents[face]]
+        face = parents[face]
     return face
 
 
 @helper
 def sum_volumes(vertices, faces, bodies):
     """Sum up the volumes of the bodies at their roots, which become the parents of all their triangles."""
-    for face in range(index(len(faces))):
+    for face in range(len(faces)):
         body = root_of(face, bodies.parents)
         bodies.parents[face] = body
         a = vector_of_row(vertices, faces[face, 0])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 
 PART = 1 << 16  # rows, whose table of twice as many slots of 8 bytes stays in the caches of a core
 MAX_PARTS = 1 << 10  # for more of them, places to write to would leave the cache themselves
@@ -71,7 +71,7 @@ def hash_of_row(bits, row, seed):
     (SplitMix64), OOPSLA.
     """
     mixed = seed
-    for column in range(index(bits.shape[1])):
+    for column in range(np.uint64(bits.shape[1])):
         mixed = (mixed ^ bits[row, column]) * np.uint64(0xBF58476D1CE4E5B9)
         mixed ^= mixed >> _SHIFT
     return mixed >> _HIGH
@@ -85,21 +85,21 @@ def deal_rows(bits, first_row, seed, hashes, out_ends, out_keys):
     (2^m + 1,) u32 comes in as zero; out_keys (n,) u64, each hash << 32 | the row's number: those of part p are
     out_keys[out_ends[p] : out_ends[p + 1]].
     """
-    n_row, n_part = index(len(bits)), index(len(out_ends) - 1)
+    n_row, n_part = np.uint64(len(bits)), np.uint64(len(out_ends) - 1)
     # Count one entry further on, and begin to fill there: that moves each part's start to where the next one's is.
     for row in range(n_row):
         mixed = hash_of_row(bits, row, seed)
         hashes[row] = mixed
-        out_ends[(mixed * n_part >> _HIGH) + index(1)] += np.uint32(1)
+        out_ends[(mixed * n_part >> _HIGH) + np.uint64(1)] += np.uint32(1)
     n_before = np.uint32(0)
     for part in range(n_part):
-        n_here = out_ends[part + index(1)]
-        out_ends[part + index(1)] = n_before
+        n_here = out_ends[part + np.uint64(1)]
+        out_ends[part + np.uint64(1)] = n_before
         n_before += n_here
     for row in range(n_row):
-        mixed = index(hashes[row])
-        part = (mixed * n_part >> _HIGH) + index(1)
-        out_keys[out_ends[part]] = mixed << _HIGH | (row + index(first_row))
+        mixed = np.uint64(hashes[row])
+        part = (mixed * n_part >> _HIGH) + np.uint64(1)
+        out_keys[out_ends[part]] = mixed << _HIGH | (row + np.uint64(first_row))
         out_ends[part] += np.uint32(1)
 
 
@@ -112,17 +112,17 @@ def match_rows(keys, bits, table, out_first):
 
     Open addressing: Knuth, TAOCP 3, 6.4, algorithm L.
     """
-    mask, n_column = index(len(table) - 1), index(bits.shape[1])
-    for k in range(index(len(keys))):
+    mask, n_column = np.uint64(len(table) - 1), np.uint64(bits.shape[1])
+    for k in range(np.uint64(len(keys))):
         key = keys[k]
         row, slot = key & _LOW, (key >> _HIGH) & mask
         while True:
             other = table[slot]
-            if other == index(0):
-                table[slot] = key + index(1)
+            if other == np.uint64(0):
+                table[slot] = key + np.uint64(1)
                 out_first[row] = row
                 break
-            other -= index(1)
+            other -= np.uint64(1)
             if other >> _HIGH == key >> _HIGH:
                 first, is_equal = other & _LOW, True
                 for column in range(n_column):
@@ -130,7 +130,7 @@ def match_rows(keys, bits, table, out_first):
                 if is_equal:
                     out_first[row] = first
                     break
-            slot = (slot + index(1)) & mask
+            slot = (slot + np.uint64(1)) & mask
 
 
 @kernel
@@ -140,12 +140,12 @@ def number_rows(numbers, out_first):
     numbers (n,) u32 holds for each row the first one that is equal to it, and takes its number; out_first (n,) i64
     takes the first row of each number.
     """
-    n_distinct = index(0)
-    for row in range(index(len(numbers))):
+    n_distinct = np.uint64(0)
+    for row in range(np.uint64(len(numbers))):
         if numbers[row] == row:
             out_first[n_distinct] = row
             numbers[row] = n_distinct
-            n_distinct += index(1)
+            n_distinct += np.uint64(1)
         else:
             numbers[row] = numbers[numbers[row]]
     return np.int64(n_distinct)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
 _T = TypeVar("_T")
@@ -40,9 +40,9 @@ _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 # Corners that are measured together. What is noted of them are rows of numbers, one quantity a row; all stand one
 # behind the other in one flat array, `block[HERE + k]`, so that the compiler sees that they don't overlap.
 _BLOCK = 128
-_HERE, _AFTER, _BEFORE, _CROSS = (index(3 * _BLOCK * k) for k in range(4))  # positions, and twice the area vectors
-_SCALE, _SIZE, _COSINE, _WEIGHT = (index((12 + k) * _BLOCK) for k in range(4))  # see _area_vector
-_NEXT = index(_BLOCK)  # from x to y to z
+_HERE, _AFTER, _BEFORE, _CROSS = (3 * _BLOCK * k for k in range(4))  # positions, and twice the area vectors
+_SCALE, _SIZE, _COSINE, _WEIGHT = ((12 + k) * _BLOCK for k in range(4))  # see _area_vector
+_NEXT = _BLOCK  # from x to y to z
 
 # All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
 # nothing, so that the time stays below this many comparisons a corner.
@@ -432,17 +432,17 @@ def split_fans(vertices, fans, rule, scratch, part, n_split, out_columns, out):
     """
     corner_vertices, listed = fans.corner_vertices, scratch.listed
     source, normals = out.source, out.normals
-    corner, end = index(part[0]), index(part[1])
+    corner, end = part[0], part[1]
     # No corner has more than one split vertex.
     while corner < end and n_split + len(listed) <= len(source):
         corner, n_listed = _list_fans_from(corner, end, fans, listed)
         _measure_corners(vertices, corner_vertices, n_listed, rule.weighting, scratch)
-        start = index(0)
+        start = 0
         while start < n_listed:
             vertex = corner_vertices[listed[start]]
-            around = listed[start : start + index(fans.first[vertex + 1] - fans.first[vertex])]
+            around = listed[start : start + (fans.first[vertex + 1] - fans.first[vertex])]
             n_fan, n_before = _gather_fan(corner_vertices, around, start, scratch), n_split
-            start += index(len(around))
+            start += len(around)
             is_ring, n_joined = _walk_ring(n_fan, rule, scratch)
             total, size = _sum_fan(n_fan, scratch)
             if is_ring and n_joined == n_fan and size > 0.0:
@@ -458,41 +458,41 @@ def split_fans(vertices, fans, rule, scratch, part, n_split, out_columns, out):
             if n_fan == 0:
                 normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = 0.0, 0.0, 0.0
                 n_split += 1
-            i = index(0)
+            i = 0
             for slot in range(len(around) if n_fan < len(around) else 0):
                 if i < n_fan and scratch.members[i] == around[slot]:
-                    i += index(1)
+                    i += 1
                 else:
                     _set_corner(out_columns, around[slot], n_before)
             for k in range(n_before, n_split):
                 source[k] = vertex
-    return np.int64(corner), n_split
+    return corner, n_split
 
 
 @helper
 def _list_fans_from(corner, end, fans, out_listed):
     """List the corners of the fans whose first corner is in corner..end: one fan, and more up to _BLOCK corners. Return
     where to go on, and how many corners are listed."""
-    n_listed = index(0)
+    n_listed = 0
     while corner < end:
         vertex = fans.corner_vertices[corner]
-        first, behind = index(fans.first[vertex]), index(fans.first[vertex + 1])
+        first, behind = fans.first[vertex], fans.first[vertex + 1]
         if fans.corners[first] == corner:
             if n_listed > 0 and n_listed + (behind - first) > _BLOCK:
                 break
             for slot in range(first, behind):
                 out_listed[n_listed] = fans.corners[slot]
-                n_listed += index(1)
-        corner += index(1)
+                n_listed += 1
+        corner += 1
     return corner, n_listed
 
 
 @helper
 def neighbors(corner, corner_vertices):
     """Return the vertices that a corner's face has after and before it."""
-    k = corner % index(3)
-    after = corner_vertices[corner - index(2) if k == 2 else corner + index(1)]
-    return after, corner_vertices[corner + index(2) if k == 0 else corner - index(1)]
+    k = corner % 3
+    after = corner_vertices[corner - 2 if k == 2 else corner + 1]
+    return after, corner_vertices[corner + 2 if k == 0 else corner - 1]
 
 
 @helper
@@ -500,20 +500,20 @@ def _measure_corners(vertices, corner_vertices, n_listed, weighting, scratch):
     """Measure the first corners that are listed in a FanScratch. Behind the last of them a block holds what was left
     there: loops that are as long as a block are compiled to half as much code."""
     block, measured = scratch.block, scratch.measured
-    for first in range(index(0), n_listed, index(_BLOCK)):
-        n = min(index(_BLOCK), n_listed - first)
+    for first in range(0, n_listed, _BLOCK):
+        n = min(_BLOCK, n_listed - first)
         for k in range(n):
-            corner = index(scratch.listed[first + k])
+            corner = scratch.listed[first + k]
             after, before = neighbors(corner, corner_vertices)
             _set_vector(block, _HERE + k, vector_of_row(vertices, corner_vertices[corner]))
             _set_vector(block, _AFTER + k, vector_of_row(vertices, after))
             _set_vector(block, _BEFORE + k, vector_of_row(vertices, before))
-        for k in range(index(_BLOCK)):
+        for k in range(_BLOCK):
             here, after = _get_vector(block, _HERE + k), _get_vector(block, _AFTER + k)
             area, block[_SCALE + k], block[_COSINE + k] = _area_vector(here, after, _get_vector(block, _BEFORE + k))
             _set_vector(block, _CROSS + k, area)
             block[_SIZE + k] = length(area)
-        for k in range(index(_BLOCK)):
+        for k in range(_BLOCK):
             size = block[_SIZE + k]
             weight = _angle(size, block[_COSINE + k]) if weighting == _ANGLE else (size if weighting == _AREA else 1.0)
             block[_WEIGHT + k] = weight if size > _FLAT * block[_SCALE + k] else 0.0
@@ -539,15 +539,15 @@ def _set_vector(block, k, vector):
 def _gather_fan(corner_vertices, around, first, out):
     """Fetch the corners with an area of the fan that is listed from `first` on; return how many there are; out:
     FanScratch."""
-    n_fan = index(0)
-    for slot in range(index(len(around))):
+    n_fan = 0
+    for slot in range(len(around)):
         row = first + slot
         if out.measured[row, 3] > 0.0:
             for column in range(4):
                 out.corners[n_fan, column] = out.measured[row, column]
             out.members[n_fan] = around[slot]
-            out.after[n_fan], out.before[n_fan] = neighbors(index(around[slot]), corner_vertices)
-            n_fan += index(1)
+            out.after[n_fan], out.before[n_fan] = neighbors(around[slot], corner_vertices)
+            n_fan += 1
     return n_fan
 
 
@@ -560,18 +560,18 @@ def _walk_ring(n_fan, rule, fan):
 
     fan: FanScratch.
     """
-    here, n_joined = index(0), index(0)
+    here, n_joined = 0, 0
     if n_fan > _MAX_RING:
         return False, n_joined
     for step in range(n_fan):
-        far, found = fan.after[here], index(0)
+        far, found = fan.after[here], 0
         while found < n_fan and fan.before[found] != far:
-            found += index(1)
-        if found == n_fan or (found == 0) != (step + index(1) == n_fan):
+            found += 1
+        if found == n_fan or (found == 0) != (step + 1 == n_fan):
             return False, n_joined
         is_joined = _are_joined(here, found, 1, rule, fan)
         fan.next[here] = found if is_joined else here
-        n_joined += index(is_joined)
+        n_joined += is_joined
         here = found
     return n_fan > 0, n_joined
 
@@ -598,12 +598,12 @@ def _link_fan(n_fan, is_ring, rule, fan):
         fan.parents[i], fan.signs[i] = i, 1
     if is_ring:  # the order of the links is of no consequence
         for i in range(n_fan):
-            _unite(fan.parents, fan.signs, i, index(fan.next[i]), 1)
+            _unite(fan.parents, fan.signs, i, fan.next[i], 1)
         return
     keys = fan.keys[: 2 * n_fan]
     for i in range(n_fan):
-        keys[2 * i] = np.int64(fan.after[i]) << 32 | np.int64(i) << 1 | 1
-        keys[2 * i + 1] = np.int64(fan.before[i]) << 32 | np.int64(i) << 1
+        keys[2 * i] = np.int64(fan.after[i]) << 32 | i << 1 | 1
+        keys[2 * i + 1] = np.int64(fan.before[i]) << 32 | i << 1
     sort(keys)
     end = 0
     is_surface = True
@@ -613,9 +613,9 @@ def _link_fan(n_fan, is_ring, rule, fan):
             while end < len(keys) and keys[a] >> 32 == keys[end] >> 32:
                 end += 1
             is_surface = end - a <= _MAX_AT_EDGE
-        i = index((keys[a] & 0xFFFFFFFF) >> 1)
+        i = (keys[a] & 0xFFFFFFFF) >> 1
         for b in range(a + 1, end if is_surface else a + 1):
-            j = index((keys[b] & 0xFFFFFFFF) >> 1)
+            j = (keys[b] & 0xFFFFFFFF) >> 1
             sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
             if _are_joined(i, j, sign, rule, fan):
                 _unite(fan.parents, fan.signs, i, j, sign)
@@ -663,7 +663,7 @@ def _find(parents, signs, i):
         signs[i] *= signs[parents[i]]
         parents[i] = parents[parents[i]]
         sign *= signs[i]
-        i = index(parents[i])
+        i = parents[i]
     return i, sign
 
 
@@ -700,7 +700,7 @@ def _write_groups(n_fan, n_split, fan, out_normals, out_columns):
     many there are then; fan: FanScratch."""
     sums, split_of = fan.sums, fan.split_of
     for i in range(n_fan):
-        root, sign = index(fan.parents[i]), fan.signs[i]
+        root, sign = fan.parents[i], fan.signs[i]
         size = length(vector_of_row(sums, root))
         has_average = size > _CANCELLED * sums[root, 3]
         side = (sign + 1) >> 1
@@ -716,7 +716,7 @@ def _write_groups(n_fan, n_split, fan, out_normals, out_columns):
 @helper
 def _set_corner(columns, corner, value):
     """Write what a corner has in (3, n_face) columns."""
-    columns[index(corner) % index(3), index(corner) // index(3)] = value
+    columns[corner % 3, corner // 3] = value
 
 
 @helper

@@ -31,7 +31,7 @@ def flag_inverted(positions, normals, vertex, corner, part, out_is_inverted):
     part : (start, end) of the triangles
     out_is_inverted : (n_face,) uint8, 1 where they look against it
     """
-    for face in range(np.uint64(part[0]), np.uint64(part[1])):
+    for face in range(part[0], part[1]):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
         a = vector_of_row(positions, i)
         e1, e2 = subtract(vector_of_row(positions, j), a), subtract(vector_of_row(positions, k), a)
@@ -52,7 +52,7 @@ def compute_shapes(positions, vertex, out_shape):
     vertex : (3, n_face) uint32
     out_shape : (n_face, 5) float64: unit normal n, n·P of the plane, and the length of that side, scene units
     """
-    for face in range(np.uint64(vertex.shape[1])):
+    for face in range(vertex.shape[1]):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
         a, b, c = vector_of_row(positions, i), vector_of_row(positions, j), vector_of_row(positions, k)
         area = cross(subtract(b, a), subtract(c, a))

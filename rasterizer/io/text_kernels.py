@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 
 _BLANK, _NEWLINE, _ZERO, _PLUS, _MINUS, _POINT, _SLASH, _E = (np.uint64(ord(letter)) for letter in " \n0+-./e")
 _LOWER = np.uint64(32)  # turns E into e, and nothing else into it
@@ -57,9 +57,9 @@ def read_rows(text, starts, powers, out):
 
     text (n_letter,) u8; starts (n,) i64, where the numbers of each line begin; powers: Powers; out (n, k) f64.
     """
-    n_column = index(out.shape[1])
-    for row in range(index(len(starts))):
-        at = index(starts[row])
+    n_column = np.uint64(out.shape[1])
+    for row in range(np.uint64(len(starts))):
+        at = np.uint64(starts[row])
         for column in range(n_column):
             number, at, is_read = read_decimal(text, skip_blanks(text, at), powers)
             if not is_read or not ends_word(text, at):
@@ -76,15 +76,15 @@ def read_numbers(text, powers, out):
 
     text (n_letter,) u8 ends with a blank; powers: Powers; out (n,) f64, n at least half as many as the letters.
     """
-    at, n = index(0), index(0)
-    while at < index(len(text)):
+    at, n = np.uint64(0), np.uint64(0)
+    while at < np.uint64(len(text)):
         if ends_word(text, at):
-            at += index(1)
+            at += np.uint64(1)
             continue
         out[n], at, is_read = read_decimal(text, at, powers)
         if not is_read or not ends_word(text, at):
             return np.int64(-1)
-        n += index(1)
+        n += np.uint64(1)
     return np.int64(n)
 
 
@@ -95,25 +95,27 @@ def read_corners(text, starts, out_counts, out):
     text, starts: as above; out_counts (n,) i64, corners of each face; out (3, m) i32, their v, vt and vn as they stand
     there, 0 for what is missing; m is at least half as many as the letters of these lines.
     """
-    corner = index(0)
-    for row in range(index(len(starts))):
-        first, at = corner, skip_blanks(text, index(starts[row]))
+    corner = np.uint64(0)
+    for row in range(np.uint64(len(starts))):
+        first, at = corner, skip_blanks(text, np.uint64(starts[row]))
         while text[at] != _NEWLINE:
             out[0, corner], out[1, corner], out[2, corner] = 0, 0, 0
-            for column in range(index(3)):
+            for column in range(np.uint64(3)):
                 is_negative, start = skip_sign(text, at)
-                number, end = read_digits(text, start, index(0))
+                number, end = read_digits(text, start, np.uint64(0))
                 is_empty = end == at
-                if end - start > index(_MAX_INDEX_DIGITS) or (end == start and (column == index(0) or not is_empty)):
+                if end - start > np.uint64(_MAX_INDEX_DIGITS) or (
+                    end == start and (column == np.uint64(0) or not is_empty)
+                ):
                     return np.int64(-1)
                 out[column, corner] = -np.int32(number) if is_negative else np.int32(number)
                 at = end
-                if text[at] != _SLASH or column == index(2):
+                if text[at] != _SLASH or column == np.uint64(2):
                     break
-                at += index(1)
+                at += np.uint64(1)
             if not ends_word(text, at):
                 return np.int64(-1)
-            corner += index(1)
+            corner += np.uint64(1)
             at = skip_blanks(text, at)
         out_counts[row] = corner - first
     return np.int64(corner)
@@ -127,27 +129,27 @@ def read_decimal(text, at, powers):
     correctly (Clinger 1990, How to read floating point numbers accurately, PLDI); else see `multiply_by_power`.
     """
     is_negative, start = skip_sign(text, at)
-    mantissa, at = read_digits(text, start, index(0))
+    mantissa, at = read_digits(text, start, np.uint64(0))
     n_digit, power = at - start, np.int64(0)
     if text[at] == _POINT:
-        mantissa, end = read_digits(text, at + index(1), mantissa)
-        n_behind = end - at - index(1)
+        mantissa, end = read_digits(text, at + np.uint64(1), mantissa)
+        n_behind = end - at - np.uint64(1)
         n_digit, power, at = n_digit + n_behind, -np.int64(n_behind), end
-    n_zero = index(0)  # in front
+    n_zero = np.uint64(0)  # in front
     while text[start] == _ZERO or text[start] == _POINT:
-        n_zero += index(text[start] == _ZERO)
-        start += index(1)
-    is_read = n_digit > index(0) and n_digit - n_zero <= index(_MAX_DIGITS)
+        n_zero += np.uint64(text[start] == _ZERO)
+        start += np.uint64(1)
+    is_read = n_digit > np.uint64(0) and n_digit - n_zero <= np.uint64(_MAX_DIGITS)
     if text[at] | _LOWER == _E:
-        is_down, start = skip_sign(text, at + index(1))
-        exponent, at = read_digits(text, start, index(0))
-        is_read &= at > start and at - start <= index(_MAX_INDEX_DIGITS)
+        is_down, start = skip_sign(text, at + np.uint64(1))
+        exponent, at = read_digits(text, start, np.uint64(0))
+        is_read &= at > start and at - start <= np.uint64(_MAX_INDEX_DIGITS)
         power += -np.int64(exponent) if is_down else np.int64(exponent)
-    size, number = index(abs(power)), 0.0
-    if mantissa <= index(_MAX_MANTISSA) and size < index(len(powers.tens)):
+    size, number = np.uint64(abs(power)), 0.0
+    if mantissa <= np.uint64(_MAX_MANTISSA) and size < np.uint64(len(powers.tens)):
         number = mantissa / powers.tens[size] if power < 0 else mantissa * powers.tens[size]
-    elif size <= index(_MAX_POWER) and mantissa > index(0):
-        number, is_certain = multiply_by_power(mantissa, index(power + np.int64(_MAX_POWER)), powers)
+    elif size <= np.uint64(_MAX_POWER) and mantissa > np.uint64(0):
+        number, is_certain = multiply_by_power(mantissa, np.uint64(power + np.int64(_MAX_POWER)), powers)
         is_read &= is_certain
     else:
         is_read = False
@@ -165,20 +167,24 @@ def multiply_by_power(mantissa, k, powers):
 
     Source: Lemire 2021, Number parsing at a gigabyte per second, Software: Practice and Experience 51(8).
     """
-    n_shift = index(0)
-    while mantissa >> index(63) == index(0):
-        mantissa <<= index(1)
-        n_shift += index(1)
+    n_shift = np.uint64(0)
+    while mantissa >> np.uint64(63) == np.uint64(0):
+        mantissa <<= np.uint64(1)
+        n_shift += np.uint64(1)
     first, second = multiply_wide(mantissa, powers.high[k])
     carried, _ = multiply_wide(mantissa, powers.low[k])
     second += carried
-    first += index(second < carried)
-    is_long = first >> index(63)
-    n_rest = index(10) + is_long
-    kept, rest, half = first >> n_rest, first & ((index(1) << n_rest) - index(1)), index(1) << (n_rest - index(1))
-    is_below = rest == half - index(1) and second == ~index(0)
-    is_certain = not (is_below or (rest == half and second == index(0)))
-    kept += index(rest >= half)
+    first += np.uint64(second < carried)
+    is_long = first >> np.uint64(63)
+    n_rest = np.uint64(10) + is_long
+    kept, rest, half = (
+        first >> n_rest,
+        first & ((np.uint64(1) << n_rest) - np.uint64(1)),
+        np.uint64(1) << (n_rest - np.uint64(1)),
+    )
+    is_below = rest == half - np.uint64(1) and second == ~np.uint64(0)
+    is_certain = not (is_below or (rest == half and second == np.uint64(0)))
+    kept += np.uint64(rest >= half)
     exponent = np.int64(is_long) - np.int64(n_shift) + powers.exponents[k] + np.int64(11)
     return float(kept) * powers.twos[exponent + np.int64(512)], is_certain
 
@@ -197,9 +203,9 @@ def multiply_wide(a, b):
 def read_digits(text, at, number):
     """Append the digits from a place on to a whole number; return it and the place behind them."""
     digit = text[at] - _ZERO  # unsigned: what is below '0' becomes large
-    while digit <= index(9):
-        number = number * index(10) + digit
-        at += index(1)
+    while digit <= np.uint64(9):
+        number = number * np.uint64(10) + digit
+        at += np.uint64(1)
         digit = text[at] - _ZERO
     return number, at
 
@@ -208,14 +214,14 @@ def read_digits(text, at, number):
 def skip_sign(text, at):
     """Return whether a minus stands at a place, and the place behind it or a plus."""
     is_negative = text[at] == _MINUS
-    return is_negative, at + index(is_negative or text[at] == _PLUS)
+    return is_negative, at + np.uint64(is_negative or text[at] == _PLUS)
 
 
 @helper
 def skip_blanks(text, at):
     """Return the first place from one on that is no blank."""
     while text[at] == _BLANK:
-        at += index(1)
+        at += np.uint64(1)
     return at
 
 

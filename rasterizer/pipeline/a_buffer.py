@@ -49,7 +49,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from ..errors import SceneError
 from . import setup as s
 from .records import material_of
@@ -181,12 +181,12 @@ def number_samples(extents, out_columns, out_first_samples):
     out_columns : (n_row,) int64, see ABuffer
     out_first_samples : (n_row + 1,) int64
     """
-    n_sample = np.int64(0)
+    n_sample = 0
     for row in range(len(out_columns)):
         left, right = extents.left[strip_of(row)], extents.right[strip_of(row)]
-        out_columns[index(row)], out_first_samples[index(row)] = n_sample - left, n_sample
+        out_columns[row], out_first_samples[row] = n_sample - left, n_sample
         n_sample += max(right - left, 0)
-    out_first_samples[index(len(out_columns))] = n_sample
+    out_first_samples[len(out_columns)] = n_sample
     return n_sample
 
 
@@ -200,8 +200,8 @@ def list_fragments(band, transparent, start, drawables, block, visibility, fragm
     """
     faces, payloads, found = transparent.faces, transparent.payloads, fragments.found
     for first in range(start, len(faces), s.BLOCK):
-        n = index(min(len(faces) - first, s.BLOCK))
-        s.gather_vertices(faces[index(first) : index(first) + n], drawables.triangles, drawables.vertices, block)
+        n = min(len(faces) - first, s.BLOCK)
+        s.gather_vertices(faces[first : first + n], drawables.triangles, drawables.vertices, block)
         s.order_vertices(drawables.vertices.pixel, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
@@ -209,10 +209,10 @@ def list_fragments(band, transparent, start, drawables, block, visibility, fragm
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:
                 if found[0] + (box.right - box.left) * (box.bottom - box.top) > len(fragments.entries):
-                    return first + np.int64(k)
-                surface = surface_of(k, Payload(payloads[index(first) + k], np.int64(0), np.int64(0)), block)
+                    return first + k
+                surface = surface_of(k, Payload(payloads[first + k], 0, 0), block)
                 fill_spans(visibility, band.y_start, box, surface, fragments)
-    return np.int64(len(faces))
+    return len(faces)
 
 
 @kernel
@@ -225,16 +225,16 @@ def sort_fragments(fragments, starts, out_entries):
     starts : (n_sample + 1,) int64, written: see ABuffer
     out_entries : (n,) int64, written; as many as `found` says
     """
-    n = np.int64(0)
-    for sample in range(index(len(fragments.last))):
+    n = 0
+    for sample in range(len(fragments.last)):
         starts[sample] = n
         fragment = fragments.last[sample]
         while fragment >= 0:
-            out_entries[index(n)] = fragments.entries[index(fragment)]
-            fragment = fragments.before[index(fragment)]
+            out_entries[n] = fragments.entries[fragment]
+            fragment = fragments.before[fragment]
             n += 1
-        sort(out_entries[index(starts[sample]) : index(n)])
-    starts[index(len(fragments.last))] = n
+        sort(out_entries[starts[sample] : n])
+    starts[len(fragments.last)] = n
 
 
 @helper
@@ -244,16 +244,16 @@ def sort(entries):
     Sources: Shell 1959, "A high-speed sorting procedure", CACM 2(7), 30-32; gaps of Knuth 1973, "The art of computer
     programming" 3, 5.2.1: n^1.5 steps.
     """
-    n, gap = np.int64(len(entries)), np.int64(1)
+    n, gap = len(entries), 1
     while 3 * gap + 1 < n:
         gap = 3 * gap + 1
     while gap > 0:
         for k in range(gap, n):
-            entry, i = entries[index(k)], np.int64(k)
-            while i >= gap and entries[index(i - gap)] > entry:
-                entries[index(i)] = entries[index(i - gap)]
+            entry, i = entries[k], k
+            while i >= gap and entries[i - gap] > entry:
+                entries[i] = entries[i - gap]
                 i -= gap
-            entries[index(i)] = entry
+            entries[i] = entry
         gap //= 3
 
 
@@ -331,16 +331,16 @@ def show_layer(number, layer, entries, a_buffer, min_transmittance):
     min_transmittance : see Opacity
     """
     visibility, is_any = layer.visibility, False
-    for strip in range(index(len(visibility.left))):
+    for strip in range(len(visibility.left)):
         left, right = visibility.left[strip], visibility.right[strip]
         next_left, next_right = NO_START, NO_END
-        first_row = layer.first_row + np.int64(strip << index(STRIP_SHIFT))
+        first_row = layer.first_row + np.int64(strip << STRIP_SHIFT)
         for row in range(first_row, min(first_row + (1 << STRIP_SHIFT), layer.end_row) if left < right else first_row):
-            start = index((row - layer.first_row) * visibility.pitch + left)
-            end = start + index(right - left)
-            for k in range(end, end + index(LANES)):
+            start = (row - layer.first_row) * visibility.pitch + left
+            end = start + (right - left)
+            for k in range(end, end + LANES):
                 visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
-            shown, sample = visibility.entries[start:end], index(a_buffer.columns[index(row)] + left)
+            shown, sample = visibility.entries[start:end], a_buffer.columns[row] + left
             show_row(shown, sample, number, entries, a_buffer, min_transmittance)
             first, end_shown = shown_extent(shown)
             next_left = min(next_left, left + first if first < end_shown else NO_START)
@@ -353,24 +353,24 @@ def show_layer(number, layer, entries, a_buffer, min_transmittance):
 @helper
 def show_row(out, sample, number, entries, a_buffer, min_transmittance):
     """Fill a row with fragment `number` of each list, from `sample` on; CLEAR where there is none, or none is seen."""
-    n = index(len(out))
-    starts, ends = a_buffer.starts[sample : sample + n], a_buffer.starts[sample + index(1) : sample + index(1) + n]
+    n = len(out)
+    starts, ends = a_buffer.starts[sample : sample + n], a_buffer.starts[sample + 1 : sample + 1 + n]
     arriving = a_buffer.transmittance[sample : sample + n]
     for k in range(n):
         fragment = starts[k] + number
         is_shown = (fragment < ends[k]) & (arriving[k] > min_transmittance)
-        entry = entries[index(fragment if is_shown else np.int64(0))]
+        entry = entries[fragment if is_shown else 0]
         out[k] = entry if is_shown else CLEAR
 
 
 @helper
 def shown_extent(entries):
     """Return the first entry that shows something, and where the last one ends; n and 0 where none does."""
-    n = np.int64(len(entries))
-    first, end = np.int64(0), n
-    while first < n and entries[index(first)] >= CLEAR:
+    n = len(entries)
+    first, end = 0, n
+    while first < n and entries[first] >= CLEAR:
         first += 1
-    while end > first and entries[index(end - 1)] >= CLEAR:
+    while end > first and entries[end - 1] >= CLEAR:
         end -= 1
     return first, end
 
@@ -386,14 +386,14 @@ def composite(layer, records, a_buffer, opacity):
     a_buffer : ABuffer, of which transmittance, opacity and color are changed
     opacity : Opacity
     """
-    visibility, n_channel = layer.visibility, index(len(a_buffer.color))
+    visibility, n_channel = layer.visibility, len(a_buffer.color)
     for row in range(layer.first_row, layer.end_row):
         strip = strip_of(row - layer.first_row)
         left, right = visibility.left[strip], visibility.right[strip]
         if left >= right:
             continue
-        start, n = index((row - layer.first_row) * visibility.pitch + left), index(right - left)
-        sample = index(a_buffer.columns[index(row)] + left)
+        start, n = (row - layer.first_row) * visibility.pitch + left, right - left
+        sample = a_buffer.columns[row] + left
         fill_alphas(layer, strip, start, left, right, records, opacity)
         transmit(layer.weights[:n], a_buffer.transmittance[sample : sample + n], a_buffer.opacity[sample : sample + n])
         for channel in range(n_channel):
@@ -410,8 +410,8 @@ def fill_alphas(layer, strip, start, left, right, records, opacity):
     """
     visibility, alphas, first = layer.visibility, layer.weights, left
     while first < right:
-        end, material = stretch_of(visibility, strip, first, right, np.int64(-1))
-        k, n = index(first - left), index(end - first)
+        end, material = stretch_of(visibility, strip, first, right, -1)
+        k, n = first - left, end - first
         entries, out = visibility.entries[start + k : start + k + n], alphas[k : k + n]
         if material >= 0:
             alpha = opacity.opacity[material]
@@ -429,8 +429,8 @@ def fill_alphas(layer, strip, start, left, right, records, opacity):
 def fill_alphas_of_many(entries, records, alphas, start, opacity, out):
     """Fill the opacities of a row's fragments, which may be of any materials."""
     is_textured = False
-    last_record, last_alpha = index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
-    for k in range(index(len(entries))):
+    last_record, last_alpha = MAX_RECORDS, 0.0  # neighbours often show the same triangle
+    for k in range(len(entries)):
         if entries[k] >= CLEAR:
             out[k] = 0.0
             continue
@@ -445,7 +445,7 @@ def fill_alphas_of_many(entries, records, alphas, start, opacity, out):
 @helper
 def transmit(weights, transmittance, opacity):
     """Turn opacities of fragments into weights of the light that arrives, and sum up what comes of it."""
-    for k in range(index(len(weights))):
+    for k in range(len(weights)):
         alpha, arriving = weights[k], transmittance[k]
         share = arriving * alpha
         opacity[k] = 1.0 if alpha == 1.0 else min(opacity[k] + share, 1.0)
@@ -479,14 +479,14 @@ def put_behind(first_row, end_row, visibility, a_buffer, radiance, translucent):
     """
     is_any, columns, first_samples = False, a_buffer.columns, a_buffer.first_samples
     for row in range(first_row, end_row):
-        first_sample, end_sample = first_samples[index(row)], first_samples[index(row + 1)]
+        first_sample, end_sample = first_samples[row], first_samples[row + 1]
         if first_sample >= end_sample:
             continue
-        left, sample, n = first_sample - columns[index(row)], index(first_sample), index(end_sample - first_sample)
-        start, end = index(row * visibility.pitch + left), index(row * visibility.pitch + left) + n
+        left, sample, n = first_sample - columns[row], first_sample, end_sample - first_sample
+        start, end = row * visibility.pitch + left, (row * visibility.pitch + left) + n
         entries, opacity = visibility.entries[start:end], a_buffer.opacity[sample : sample + n]
         transmittance = a_buffer.transmittance[sample : sample + n]
-        for channel in range(index(len(radiance))):
+        for channel in range(len(radiance)):
             color = a_buffer.color[channel, sample : sample + n]
             merge_behind(entries, opacity, transmittance, color, radiance[channel, start:end])
         first, end = translucent_extent(entries, opacity)
@@ -502,7 +502,7 @@ def merge_behind(entries, opacity, transmittance, color, radiance):
     """Merge a channel of the layers of a row with that of the opaque surfaces; samples without layers stay as they
     are."""
     zero = radiance.dtype.type(0)
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         is_opaque = entries[k] < CLEAR
         behind = radiance[k] if is_opaque else zero
         seen = color[k] + transmittance[k] * behind if is_opaque else color[k] * (1.0 / opacity[k])
@@ -513,10 +513,10 @@ def merge_behind(entries, opacity, transmittance, color, radiance):
 def translucent_extent(entries, opacity):
     """Return the first sample of a row that shows something transparent and nothing opaque, and where the last one
     ends; first >= end where there is none."""
-    n = np.int64(len(entries))
-    first, end = np.int64(0), n
-    while first < n and (entries[index(first)] < CLEAR or opacity[index(first)] == 0.0):
+    n = len(entries)
+    first, end = 0, n
+    while first < n and (entries[first] < CLEAR or opacity[first] == 0.0):
         first += 1
-    while end > first and (entries[index(end - 1)] < CLEAR or opacity[index(end - 1)] == 0.0):
+    while end > first and (entries[end - 1] < CLEAR or opacity[end - 1] == 0.0):
         end -= 1
     return first, end

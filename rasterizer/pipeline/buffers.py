@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from ..geometry.vectors import length, scale
 from .fragments import BATCH_SIZE, NEXT, NORMAL
 from .interpolate import (
@@ -59,8 +59,8 @@ class VisibleSurfaces(NamedTuple):
 
 @helper
 def face_at(entry, surfaces):
-    """Return the triangle that an entry shows, an `index`."""
-    return index(surfaces.faces[record_of(entry)])
+    """Return the triangle that an entry shows."""
+    return surfaces.faces[record_of(entry)]
 
 
 # ---------------------------------------------------------------- masks, faces and labels
@@ -79,7 +79,7 @@ def write_mask(surfaces, band, out):
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
-            out[index(y), index(x)] = visibility.entries[index(row * visibility.pitch + x)] < CLEAR
+            out[y, x] = visibility.entries[row * visibility.pitch + x] < CLEAR
 
 
 @kernel
@@ -91,9 +91,9 @@ def write_face(surfaces, band, out):
         if left >= right:
             continue
         start = row * visibility.pitch + left
-        entries = visibility.entries[index(start) : index(start + right - left)]
-        here = out[index(y), index(left) : index(right)]
-        for k in range(index(len(entries))):
+        entries = visibility.entries[start : start + right - left]
+        here = out[y, left:right]
+        for k in range(len(entries)):
             if entries[k] < CLEAR:
                 face = face_at(entries[k], surfaces)
                 here[k] = sources[face] if len(sources) > 0 else face
@@ -106,11 +106,11 @@ def write_label(surfaces, band, out, labels):
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
-            entry = visibility.entries[index(row * visibility.pitch + x)]
+            entry = visibility.entries[row * visibility.pitch + x]
             if entry < CLEAR:
                 face = face_at(entry, surfaces)
-                source = index(sources[face]) if len(sources) > 0 else face
-                out[index(y), index(x)] = labels[source]
+                source = sources[face] if len(sources) > 0 else face
+                out[y, x] = labels[source]
 
 
 # ---------------------------------------------------------------- depth
@@ -136,8 +136,8 @@ def write_depth(surfaces, band, out):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for first in range(left, right, BATCH_SIZE):
             start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
-            entries = visibility.entries[index(start) : index(start + end - first)]
-            here = out[index(y), index(first) : index(end)]
+            entries = visibility.entries[start : start + end - first]
+            here = out[y, first:end]
             if not needs_decoding(entries):
                 put_runs_of_depths(entries, surfaces, first, y, here)
                 continue
@@ -152,12 +152,12 @@ def write_depth(surfaces, band, out):
 @helper
 def put_runs_of_depths(entries, surfaces, x, y, out):
     """Interpolate depths run by run; the first sample is at (x, y)."""
-    start = index(0)
-    while start < index(len(entries)):
+    start = 0
+    while start < len(entries):
         end = run_end(entries, start)
         if entries[start] < CLEAR:
             triangle, depths = fetch_triangle(face_at(entries[start], surfaces), surfaces)
-            put_run_of_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
+            put_run_of_depths(triangle, depths, surfaces.is_perspective, x + start, y, out[start:end])
         start = end
 
 
@@ -179,7 +179,7 @@ def decode_distances(entries, line, out):
     Where 1/w may be 0, d·m d is at least d: so that is open, too.
     """
     n_unsure = 0
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         depth = 1.0 / (line.offset + line.step * float(entries[k] >> PAYLOAD_BITS))
         n_unsure += decide(entries[k], depth, depth * (line.rounding * depth + 2.0**-45), k, out)
     return n_unsure
@@ -189,7 +189,7 @@ def decode_distances(entries, line, out):
 def decode_depths(entries, line, out):
     """Fill the depths of samples without perspective; see `decode_distances`."""
     n_unsure = 0
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         depth = line.offset + line.step * float(entries[k] >> PAYLOAD_BITS)
         n_unsure += decide(entries[k], depth, line.rounding, k, out)
     return n_unsure
@@ -212,14 +212,14 @@ def put_exact_depths(entries, surfaces, is_many, x, y, out):
 
     Where these are many, whole runs of samples of one triangle are interpolated: that costs little more than one.
     """
-    start, n = index(0), index(len(entries))
+    start, n = 0, len(entries)
     while start < n:
         if out[start] == out[start]:
-            start += index(1)
+            start += 1
             continue
-        end = run_end(entries, start) if is_many else start + index(1)
+        end = run_end(entries, start) if is_many else start + 1
         triangle, depths = fetch_triangle(face_at(entries[start], surfaces), surfaces)
-        put_run_of_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
+        put_run_of_depths(triangle, depths, surfaces.is_perspective, x + start, y, out[start:end])
         start = end
 
 
@@ -227,7 +227,7 @@ def put_exact_depths(entries, surfaces, is_many, x, y, out):
 def put_run_of_depths(triangle, depths, is_perspective, x, y, out):
     """Interpolate depths at a run of samples of a triangle from (x, y) on: along a line, where that is certain to round
     to the same float32, else each by itself."""
-    n, n_unsure = index(len(out)), np.int64(0)
+    n, n_unsure = len(out), 0
     first, step, slack = line_of_run(triangle, depths, is_perspective, x, y)
     if n < LONG_RUN or slack == np.inf:
         fill_depths(triangle, depths, is_perspective, x, y, out)
@@ -242,7 +242,7 @@ def put_run_of_depths(triangle, depths, is_perspective, x, y, out):
     if n_unsure > 0:
         for k in range(n):
             if out[k] != out[k]:
-                fill_depths(triangle, depths, is_perspective, x + np.int64(k), y, out[k : k + index(1)])
+                fill_depths(triangle, depths, is_perspective, x + k, y, out[k : k + 1])
 
 
 @helper
@@ -272,8 +272,8 @@ def line_of_run(triangle, depths, is_perspective, x, y):
 @helper
 def fill_depths(triangle, depths, is_perspective, x, y, out):
     """Interpolate depths at a run of samples from (x, y) on, each by itself."""
-    for k in range(index(len(out))):
-        q = corner_weights(triangle, x + np.int64(k), y)
+    for k in range(len(out)):
+        q = corner_weights(triangle, x + k, y)
         out[k] = mean_depth(triangle, depths, q, is_perspective)
 
 
@@ -305,23 +305,23 @@ def write_normal_rows(surfaces, band, out):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for first in range(left, right, BATCH_SIZE):
             start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
-            entries = visibility.entries[index(start) : index(start + end - first)]
+            entries = visibility.entries[start : start + end - first]
             put_normals(entries, surfaces, first, y, batch)
-            interleave(entries, batch, out[index(y), index(3 * first) : index(3 * end)])
+            interleave(entries, batch, out[y, 3 * first : 3 * end])
 
 
 @helper
 def put_normals(entries, surfaces, x, y, batch):
     """Interpolate normals run by run; the first sample is at (x, y)."""
-    start = index(0)
-    while start < index(len(entries)):
+    start = 0
+    while start < len(entries):
         end = run_end(entries, start)
         if entries[start] < CLEAR:
             face = face_at(entries[start], surfaces)
             triangle, _ = fetch_triangle(face, surfaces)
             normals, side = fetch_normals(face, surfaces.drawables)
             run = batch[NORMAL + start : NORMAL + NEXT + NEXT + end]
-            fill_normals(triangle, normals, side, x + np.int64(start), y, end - start, run)
+            fill_normals(triangle, normals, side, x + start, y, end - start, run)
         start = end
 
 
@@ -331,7 +331,7 @@ def fill_normals(triangle, normals, side, x, y, n, out):
     NEXT apart."""
     xs, ys, zs = out[:n], out[NEXT : NEXT + n], out[NEXT + NEXT : NEXT + NEXT + n]
     for k in range(n):
-        q = corner_weights(triangle, x + np.int64(k), y)
+        q = corner_weights(triangle, x + k, y)
         total = q[0] + q[1] + q[2]
         normal = mean_vector(normals, (q[0] / total, q[1] / total, q[2] / total))
         norm = length(normal)
@@ -341,13 +341,13 @@ def fill_normals(triangle, normals, side, x, y, n, out):
 @helper
 def interleave(entries, batch, out):
     """Write the normals of a batch to the pixels of a row, x, y, z one after the other; 0 where nothing is."""
-    n, zero = index(len(entries)), np.float32(0)
+    n, zero = len(entries), np.float32(0)
     xs, ys, zs = batch[NORMAL : NORMAL + n], batch[NORMAL + NEXT :][:n], batch[NORMAL + NEXT + NEXT :][:n]
     for k in range(n):
-        is_covered, first = entries[k] < CLEAR, index(3) * k
+        is_covered, first = entries[k] < CLEAR, 3 * k
         out[first] = xs[k] if is_covered else zero
-        out[first + index(1)] = ys[k] if is_covered else zero
-        out[first + index(2)] = zs[k] if is_covered else zero
+        out[first + 1] = ys[k] if is_covered else zero
+        out[first + 2] = zs[k] if is_covered else zero
 
 
 # ---------------------------------------------------------------- means of what the corners of faces have
@@ -378,16 +378,16 @@ def write_means(surfaces, band, out, table):
         if left >= right:
             continue
         first = row * visibility.pitch + left
-        entries = visibility.entries[index(first) : index(first + right - left)]
-        here = out[index(y), index(left) : index(right)]
-        start = index(0)
-        while start < index(len(entries)):
+        entries = visibility.entries[first : first + right - left]
+        here = out[y, left:right]
+        start = 0
+        while start < len(entries):
             end = run_end(entries, start)
             if entries[start] < CLEAR:
                 face = face_at(entries[start], surfaces)
                 triangle, _ = fetch_triangle(face, surfaces)
                 corners = table_rows(face, surfaces, table)
-                fill_means(triangle, corners, table.values, left + np.int64(start), y, here[start:end])
+                fill_means(triangle, corners, table.values, left + start, y, here[start:end])
             start = end
 
 
@@ -402,11 +402,11 @@ def table_rows(face, surfaces, table):
 def fill_means(triangle, corners, values, x, y, out):
     """Interpolate the values of three corners at a run of samples from (x, y) on: out is (n, n_component)."""
     a, b, c = corners
-    for k in range(index(out.shape[0])):
-        q = corner_weights(triangle, x + np.int64(k), y)
+    for k in range(out.shape[0]):
+        q = corner_weights(triangle, x + k, y)
         total = q[0] + q[1] + q[2]
         p = (q[0] / total, q[1] / total, q[2] / total)
-        for component in range(index(out.shape[1])):
+        for component in range(out.shape[1]):
             out[k, component] = mean((values[a, component], values[b, component], values[c, component]), p)
 
 
@@ -456,18 +456,18 @@ def fetch_normals(face, drawables):
     xs, ys = fetch_positions(face, drawables)
     order = order_of(xs, ys)
     is_flipped = order.is_front == (triangles.is_inverted[face] != 0)
-    side = index(attributes.shape[0] - 1) if is_flipped else index(0)
+    side = attributes.shape[0] - 1 if is_flipped else 0
     a, b, c = ordered(fetch_indices(triangles.corner_idx, face), order)
-    x = (attributes[side, a, index(0)], attributes[side, b, index(0)], attributes[side, c, index(0)])
-    y = (attributes[side, a, index(1)], attributes[side, b, index(1)], attributes[side, c, index(1)])
-    z = (attributes[side, a, index(2)], attributes[side, b, index(2)], attributes[side, c, index(2)])
+    x = (attributes[side, a, 0], attributes[side, b, 0], attributes[side, c, 0])
+    y = (attributes[side, a, 1], attributes[side, b, 1], attributes[side, c, 1])
+    z = (attributes[side, a, 2], attributes[side, b, 2], attributes[side, c, 2])
     return (x, y, z), -1 if is_flipped else 1
 
 
 @helper
 def fetch_indices(columns, face):
     """Return the three indices of a triangle."""
-    return index(columns[index(0), face]), index(columns[index(1), face]), index(columns[index(2), face])
+    return columns[0, face], columns[1, face], columns[2, face]
 
 
 @helper
@@ -506,11 +506,11 @@ def clear_band(visibility, n_row):
         strip = strip_of(row)
         left, right, start = visibility.left[strip], visibility.right[strip], row * visibility.pitch
         if left < right:
-            entries = visibility.entries[index(start + left) : index(start + right + PADDING)]
-            for k in range(index(right - left)):
+            entries = visibility.entries[start + left : start + right + PADDING]
+            for k in range(right - left):
                 n_covered += entries[k] < CLEAR
                 entries[k] = CLEAR
-            for k in range(index(right - left), index(len(entries))):
+            for k in range(right - left, len(entries)):
                 entries[k] = CLEAR
     forget(visibility)
     return n_covered

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from .transform import LIMIT, LIMIT_PX, OUTSIDE, Vertices, compute_z, project
 
 NEAR, FAR, LEFT, RIGHT, TOP, BOTTOM = range(6)  # the clip planes
@@ -160,13 +160,13 @@ def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
     scratch : ClipScratch
     out_faces : (n,) uint32
     """
-    corners, n_out = scratch.even, index(0)
-    for k in range(index(len(faces))):
+    corners, n_out = scratch.even, 0
+    for k in range(len(faces)):
         face = faces[k]
         gather_corners(positions, vertex_idx, face, screen, corners)
         out_faces[n_out] = face
-        n_out += index(not is_beyond(corners, screen, GUARD_BAND))
-    return np.int64(n_out)
+        n_out += not is_beyond(corners, screen, GUARD_BAND)
+    return n_out
 
 
 @helper
@@ -192,29 +192,29 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
     out_parts : (n (MAX_CORNERS - 2), 3, N_CORNER_COLUMN) float64
     out_owners : (n (MAX_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
     """
-    polygon, other, n_out = scratch.even, scratch.odd, index(0)
-    for owner in range(index(len(faces))):
+    polygon, other, n_out = scratch.even, scratch.odd, 0
+    for owner in range(len(faces)):
         gather_corners(positions, vertex_idx, faces[owner], screen, polygon)
         n = 3
         for plane in range(N_CLIP_PLANE):
             n = clip_polygon(polygon, n, plane, screen, GUARD_BAND, other)
             polygon, other = other, polygon
         first = find_topmost(polygon, n, screen)
-        for k in range(index(2), index(min(max(n, 2), MAX_CORNERS))):
+        for k in range(2, min(max(n, 2), MAX_CORNERS)):
             for column in range(N_CORNER_COLUMN):
                 out_parts[n_out, 0, column] = polygon[first, column]
-                out_parts[n_out, 1, column] = polygon[(first + k - index(1)) % index(n), column]
-                out_parts[n_out, 2, column] = polygon[(first + k) % index(n), column]
+                out_parts[n_out, 1, column] = polygon[(first + k - 1) % n, column]
+                out_parts[n_out, 2, column] = polygon[(first + k) % n, column]
             out_owners[n_out] = owner
-            n_out += index(1)
-    return np.int64(n_out)
+            n_out += 1
+    return n_out
 
 
 @helper
 def find_topmost(polygon, n, screen):
     """Find the corner of a polygon that is topmost on the screen, then leftmost, once rounded; of equal ones any."""
-    topmost, min_x, min_y = index(0), np.inf, np.inf
-    for k in range(index(n)):
+    topmost, min_x, min_y = 0, np.inf, np.inf
+    for k in range(n):
         w = polygon[k, W] if screen.is_perspective else 1.0
         x, y = project(polygon[k, ACROSS], polygon[k, UPWARD], w, screen)
         x, y = np.rint(x), np.rint(y)
@@ -233,7 +233,7 @@ def gather_corners(positions, vertex_idx, face, screen, out):
         out[k, ACROSS] = rx * screen.across[0] + ry * screen.across[1] + rz * screen.across[2]
         out[k, UPWARD] = rx * screen.up[0] + ry * screen.up[1] + rz * screen.up[2]
         for vertex in range(3):
-            out[k, index(WEIGHTS) + index(vertex)] = 1.0 if vertex == k else 0.0
+            out[k, WEIGHTS + vertex] = 1.0 if vertex == k else 0.0
 
 
 @helper
@@ -242,21 +242,21 @@ def clip_polygon(polygon, n, plane, screen, window, out):
 
     Source: Sutherland & Hodgman 1974, "Reentrant polygon clipping", CACM 17(1), 32-42.
     """
-    n_out = index(0)
-    for k in range(index(n)):
-        here, after = polygon[k], polygon[index(0) if k + index(1) == index(n) else k + index(1)]
+    n_out = 0
+    for k in range(n):
+        here, after = polygon[k], polygon[0 if k + 1 == n else k + 1]
         d_here, d_after = signed_distance(here, plane, screen, window), signed_distance(after, plane, screen, window)
         if d_here >= 0.0:
             for column in range(N_CORNER_COLUMN):
                 out[n_out, column] = here[column]
-            n_out += index(1)
+            n_out += 1
         if d_here >= 0.0 and d_after < 0.0:
             intersect(here, after, d_here / (d_here - d_after), out[n_out])
-            n_out += index(1)
+            n_out += 1
         elif d_after >= 0.0 and d_here < 0.0:
             intersect(after, here, d_after / (d_after - d_here), out[n_out])
-            n_out += index(1)
-    return np.int64(n_out)
+            n_out += 1
+    return n_out
 
 
 @helper
@@ -319,7 +319,7 @@ def search_nearest(positions, vertex_idx, screen, window, scratch):
     scratch : ClipScratch
     """
     polygon, other, nearest = scratch.even, scratch.odd, np.inf
-    for face in range(index(vertex_idx.shape[1])):
+    for face in range(vertex_idx.shape[1]):
         gather_corners(positions, vertex_idx, face, screen, polygon)
         if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest or is_beyond(polygon, screen, window):
             continue
@@ -327,6 +327,6 @@ def search_nearest(positions, vertex_idx, screen, window, scratch):
         for plane in range(N_CLIP_PLANE):
             n = clip_polygon(polygon, n, plane, screen, window, other)
             polygon, other = other, polygon
-        for k in range(index(n)):
+        for k in range(n):
             nearest = min(nearest, polygon[k, W])
     return nearest

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from ..geometry.vectors import dot, subtract, vector_of_row
 from .transform import HALF, OUTSIDE, SUBPIXEL
 
@@ -60,7 +60,7 @@ class Visible(NamedTuple):
 
 # Rows of int32 that are noted of PASS triangles, one quantity a row; all stand one behind the other in one flat array,
 # `rows[X0 + k]`, so that the compiler sees that they don't overlap.
-X0, Y0, X1, Y1, X2, Y2, SIDE, FIRST_BAND, LAST_BAND, IS_KEPT = (index(PASS * row) for row in range(10))
+X0, Y0, X1, Y1, X2, Y2, SIDE, FIRST_BAND, LAST_BAND, IS_KEPT = (PASS * row for row in range(10))
 N_ROW = 10
 
 
@@ -118,9 +118,9 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, hidden_sides, scratc
     scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
-    n_kept, n_culled = index(0), 0
-    for first in range(index(start), index(end), index(PASS)):
-        n = min(index(PASS), index(end) - first)
+    n_kept, n_culled = 0, 0
+    for first in range(start, end, PASS):
+        n = min(PASS, end - first)
         gather_triangles(first, n, vertex_idx, vertices, scratch)
         n_culled += note_sides(n, hidden_sides[first : first + n], scratch)
         flag_covering(n, grid, scratch)
@@ -128,7 +128,7 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, hidden_sides, scratc
     histogram = out.histogram
     for band in range(1, len(histogram)):
         histogram[band] += histogram[band - 1]
-    return np.int64(n_kept), n_culled
+    return n_kept, n_culled
 
 
 @helper
@@ -255,10 +255,10 @@ def append_kept(n, n_kept, scratch, out):
     start = n_kept
     for k in range(n):
         out_faces[n_kept], out_first[n_kept], out_last[n_kept] = faces[k], rows[FIRST_BAND + k], rows[LAST_BAND + k]
-        n_kept += index(rows[IS_KEPT + k])
+        n_kept += rows[IS_KEPT + k]
     for k in range(start, n_kept):
-        histogram[index(out_first[k])] += 1  # for now: how many more than in the band before
-        histogram[index(out_last[k]) + index(1)] -= 1
+        histogram[out_first[k]] += 1  # for now: how many more than in the band before
+        histogram[out_last[k] + 1] -= 1
     return n_kept
 
 
@@ -319,10 +319,10 @@ def scatter(faces, first_bands, last_bands, cursors, out_faces):
     cursors : (n_band,) int64, where in `out_faces` each list's next entry goes; moved on
     out_faces : (n_listed,) uint32
     """
-    for k in range(index(len(faces))):
-        for band in range(index(first_bands[k]), index(last_bands[k]) + index(1)):
-            here = index(cursors[band])
-            out_faces[here], cursors[band] = faces[k], here + index(1)
+    for k in range(len(faces)):
+        for band in range(first_bands[k], last_bands[k] + 1):
+            here = cursors[band]
+            out_faces[here], cursors[band] = faces[k], here + 1
 
 
 def join_lists(parts) -> BandLists:
@@ -381,10 +381,10 @@ def compute_outcodes(positions, eye, planes, out_outcodes):
     out_outcodes : (n_vertex,) uint8
     """
     origin = eye[0], eye[1], eye[2]
-    for k in range(index(len(out_outcodes))):
+    for k in range(len(out_outcodes)):
         away = subtract(vector_of_row(positions, k), origin)
-        outcode = np.int64(0)
-        for plane in range(index(len(planes))):
+        outcode = 0
+        for plane in range(len(planes)):
             is_beyond = dot((planes[plane, 0], planes[plane, 1], planes[plane, 2]), away) < 0.0
             outcode |= np.int64(is_beyond) << np.int64(plane)
         out_outcodes[k] = outcode
@@ -400,9 +400,9 @@ def list_seen(vertex_idx, outcodes, out_faces):
     outcodes : (n_vertex,) uint8
     out_faces : (n_face,) uint32
     """
-    n = index(0)
-    for face in range(index(vertex_idx.shape[1])):
+    n = 0
+    for face in range(vertex_idx.shape[1]):
         first, second, third = vertex_idx[0, face], vertex_idx[1, face], vertex_idx[2, face]
         out_faces[n] = face
-        n += index((outcodes[first] & outcodes[second] & outcodes[third]) == 0)
-    return np.int64(n)
+        n += (outcodes[first] & outcodes[second] & outcodes[third]) == 0
+    return n

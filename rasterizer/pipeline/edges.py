@@ -23,7 +23,7 @@ its slope is √(R/2d) and z_high - z_low is twice that. That is d times as much
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 
 ROUNDING = 2.0**-20  # of a depth: float32 keeps 2^-24 of it, and of each coordinate in files
 
@@ -68,7 +68,7 @@ def draw_edges(segments, lines, max_share, is_perspective, rows, depth, out):
     out : the same, comes in as 0
     """
     n_column, (top, bottom) = depth.shape[1], rows
-    for k in range(index(len(segments))):
+    for k in range(len(segments)):
         aside_x, aside_y, half_width = lines[k, 0], lines[k, 1], lines[k, 2]
         x0, y0, near0 = segments[k, 0] + aside_x, segments[k, 1] + aside_y, segments[k, 2]
         dx, dy, d_near = segments[k, 3] + aside_x - x0, segments[k, 4] + aside_y - y0, segments[k, 5] - near0
@@ -89,11 +89,11 @@ def draw_edges(segments, lines, max_share, is_perspective, rows, depth, out):
                 t = min(max(((x - x0) * dx + (y - y0) * dy) * inverse, 0.0), 1.0)
                 near_x, near_y, nearness = x0 + t * dx, y0 + t * dy, near0 + t * d_near
                 share = min(half_width + 0.5 - np.sqrt((x - near_x) ** 2 + (y - near_y) ** 2), max_share)
-                if share > out[index(row), index(column)] and depth[index(row), index(column)] < np.inf:
+                if share > out[row, column] and depth[row, column] < np.inf:
                     z = 1.0 / nearness if is_perspective else nearness
                     point = near_x - aside_x, near_y - aside_y, z
                     if is_on_surface(point, point[0], point[1], 1.0, depth) and is_on_surface(point, x, y, 2.0, depth):
-                        out[index(row), index(column)] = share
+                        out[row, column] = share
 
 
 @helper
@@ -106,6 +106,6 @@ def is_on_surface(point, at_x, at_y, bend, depth):
     low, high = np.inf, -np.inf
     for j in range(max(row - 1, 0), min(row + 2, n_row)):
         for i in range(max(column - 1, 0), min(column + 2, n_column)):
-            low, high = min(low, depth[index(j), index(i)]), max(high, depth[index(j), index(i)])
+            low, high = min(low, depth[j, i]), max(high, depth[j, i])
     slack = (distance + 0.5) * (high - low) + ROUNDING * abs(z)
     return high == np.inf or (z >= low - slack and z <= high + bend * slack)

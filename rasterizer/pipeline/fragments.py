@@ -11,7 +11,7 @@ its digits far from the origin.
 
 import numpy as np
 
-from ..compiler.kernels import IS_COMPILING, helper, index
+from ..compiler.kernels import IS_COMPILING, helper
 
 BATCH_SIZE = 256
 # Loops over a batch become vector instructions for so many fragments; each of those that are left over takes as long as
@@ -21,7 +21,7 @@ SIDE_BY_SIDE = 32 if IS_COMPILING else 1
 
 def _quantity(number):
     """Return where a quantity begins in a batch."""
-    return index(BATCH_SIZE * number)
+    return BATCH_SIZE * number
 
 
 NEXT = _quantity(1)  # from a quantity to the next one: the next axis of a vector, the next channel of a colour

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper
 from . import setup as s
 from .setup import (
     MIN_INVERSE,
@@ -67,7 +67,7 @@ class Coding(NamedTuple):
 def clear_planes(block):
     """Let all records of a block be exact."""
     ints = block.ints
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = 0
 
 
@@ -82,7 +82,7 @@ def compute_levels(n_attribute, coding, block):
     if coding.needs_distance:
         check_distances(coding, block)
     compute_level_plane(coding, block)
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
         compute_value_planes(0, MAX_CHANNELS, coding.depths, block)
@@ -111,7 +111,7 @@ def compute_level_plane(coding, block):
     """
     ints, longs, reals = block.ints, block.longs, block.reals
     scale, highest = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         path, tolerance = ints[s.PATH + k], reals[s.LIMIT + k] * scale
         i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
         level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
@@ -150,15 +150,15 @@ def clamp(level, highest):
 def compute_normals(n_attribute, coding, block):
     """Compute the planes of normals and albedo, where there are any; clear HAS_PLANES where they aren't good enough."""
     ints = block.ints
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         ints[s.HAS_LEVELS + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.PATH + k] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
-        for k in range(index(s.BLOCK)):
+        for k in range(s.BLOCK):
             block.reals[s.LIMIT + k] = coding.albedo_tolerance
         compute_value_planes(3, 0, coding.depths, block)
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         ints[s.IS_WEIGHTED + k] = 0  # of normals
     compute_texcoords(n_attribute, coding.textures, coding.depths, block)
     if coding.needs_distance:
@@ -182,7 +182,7 @@ def compute_normal_planes(coding, block):
     over the length of what is interpolated: coding.limits says how many u a normal may turn by, over √3.
     shortest_normal says how long n/w is at least. Where nothing is left of it, the record is exact.
     """
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         least = min(w0, w1, w2)
         largest = least + (max(w0, w1, w2) - least)
@@ -193,7 +193,7 @@ def compute_normal_planes(coding, block):
         w0, w1, w2 = sign if is_flat else w0 * scale, sign if is_flat else w1 * scale, sign if is_flat else w2 * scale
         length *= 1.0 if is_flat else least / largest
         rise = 0.0
-        for axis in range(index(3)):
+        for axis in range(3):
             n0, n1, n2 = values_at(s.ATTRIBUTE + axis * s.NEXT_PLANE + k, block)
             rise = max(rise, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
         # No normals at all are exact.
@@ -216,7 +216,7 @@ def shortest_normal(k, block):
     """
     is_flat = True
     s0 = s1 = s2 = c0 = c1 = c2 = 0.0
-    for axis in range(index(3)):
+    for axis in range(3):
         n0, n1, n2 = values_at(s.ATTRIBUTE + axis * s.NEXT_PLANE + k, block)
         is_flat &= (n0 == n1) & (n0 == n2)
         s0, s1, s2 = s0 + n0 * n0, s1 + n1 * n1, s2 + n2 * n2
@@ -233,7 +233,7 @@ def check_distances(coding, block):
 
     With perspective it is found from 1/w, else from the depth; the other one is a constant, and its scale 0.
     """
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block, s.OWN_Z0)
         d0, d1, d2 = linear_in_z(k, coding.depths.depth_offset, coding.depths.depth_scale, block, s.OWN_Z0)
         units = depth_rounding(k, block)
@@ -262,7 +262,7 @@ def compute_value_planes(first, max_affine, depths, block):
     depths : DepthScale
     """
     ints, reals = block.ints, block.reals
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         n_own, accepted = ints[s.N_OWN + k] - first, reals[s.LIMIT + k]  # other materials of the block may have more
         magnitude, spread, not_finite = measure_values(k, first, n_own, block)
         r0, r1, r2 = linear_in_z(k, depths.ratio_offset, depths.ratio_scale, block)
@@ -270,10 +270,10 @@ def compute_value_planes(first, max_affine, depths, block):
         is_affine = (ints[s.N_OWN + k] <= max_affine) & is_bent_little(spread, least, largest, accepted)
         factors = 1.0 if is_affine else r0, 1.0 if is_affine else r1, 1.0 if is_affine else r2
         rise = not_finite
-        for number in range(index(N_VALUE)):
-            a0, a1, a2 = values_at(s.ATTRIBUTE + (index(first) + number) * s.NEXT_PLANE + k, block)
+        for number in range(N_VALUE):
+            a0, a1, a2 = values_at(s.ATTRIBUTE + (first + number) * s.NEXT_PLANE + k, block)
             a0, a1, a2 = a0 * factors[0], a1 * factors[1], a2 * factors[2]
-            here = compute_plane(k, index(first) + number, a0, a1, a2, block)
+            here = compute_plane(k, first + number, a0, a1, a2, block)
             rise = larger(rise, here if number < n_own else 0.0)
         shift = (depth_rounding(k, block) + reals[s.PLANE_SHIFT + k]) * abs(depths.ratio_scale)
         shrinkage = affine_error(magnitude, rise)
@@ -282,8 +282,8 @@ def compute_value_planes(first, max_affine, depths, block):
         is_good &= is_affine | (least >= MIN_INVERSE)
         ints[s.HAS_PLANES + k] &= is_good | (n_own <= 0)  # where it has none of these, any are good
         ints[s.IS_WEIGHTED + k] = ints[s.IS_WEIGHTED + k] if n_own <= 0 else not is_affine
-        for number in range(index(N_VALUE)):
-            shrink_plane(k, index(first) + number, shrinkage if is_affine else 0.0, block)
+        for number in range(N_VALUE):
+            shrink_plane(k, first + number, shrinkage if is_affine else 0.0, block)
 
 
 @helper
@@ -291,8 +291,8 @@ def measure_values(k, first, n_own, block):
     """Return the largest absolute value and the largest range of triangle k's attributes, and 0, or NaN where one isn't
     finite: then no plane is good."""
     magnitude = spread = not_finite = 0.0
-    for number in range(index(N_VALUE)):
-        a0, a1, a2 = values_at(s.ATTRIBUTE + (index(first) + number) * s.NEXT_PLANE + k, block)
+    for number in range(N_VALUE):
+        a0, a1, a2 = values_at(s.ATTRIBUTE + (first + number) * s.NEXT_PLANE + k, block)
         is_own = number < n_own
         magnitude = larger(magnitude, max(abs(a0), abs(a1), abs(a2)) if is_own else 0.0)
         spread = larger(spread, max(a0, a1, a2) - min(a0, a1, a2) if is_own else 0.0)

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 
 UPRIGHT, ACROSS, ALONG = 0, 1, 2
 FLOOR = 8  # of a band, in units of its lattice: half a unit beside the line moves an edge by at most a 32nd of its blur
@@ -111,7 +111,7 @@ def project(vertices, frame, first, end, out):
     out : (n, 3) float32: column and row, rounded to whole 1/SUBTEXEL as in every picture; and t
     """
     height, radius = frame[4, 0], frame[4, 1]
-    for v in range(index(first), index(end)):
+    for v in range(first, end):
         x, y, z = vertices[v, 0] - frame[0, 0], vertices[v, 1] - frame[0, 1], vertices[v, 2] - frame[0, 2]
         above = max(x * frame[3, 0] + y * frame[3, 1] + z * frame[3, 2], 0.0)
         further = height / (height - above)  # similar triangles
@@ -162,13 +162,13 @@ def set_bits(words, first, end):
     """Set the bits first..end of a row."""
     if first < end:
         last = end - 1
-        a, b = index(first >> 6), index(last >> 6)
+        a, b = first >> 6, last >> 6
         head, tail = ~np.uint64(0) << np.uint64(first & 63), ~np.uint64(0) >> np.uint64(63 - (last & 63))
         if a == b:
             words[a] |= head & tail
         else:
             words[a] |= head
-            for w in range(a + index(1), b):
+            for w in range(a + 1, b):
                 words[w] = ~np.uint64(0)
             words[b] |= tail
 
@@ -191,7 +191,7 @@ def fill(a, b, c, n_row, n_word, mask):
 def place(layers, band, layer, x, y):
     """Plane, row and column of texels of the point (x, y) of a band's lattice."""
     log = band[0]
-    inner = (np.int64(1) << log) - 1
+    inner = (1 << log) - 1
     return band[3] + (((layer << log) + (y & inner)) << log) + (x & inner), y >> log, x >> log
 
 
@@ -303,8 +303,8 @@ def draw_layers(points, faces, first, end, layers, out_near):
     the number of parts
     """
     n, n_band = 0, len(layers.bands)
-    for f in range(index(first), index(end)):
-        i, j, k = index(faces[f, 0]), index(faces[f, 1]), index(faces[f, 2])
+    for f in range(first, end):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         low, high = min(points[i, 2], points[j, 2], points[k, 2]), max(points[i, 2], points[j, 2], points[k, 2])
         if low < NEAR:
             a, b, c = scaled(points, i, 1.0), scaled(points, j, 1.0), scaled(points, k, 1.0)
@@ -381,7 +381,7 @@ def draw_small(triangle, lights, n_x, n_y, shape, scratch):
     edges, covered, x, y = scratch.edges, scratch.covered, lights[0], lights[1]
     ab, bc, ca = (edges[0], edges[1], edges[2]), (edges[3], edges[4], edges[5]), (edges[6], edges[7], edges[8])
     left, top, mask = edges[9], edges[10], np.int32(SUBTEXEL - 1)
-    for k in range(index(CHUNK)):
+    for k in range(CHUNK):
         x0, y0 = place_on_grid(a[0] - x[k] * a[2]), place_on_grid(a[1] - y[k] * a[2])
         x1, y1 = place_on_grid(b[0] - x[k] * b[2]), place_on_grid(b[1] - y[k] * b[2])
         x2, y2 = place_on_grid(c[0] - x[k] * c[2]), place_on_grid(c[1] - y[k] * c[2])
@@ -398,13 +398,13 @@ def draw_small(triangle, lights, n_x, n_y, shape, scratch):
     for row in range(n_y):
         for column in range(n_x):
             bit, u, v = np.uint32(SMALL * row + column), np.int32(column), np.int32(row)
-            for k in range(index(CHUNK)):
+            for k in range(CHUNK):
                 e0 = ab[0][k] + np.int32(u * ab[1][k]) + np.int32(v * ab[2][k])
                 e1 = bc[0][k] + np.int32(u * bc[1][k]) + np.int32(v * bc[2][k])
                 e2 = ca[0][k] + np.int32(u * ca[1][k]) + np.int32(v * ca[2][k])
                 covered[k] |= np.uint32(np.int32(e0 | e1 | e2) >= 0) << bit
     n_found = np.uint32(0)
-    for k in range(index(CHUNK)):
+    for k in range(CHUNK):
         n_found += np.uint32(covered[k] != 0)
     if n_found == 0:
         return
@@ -412,19 +412,19 @@ def draw_small(triangle, lights, n_x, n_y, shape, scratch):
     # to leave out.
     is_rare = n_found < CHUNK // 4
     n_row, n_word = shape
-    for k in range(index(CHUNK)):
+    for k in range(CHUNK):
         if is_rare and covered[k] == 0:
             continue
         first_row, column = np.int64(top[k]), np.int64(left[k])
         if first_row >= 0 and first_row + n_y <= n_row and 0 <= column < 64 * n_word - SMALL:
-            mask, word, bit = scratch.masks[k], index(first_row * n_word + (column >> 6)), np.uint64(column & 63)
+            mask, word, bit = scratch.masks[k], first_row * n_word + (column >> 6), np.uint64(column & 63)
             rest = covered[k]
             for _ in range(n_y):
                 run = np.uint64(rest & np.uint32((1 << SMALL) - 1))
                 mask[word] |= run << bit
                 if bit > np.uint64(64 - SMALL):
-                    mask[word + index(1)] |= run >> (np.uint64(64) - bit)
-                word += index(n_word)
+                    mask[word + 1] |= run >> (np.uint64(64) - bit)
+                word += n_word
                 rest >>= np.uint32(SMALL)
 
 
@@ -437,7 +437,7 @@ def holds_centre(low, high, t):
 @helper
 def draw_near(near, lights, shape, scratch):
     """Draw triangles for CHUNK points of the light."""
-    for f in range(index(len(near))):
+    for f in range(len(near)):
         a, b, c = (
             (near[f, 0], near[f, 1], near[f, 2]),
             (near[f, 3], near[f, 4], near[f, 5]),
@@ -469,7 +469,7 @@ def shift_in(words, rows, n_word, shift, mask):
     if first < end:
         out, low, high = mask[first:end], words[first + skip : end + skip], words[first + skip + 1 : end + skip + 1]
         back = np.uint64(63) - bit
-        for k in range(index(len(out))):
+        for k in range(len(out)):
             out[k] |= (low[k] >> bit) | ((high[k] << np.uint64(1)) << back)
 
 
@@ -501,7 +501,7 @@ def add_mask(mask, sums):
     """Add a mask to sums whose bits are spread over planes: a carry goes from plane to plane. The mask is lost."""
     for p in range(len(sums)):
         plane = sums[p]
-        for k in range(index(len(mask))):
+        for k in range(len(mask)):
             bit = plane[k]
             plane[k] = bit ^ mask[k]
             mask[k] &= bit
@@ -523,16 +523,16 @@ def count_hidden(layers, near, lights, n_light, scratch, out_counts):
     draw_near(near, lights, shape, scratch)
     for k in range(n_light):
         mask = scratch.masks[k, : len(ground)]
-        for word in range(index(len(ground))):
+        for word in range(len(ground)):
             mask[word] |= ground[word]
         follow(layers, np.float64(lights[0, k]), np.float64(lights[1, k]), mask)
         add_mask(mask, scratch.sums)
-    for word in range(index(len(ground))):
-        counts = out_counts[word * index(64) : word * index(64) + index(64)]
-        for x in range(index(64)):
+    for word in range(len(ground)):
+        counts = out_counts[word * 64 : word * 64 + 64]
+        for x in range(64):
             counts[x] = 0
         for p in range(len(scratch.sums)):
             bits = scratch.sums[p, word]
             if bits != 0:
-                for x in range(index(64)):
+                for x in range(64):
                     counts[x] += np.uint8((bits >> x) & np.uint64(1)) << np.uint8(p)

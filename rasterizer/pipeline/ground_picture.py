@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from .resolve import encode_alpha, encode_channel, pack_bytes
 
 LOWEST = np.float32(1e-30)  # alpha that colours are divided by
@@ -43,10 +43,10 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
         where nobody needs them
     """
     has_linear, has_background = len(alpha) > 0, background[3] > 0
-    for j in range(index(rows[0]), index(rows[1])):
+    for j in range(rows[0], rows[1]):
         of_row, y = rgba[j], np.float64(j) + 0.5
         first, end = seen_columns(ground, y, len(of_row))
-        for i in range(index(0) if has_background else first, index(len(of_row)) if has_background else end):
+        for i in range(0 if has_background else first, len(of_row) if has_background else end):
             word = of_row[i]
             if not (word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)):
                 continue
@@ -84,8 +84,8 @@ def seen_columns(ground, y, width):
         first, end = where_positive(a - low * step, b - low * start, first, end)
         first, end = where_positive(high * step - a, high * start - b, first, end)
     if not first < end:
-        return index(0), index(0)
-    return index(max(first - 1.0, 0.0)), index(min(end + 2.0, np.float64(width)))
+        return 0, 0
+    return max(first - 1.0, 0.0), min(end + 2.0, np.float64(width))
 
 
 @helper
@@ -111,10 +111,10 @@ def opacity_at(ground, x, y):
     row = (planes[1, 0] * x + planes[1, 1] * y + planes[1, 2]) / w + 0.5
     if not (limits[0, 0] < column < limits[0, 1] and limits[1, 0] < row < limits[1, 1]):
         return np.float32(0)
-    left, top = index(column), index(row)
+    left, top = column, row
     share_x, share_y = np.float32(column - left), np.float32(row - top)
-    upper, lower = shadow[top], shadow[top + index(1)]
-    right = left + index(1)
+    upper, lower = shadow[top], shadow[top + 1]
+    right = left + 1
     above = upper[left] + share_x * (upper[right] - upper[left])
     below = lower[left] + share_x * (lower[right] - lower[left])
     return above + share_y * (below - above)

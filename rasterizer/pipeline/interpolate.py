@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper
 from .gradients import Coding
 from .records import ATTRIBUTE, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
@@ -61,8 +61,8 @@ def row_extent(visibility, j):
 @helper
 def has_exact(entries):
     """Tell whether any entry holds the number of an exact record."""
-    union = np.int64(0)
-    for k in range(index(len(entries))):
+    union = 0
+    for k in range(len(entries)):
         union |= entries[k] & (entries[k] >> LEVEL_BITS)  # IS_ID is bit LEVEL_BITS, IS_EXACT bit 0
     return (union & IS_EXACT) != 0
 
@@ -70,8 +70,8 @@ def has_exact(entries):
 @helper
 def has_planes(entries):
     """Tell whether any entry holds the number of a record that isn't exact."""
-    union = np.int64(0)
-    for k in range(index(len(entries))):
+    union = 0
+    for k in range(len(entries)):
         union |= ~entries[k] & (entries[k] >> LEVEL_BITS)
     return (union & IS_EXACT) != 0
 
@@ -80,7 +80,7 @@ def has_planes(entries):
 def needs_decoding(entries):
     """Tell whether any entry shows a triangle without an exact record: a level, or planes."""
     union = False
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         union |= (entries[k] < CLEAR) & (not is_exact(entries[k]))
     return union
 
@@ -88,9 +88,9 @@ def needs_decoding(entries):
 @helper
 def run_end(entries, start):
     """Return the end of the run of samples that show the same record as the one at `start`."""
-    end = start + index(1)
-    while end < index(len(entries)) and (entries[end] ^ entries[start]) & (IS_ID | LEVEL_MASK) == 0:
-        end += index(1)
+    end = start + 1
+    while end < len(entries) and (entries[end] ^ entries[start]) & (IS_ID | LEVEL_MASK) == 0:
+        end += 1
     return end
 
 
@@ -100,14 +100,14 @@ def next_exact_run(entries, start):
 
     All that is interpolated over exact records is so run by run:
 
-        start, end = next_exact_run(entries, index(0))
+        start, end = next_exact_run(entries, 0)
         while start < end:
             ...
             start, end = next_exact_run(entries, end)
     """
-    n = index(len(entries))
+    n = len(entries)
     while start < n and not is_exact(entries[start]):
-        start += index(1)
+        start += 1
     return start, run_end(entries, start) if start < n else start
 
 
@@ -117,33 +117,29 @@ def next_exact_run(entries, start):
 @helper
 def exact_triangle(records, record):
     """Read what the weights of an exact record are computed from."""
-    row, first = records.integers[record], index(EDGES)
-    dx1, dy1 = np.int64(row[first + index(2)]), np.int64(row[first + index(3)])
-    dx2, dy2 = np.int64(row[first + index(4)]), np.int64(row[first + index(5)])
-    w0, w1, w2 = corner_values(records.reals, record, index(INV_W))
-    x0, y0 = np.int64(row[first]), np.int64(row[first + index(1)])
+    row, first = records.integers[record], EDGES
+    dx1, dy1 = np.int64(row[first + 2]), np.int64(row[first + 3])
+    dx2, dy2 = np.int64(row[first + 4]), np.int64(row[first + 5])
+    w0, w1, w2 = corner_values(records.reals, record, INV_W)
+    x0, y0 = np.int64(row[first]), np.int64(row[first + 1])
     area = float(dx1 * dy2 - dx2 * dy1)
     return ExactTriangle(x0, y0, dx1, dy1, dx2, dy2, (float(w0), float(w1), float(w2)), area)
 
 
 @helper
 def corner_values(reals, record, column):
-    """Return three neighbouring numbers of an exact record: what it holds for its three corners.
-
-    `column` is an `index`: of plain numbers every single one would be compiled anew.
-    """
-    return reals[record, column], reals[record, column + index(1)], reals[record, column + index(2)]
+    """Return three neighbouring numbers of an exact record: what it holds for its three corners."""
+    return reals[record, column], reals[record, column + 1], reals[record, column + 2]
 
 
 @helper
 def corner_vectors(records, record, attribute):
-    """Return three neighbouring attributes of an exact record from `attribute`, an `index`, on; each at the three
-    corners."""
-    column = index(ATTRIBUTE) + index(3) * attribute
+    """Return three neighbouring attributes of an exact record from `attribute` on; each at the three corners."""
+    column = ATTRIBUTE + 3 * attribute
     return (
         corner_values(records.reals, record, column),
-        corner_values(records.reals, record, column + index(3)),
-        corner_values(records.reals, record, column + index(6)),
+        corner_values(records.reals, record, column + 3),
+        corner_values(records.reals, record, column + 6),
     )
 
 
@@ -164,7 +160,7 @@ def corner_weights(triangle, x, y):
 @helper
 def sample_weights(triangle, first, k):
     """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (samples.py)."""
-    return corner_weights(triangle, first[0] + np.int64(k), first[1])
+    return corner_weights(triangle, first[0] + k, first[1])
 
 
 @helper
@@ -213,7 +209,7 @@ def rounded(p, real):
 @helper
 def depth_at(records, record, triangle, q, is_perspective):
     """Return the depth along the viewing axis, scene units, at a sample with the weights q_i."""
-    return mean_depth(triangle, corner_values(records.reals, record, index(DEPTH)), q, is_perspective)
+    return mean_depth(triangle, corner_values(records.reals, record, DEPTH), q, is_perspective)
 
 
 @helper

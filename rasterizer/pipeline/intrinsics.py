@@ -38,7 +38,7 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
         return None
     unsigned, signed = types.uint64, types.int64
     three, nine = types.UniTuple(unsigned, 3), types.UniTuple(signed, 9)
-    signature = types.void(entries, unsigned, unsigned, signed, three, nine, signed)
+    signature = types.void(entries, signed, signed, signed, three, nine, signed)
 
     def generate(context, builder, signature, arguments):
         data = data_of(context, builder, signature.args[0], arguments[0])
@@ -150,12 +150,12 @@ def _build_evaluation(groups, entries, group, stride):
     numbers, *layout = group
     is_single = all(array.dtype == types.float32 for array in (numbers, *(rows.out for rows in groups)))
     is_flat = all(rows.out.layout == "C" for rows in groups)
-    if not is_single or not is_flat or layout != [types.int64, types.uint64, types.uint64]:
+    if not is_single or not is_flat or layout != [types.int64, types.int64, types.int64]:
         return None
     rows, *behind = groups
-    places = [each for rows in behind for each in (rows.out, types.uint64)]
+    places = [each for rows in behind for each in (rows.out, types.int64)]
     first = types.UniTuple(types.int64, 2)
-    signature = types.void(entries, group, first, rows.out, types.uint64, types.uint64, *places)
+    signature = types.void(entries, group, first, rows.out, types.int64, types.int64, *places)
 
     def generate(context, builder, signature, arguments):
         stride, places = arguments[5], [3, *range(6, len(arguments), 2)]
@@ -268,9 +268,9 @@ def _build_texels(sample, positions, texels, batch, rows):
     """
     if texels.dtype != types.float32 or batch.dtype != types.float32:
         return None
-    if any(row != types.uint64 for row in rows):
+    if any(row != types.int64 for row in rows):
         return None
-    signature = types.void(texels, batch, rows, types.uint64, types.uint64)
+    signature = types.void(texels, batch, rows, types.int64, types.int64)
 
     def generate(context, builder, signature, arguments):
         texels, batch = (data_of(context, builder, signature.args[k], arguments[k]) for k in (0, 1))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import call_batch_function, helper, index, kernel
+from ..compiler.kernels import call_batch_function, helper, kernel
 from ..geometry.vectors import dot, scale, subtract, vector_of_row
 from . import fragments as f
 from . import material_coefficients as m
@@ -68,7 +68,7 @@ class SurfacePoints(NamedTuple):
 def normalize_normals(batch, n):
     """Scale the normals to unit length; a normal that is zero stays zero."""
     zero, one = batch.dtype.type(0), batch.dtype.type(1)
-    for k in range(index(n)):
+    for k in range(n):
         normal = get_vector(batch, f.NORMAL, k)
         square = dot(normal, normal)
         set_vector(batch, f.NORMAL, k, scale(normal, one / np.sqrt(square) if square > zero else zero))
@@ -78,7 +78,7 @@ def normalize_normals(batch, n):
 def view_from_position(batch, n):
     """Fill the view directions for an eye at the origin of the positions."""
     zero, one = batch.dtype.type(0), batch.dtype.type(1)
-    for k in range(index(n)):
+    for k in range(n):
         position = get_vector(batch, f.POSITION, k)
         square = dot(position, position)
         set_vector(batch, f.VIEW_DIR, k, scale(position, -one / np.sqrt(square) if square > zero else zero))
@@ -87,14 +87,14 @@ def view_from_position(batch, n):
 @helper
 def view_from_direction(batch, n, view_dir):
     """Fill the view directions for an eye at infinity."""
-    for k in range(index(n)):
+    for k in range(n):
         set_vector(batch, f.VIEW_DIR, k, view_dir)
 
 
 @helper
 def compute_n_dot_v(batch, n):
     """Fill N·V."""
-    for k in range(index(n)):
+    for k in range(n):
         batch[f.N_DOT_V + k] = dot(get_vector(batch, f.NORMAL, k), get_vector(batch, f.VIEW_DIR, k))
 
 
@@ -105,7 +105,7 @@ def light_batch(batch, n, lighting, material):
     if lighting.is_view_dependent[material]:
         compute_n_dot_v(batch, n_side)
     sum_lights(batch, n, n_side, lighting, material)
-    for channel in range(index(lighting.n_channels[material])):
+    for channel in range(lighting.n_channels[material]):
         combine_channel(batch, n_side, channel, lighting, material)
 
 
@@ -117,8 +117,8 @@ def sum_lights(batch, n, n_side, lighting, material):
     all else is computed for `n_side`.
     """
     n_channel, is_first = lighting.n_channels[material], True
-    for nth in range(index(lighting.n_lights[material])):
-        light = index(lighting.light_idx[material, nth])
+    for nth in range(lighting.n_lights[material]):
+        light = lighting.light_idx[material, nth]
         coefficients = lighting.lights[light].ctypes.data
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n_side, coefficients)
         if not arrives(batch, n):
@@ -128,8 +128,8 @@ def sum_lights(batch, n, n_side, lighting, material):
         is_first = False
     if is_first:
         zero = batch.dtype.type(0)
-        for channel in range(index(n_channel)):
-            for k in range(index(n_side)):
+        for channel in range(n_channel):
+            for k in range(n_side):
                 batch[f.DIFFUSE_SUM + channel * f.NEXT + k] = batch[f.SPECULAR_SUM + channel * f.NEXT + k] = zero
 
 
@@ -138,7 +138,7 @@ def arrives(batch, n):
     """Tell whether a light arrives at any point: reflection functions write 0 for one that is behind, N·L <= 0, or has
     no strength there."""
     zero, is_lit = batch.dtype.type(0), False
-    for k in range(index(n)):
+    for k in range(n):
         is_lit |= (batch[f.N_DOT_L + k] > zero) & (batch[f.STRENGTH + k] != zero)
     return is_lit
 
@@ -146,21 +146,21 @@ def arrives(batch, n):
 @helper
 def add_reflected(batch, n, lighting, material, light, is_first):
     """Add what a light, after its function and its shadow, reflects to the sums; the first one starts them."""
-    color_set = min(index(material), index(lighting.colors.shape[0] - 1))
+    color_set = min(material, lighting.colors.shape[0] - 1)
     call_batch_function(
         lighting.reflection_functions[material, light],
         batch.ctypes.data, n, lighting.materials[material].ctypes.data,
     )  # fmt: skip
     colors, n_term = lighting.colors[color_set, light], lighting.n_terms[material]
-    for channel in range(index(lighting.n_channels[material])):
+    for channel in range(lighting.n_channels[material]):
         diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
         add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel], is_first)
         if n_term > 1:
-            add_light(batch, n, specular_sums, f.SPECULAR, colors[index(3) + channel], is_first)
+            add_light(batch, n, specular_sums, f.SPECULAR, colors[3 + channel], is_first)
         if n_term > 2:
-            add_light(batch, n, specular_sums, f.GRAZING, colors[index(6) + channel], False)
+            add_light(batch, n, specular_sums, f.GRAZING, colors[6 + channel], False)
         if n_term > 3:
-            add_light(batch, n, diffuse_sums, f.METAL, colors[index(9) + channel], False)
+            add_light(batch, n, diffuse_sums, f.METAL, colors[9 + channel], False)
 
 
 @helper
@@ -174,7 +174,7 @@ def cast_shadow(batch, n, shadows, light):
 def add_light(batch, n, sums, reflected, color, is_first):
     """Add a term of one light's reflection to the sums of one channel; the first one starts them."""
     zero = batch.dtype.type(0)
-    for k in range(index(n)):
+    for k in range(n):
         before = zero if is_first else batch[sums + k]
         batch[sums + k] = before + color * batch[reflected + k]
 
@@ -184,14 +184,14 @@ def combine_channel(batch, n, channel, lighting, material):
     """Combine the sums over the lights, emission and ambient light of one channel into intensities."""
     materials, zero = lighting.materials, batch.dtype.type(0)
     emission, ambient = (
-        materials[material, index(m.EMISSION) + channel],
-        materials[material, index(m.AMBIENT) + channel],
+        materials[material, m.EMISSION + channel],
+        materials[material, m.AMBIENT + channel],
     )
-    kd, ks = materials[material, index(m.DIFFUSE) + channel], materials[material, index(m.SPECULAR) + channel]
+    kd, ks = materials[material, m.DIFFUSE + channel], materials[material, m.SPECULAR + channel]
     diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
     albedo, out = f.ALBEDO + channel * f.NEXT, f.INTENSITY + channel * f.NEXT
     has_albedo, has_highlight = lighting.has_albedo[material], lighting.n_terms[material] > 1
-    for k in range(index(n)):
+    for k in range(n):
         diffuse = ambient + kd * batch[diffuse_sums + k]
         if has_albedo:
             diffuse *= batch[albedo + k]
@@ -217,7 +217,7 @@ def light_points(points, part, screen, side, lighting, material, batch, out_inte
     """
     start, end = part
     for batch_start in range(start, end, BATCH_SIZE):
-        n, first = min(BATCH_SIZE, end - batch_start), index(batch_start)
+        n, first = min(BATCH_SIZE, end - batch_start), batch_start
         gather_positions(points.positions, first, n, screen.eye, batch)
         if side == 0:
             gather_normals_to_viewer(points, first, n, screen, batch)
@@ -233,8 +233,8 @@ def light_points(points, part, screen, side, lighting, material, batch, out_inte
         gather_tangents(points.tangents, first, n, batch)
         gather_planes(lighting.shadows, points, first, n, batch)
         light_batch(batch, n, lighting, material)
-        for channel in range(index(lighting.n_channels[material])):
-            for k in range(index(n)):
+        for channel in range(lighting.n_channels[material]):
+            for k in range(n):
                 out_intensities[first + k, channel] = batch[f.INTENSITY + channel * f.NEXT + k]
 
 
@@ -242,14 +242,14 @@ def light_points(points, part, screen, side, lighting, material, batch, out_inte
 def gather_positions(positions, first, n, eye, batch):
     """Copy positions, relative to the eye: subtracted in float64, before digits are dropped."""
     eye = read_vector(eye, 0)
-    for k in range(index(n)):
+    for k in range(n):
         set_vector(batch, f.POSITION, k, subtract(vector_of_row(positions, first + k), eye))
 
 
 @helper
 def gather_normals(normals, first, n, sign, batch):
     """Copy normals, or their opposites."""
-    for k in range(index(n)):
+    for k in range(n):
         set_vector(batch, f.NORMAL, k, scale(vector_of_row(normals, first + k), sign))
 
 
@@ -262,7 +262,7 @@ def gather_normals_to_viewer(points, first, n, screen, batch):
     """
     positions, normals = points.positions, points.normals
     eye, forward = read_vector(screen.eye, 0), read_vector(screen.forward, 0)
-    for k in range(index(n)):
+    for k in range(n):
         normal = vector_of_row(normals, first + k)
         away = dot(normal, forward)
         if screen.is_perspective:
@@ -274,8 +274,8 @@ def gather_normals_to_viewer(points, first, n, screen, batch):
 def gather_albedo(albedo, first, n, n_channel, batch):
     """Copy the albedo."""
     real = batch.dtype.type
-    for channel in range(index(n_channel)):
-        for k in range(index(n)):
+    for channel in range(n_channel):
+        for k in range(n):
             batch[f.ALBEDO + channel * f.NEXT + k] = real(albedo[first + k, channel])
 
 
@@ -283,7 +283,7 @@ def gather_albedo(albedo, first, n, n_channel, batch):
 def gather_tangents(tangents, first, n, batch):
     """Copy the tangents, if there are any."""
     if tangents is not None:
-        for k in range(index(n)):
+        for k in range(n):
             set_vector(batch, f.TANGENT, k, vector_of_row(tangents, first + k))
 
 
@@ -292,10 +292,10 @@ def gather_planes(shadows, points, first, n, batch):
     """Fill what shadows need, if there are any: of a point alone, its own normal is that of the surface's plane, which
     its normal offset moves."""
     if shadows is not None:
-        for k in range(index(n)):
+        for k in range(n):
             normal = get_vector(batch, f.NORMAL, k)
             set_vector(batch, f.FACE_NORMAL, k, normal)
-            is_turned = index(dot(normal, vector_of_row(points.normals, first + k)) < 0.0)
+            is_turned = np.int64(dot(normal, vector_of_row(points.normals, first + k)) < 0.0)
             height = dot(normal, get_vector(batch, f.POSITION, k))
             batch[f.FACE_OFFSET + k] = height + points.normal_offsets[is_turned, first + k]
             batch[f.FACE_SIDE + k] = 0

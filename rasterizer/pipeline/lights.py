@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from ..compiler.kernels import as_array, helper, index
+from ..compiler.kernels import as_array, helper
 from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -34,7 +34,7 @@ def directional(batch, n, light):
     batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     one = light.dtype.type(1)
     light_dir = read_vector(light, VECTOR)
-    for k in range(index(n)):
+    for k in range(n):
         batch[f.N_DOT_L + k] = dot(get_vector(batch, f.NORMAL, k), light_dir)
         set_vector(batch, f.LIGHT_DIR, k, light_dir)
         batch[f.STRENGTH + k] = one
@@ -78,7 +78,7 @@ def function_of_arrival(arrival: Callable) -> Callable:
 
     def evaluate(batch, n, light):
         batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
-        for k in range(index(n)):
+        for k in range(n):
             normal = get_vector(batch, f.NORMAL, k)
             light_dir, strength = formula(normal, get_vector(batch, f.POSITION, k), light)
             batch[f.N_DOT_L + k] = dot(normal, light_dir)
@@ -105,7 +105,7 @@ def function_of_share(share: Callable) -> Callable:
     def evaluate(batch, n, light):
         batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
         one = batch.dtype.type(1)
-        for k in range(index(n)):
+        for k in range(n):
             batch[f.N_DOT_L + k] = one
             batch[f.STRENGTH + k] = formula(get_vector(batch, f.NORMAL, k), get_vector(batch, f.POSITION, k), light)
 
@@ -121,7 +121,7 @@ def light_from_point(batch, n, light):
     real = light.dtype.type
     zero, one = real(0), real(1)  # of the batch's own type: an int would widen float32 to float64
     strongest = light[MAX_STRENGTH]  # 1, or infinite where the light may amplify
-    for k in range(index(n)):
+    for k in range(n):
         to_light = subtract(light_position, get_vector(batch, f.POSITION, k))
         square = dot(to_light, to_light)
         distance = np.sqrt(square)
@@ -138,7 +138,7 @@ def end_at_range(batch, n, light):
     light_position = read_vector(light, VECTOR)
     inverse_square = light[INVERSE_RANGE] * light[INVERSE_RANGE]
     if light[INVERSE_RANGE] > zero:
-        for k in range(index(n)):
+        for k in range(n):
             to_light = subtract(light_position, get_vector(batch, f.POSITION, k))
             share = dot(to_light, to_light) * inverse_square  # (d/r)²
             # No product where nothing arrives: the strength may be infinite in the light itself.
@@ -156,7 +156,7 @@ def keep_to_cone(batch, n, light, is_shaped):
     zero, one, two, three = real(0), real(1), real(2), real(3)
     is_step, falloff = slope == np.inf, light[CONE_FALLOFF]
     least = -grazing(zero) if is_step else zero
-    for k in range(index(n)):
+    for k in range(n):
         above = -dot(get_vector(batch, f.LIGHT_DIR, k), axis) - outer
         t = one if is_step else min(above * slope, one)
         fall = t * t * (three - two * t)
@@ -170,6 +170,6 @@ def weaken_off_axis(batch, n, light):
     """Multiply the strength by the cosine of the angle from the axis, to the spot's exponent, if it has one."""
     axis, exponent, one = read_vector(light, AXIS), light[CONE_EXPONENT], light.dtype.type(1)
     if exponent > light.dtype.type(0):
-        for k in range(index(n)):
+        for k in range(n):
             cosine = -dot(get_vector(batch, f.LIGHT_DIR, k), axis)
             batch[f.STRENGTH + k] *= power(min(cosine, one), exponent)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index, is_none, kernel
+from ..compiler.kernels import choice, helper, is_none, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, count_side_by_side, read_vector, set_vector
@@ -71,17 +71,17 @@ def shade_lit(band, screen, lighting, face_planes, tangent_attribute, texturing,
     for j in range(band.n_row):
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
         while first < right:
-            start = index(j * visibility.pitch + first)
+            start = j * visibility.pitch + first
             end, material = stretch_of(visibility, strip_of(j), first, right, shown.material)
-            n = index(min(end - first, BATCH_SIZE))
+            n = min(end - first, BATCH_SIZE)
             n, is_blank = next_stretch(visibility.entries[start : start + n])
             if is_blank:
-                material = np.int64(-1)
+                material = -1
             elif material < 0:
-                n, material = run_of_material(visibility.entries[start : start + index(n)], band, shown)
+                n, material = run_of_material(visibility.entries[start : start + n], band, shown)
             elif not is_lit_here(material, band, shown):
-                n, material = end - first, np.int64(-1)
-            entries = visibility.entries[start : start + index(n)]
+                n, material = end - first, -1
+            entries = visibility.entries[start : start + n]
             if material >= 0:
                 where = first, y
                 gather_fragments(entries, band, where, material, texturing, screen, is_double, batch)
@@ -125,31 +125,31 @@ def run_of_material(entries, band, shown):
     Samples that show nothing, or what is not lit by this call, belong to any run. But those that were lit by the call
     before, in float32, belong to none.
     """
-    material, is_second = np.int64(-1), shown.is_double and not shown.is_all
-    for k in range(index(len(entries))):
-        here = np.int64(-1)
+    material, is_second = -1, shown.is_double and not shown.is_all
+    for k in range(len(entries)):
+        here = -1
         if entries[k] & IS_ID:
             here = material_of(entries[k], band.records)
-            here = here if is_lit_here(here, band, shown) else np.int64(-1)
+            here = here if is_lit_here(here, band, shown) else -1
         if here != material and (here >= 0 or is_second):
             if material >= 0 or (is_second and k > 0):
-                return np.int64(k), material
+                return k, material
             material = here
-    return np.int64(len(entries)), material
+    return len(entries), material
 
 
 @helper
 def write_radiance(batch, n, n_channel, tint, out_radiance, start):
     """Write the intensities of a run of n samples, which have one channel or three, to as many, or to three."""
-    for channel in range(index(out_radiance.shape[0])):
-        out = out_radiance[channel, start : start + index(n)]
+    for channel in range(out_radiance.shape[0]):
+        out = out_radiance[channel, start : start + n]
         if n_channel == out_radiance.shape[0]:
             source = f.INTENSITY + channel * f.NEXT
-            for k in range(index(n)):
+            for k in range(n):
                 out[k] = batch[source + k]
         else:
             factor = batch.dtype.type(tint[channel])
-            for k in range(index(n)):
+            for k in range(n):
                 out[k] = batch[f.INTENSITY + k] * factor
 
 
@@ -212,7 +212,7 @@ def evaluate_fragments(entries, band, first, material, texturing, is_perspective
         evaluate_values(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
     if band.coding.needs_distance:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
-        for k in range(index(len(entries))):
+        for k in range(len(entries)):
             z = float(entries[k] >> PAYLOAD_BITS)
             inverse = np.float32(1) / np.float32(offset + step * z)
             along = np.float32(depths.depth_offset + depths.depth_scale * z)
@@ -223,17 +223,17 @@ def evaluate_fragments(entries, band, first, material, texturing, is_perspective
 def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
     """Put in the normals, distances and albedo of exact records; `first` says where they lie (samples.py)."""
     records, real = band.records, batch.dtype.type
-    start, end = next_exact_run(entries, index(0))
+    start, end = next_exact_run(entries, 0)
     while start < end:
         if bool(band.coding.features[material_of(entries[start], records)] & DOUBLE_PRECISION) != is_double:
             start, end = next_exact_run(entries, end)
             continue
         record = record_of(entries[start])
-        triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
-        normals = rounded_vectors(corner_vectors(records, record, index(0)), real)
-        exact_depths = corner_values(records.reals, record, index(DEPTH))
+        triangle, side = exact_triangle(records, record), real(records.integers[record, SIDE])
+        normals = rounded_vectors(corner_vectors(records, record, 0), real)
+        exact_depths = corner_values(records.reals, record, DEPTH)
         depths = rounded(exact_depths, real)
-        colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
+        colors = rounded_vectors(corner_vectors(records, record, 3), real) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes longer.
         for k in range(start, end):
             q0, q1, q2 = sample_weights(triangle, first, k)
@@ -262,11 +262,11 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
     """Put in the tangents, if there are any, of exact records; their sign doesn't matter."""
     if tangent_attribute is not None:
         real = batch.dtype.type
-        start, end = next_exact_run(entries, index(0))
+        start, end = next_exact_run(entries, 0)
         while start < end:
             record = record_of(entries[start])
             triangle = exact_triangle(records, record)
-            tangents = corner_vectors(records, record, index(tangent_attribute))
+            tangents = corner_vectors(records, record, tangent_attribute)
             for k in range(start, end):
                 q = sample_weights(triangle, first, k)
                 p = rounded(scale(q, inverse_sum(q)), real)
@@ -280,11 +280,11 @@ def weight_albedo(entries, band, first, material, texturing, start, batch):
 
     Put in what says how metallic and rough the surface is, too.
     """
-    features, n = band.coding.features[material], index(len(entries))
+    features, n = band.coding.features[material], len(entries)
     if texturing is not None:
         if features & HAS_TEXTURE:
             look_up_colors(entries, band, first, material, texturing, start, batch)
-            for channel in range(index(3)):
+            for channel in range(3):
                 albedo, texel = f.ALBEDO + channel * f.NEXT, RED + channel * f.NEXT
                 if features & HAS_ALBEDO:
                     for k in range(n):
@@ -301,8 +301,8 @@ def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
     longest sides."""
     if shadows is not None:
         eye = read_vector(eye, 0)
-        for k in range(index(len(entries))):
-            face = face_of(entries[k], records) if entries[k] & IS_ID else index(0)
+        for k in range(len(entries)):
+            face = face_of(entries[k], records) if entries[k] & IS_ID else 0
             normal = face_planes[face, 0], face_planes[face, 1], face_planes[face, 2]
             set_vector(batch, f.FACE_NORMAL, k, normal)
             batch[f.FACE_OFFSET + k] = face_planes[face, 3] - dot(normal, eye)
@@ -340,17 +340,17 @@ def fill_positions(screen, first, n, needs_position, batch):
     ray_start, ray_step = rounded(at_middle, real), rounded(scale(screen.right, step), real)
     forward, one = rounded(screen.forward, real), real(1)
     if screen.is_perspective:
-        for k in range(index(n)):
-            ray = add(ray_start, scale(ray_step, real(np.int32(x + np.int64(k) - middle))))
+        for k in range(n):
+            ray = add(ray_start, scale(ray_step, real(np.int32(x + k - middle))))
             set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
         if needs_position:  # in a loop of its own: one store that depends on a choice slows all of a loop down
-            for k in range(index(n)):
-                ray = add(ray_start, scale(ray_step, real(np.int32(x + np.int64(k) - middle))))
+            for k in range(n):
+                ray = add(ray_start, scale(ray_step, real(np.int32(x + k - middle))))
                 set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
         return
     view_from_direction(batch, n, scale(forward, -one))
     if needs_position:
-        for k in range(index(n)):
-            column = real(np.int32(x + np.int64(k) - middle))
+        for k in range(n):
+            column = real(np.int32(x + k - middle))
             on_plane = add(ray_start, scale(ray_step, column))
             set_vector(batch, f.POSITION, k, add(on_plane, scale(forward, batch[f.DISTANCE + k])))

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper
 from . import setup as s
 from .gradients import HAS_ALBEDO, HAS_TEXTURE, MAX_CHANNELS
 from .samples import PLANE_GROUP, PlaneGroup
@@ -81,8 +81,8 @@ def material_of(entry, records):
     """Return the material that an entry which holds the index of a record shows."""
     record = record_of(entry)
     if is_exact(entry):
-        return np.int64(records.integers[record, index(MATERIAL)])
-    return np.int64(records.int_planes[(record << index(UNIT_SHIFT)) + index(PLANES_MATERIAL)])
+        return np.int64(records.integers[record, MATERIAL])
+    return np.int64(records.int_planes[(record << UNIT_SHIFT) + PLANES_MATERIAL])
 
 
 @helper
@@ -90,19 +90,19 @@ def face_of(entry, records):
     """Return the triangle that an entry which holds the index of a record shows."""
     record = record_of(entry)
     if is_exact(entry):
-        return index(records.integers[record, index(FACE)])
-    return index(records.int_planes[(record << index(UNIT_SHIFT)) + index(PLANES_FACE)])
+        return records.integers[record, FACE]
+    return records.int_planes[(record << UNIT_SHIFT) + PLANES_FACE]
 
 
 @helper
 def plane_group(records, column):
     """Return the group of four planes that begins at `column` in each record."""
-    return PlaneGroup(records.float_planes, RECORD_MASK, index(UNIT_SHIFT - RECORD_SHIFT), index(column))
+    return PlaneGroup(records.float_planes, RECORD_MASK, UNIT_SHIFT - RECORD_SHIFT, column)
 
 
 @helper
 def begin_planes(records, n_record, k, face, block):
-    """Write what comes before the planes of record number `n_record`; return where it begins, an `index`.
+    """Write what comes before the planes of record number `n_record`; return where it begins.
 
     Parameters
     ----------
@@ -110,11 +110,11 @@ def begin_planes(records, n_record, k, face, block):
     face : its index in the picture
     """
     ints, planes = block.ints, records.int_planes
-    record = index(n_record) << index(UNIT_SHIFT)
-    planes[record + index(PLANES_MATERIAL)] = ints[s.MATERIAL + k]
-    planes[record + index(PLANES_ANCHOR_X)] = ints[s.ANCHOR_X + k]
-    planes[record + index(PLANES_ANCHOR_Y)] = ints[s.ANCHOR_Y + k]
-    planes[record + index(PLANES_FACE)] = face
+    record = n_record << UNIT_SHIFT
+    planes[record + PLANES_MATERIAL] = ints[s.MATERIAL + k]
+    planes[record + PLANES_ANCHOR_X] = ints[s.ANCHOR_X + k]
+    planes[record + PLANES_ANCHOR_Y] = ints[s.ANCHOR_Y + k]
+    planes[record + PLANES_FACE] = face
     return record
 
 
@@ -124,12 +124,12 @@ def write_values(records, n_record, k, face, coding, block):
     planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
     features = coding.features[block.ints[s.MATERIAL + k]]
     if not block.ints[s.IS_WEIGHTED + k]:
-        write_planes(planes, record + index(VALUES), k, 0, MAX_CHANNELS, block)
+        write_planes(planes, record + VALUES, k, 0, MAX_CHANNELS, block)
         return units_of(FIRST_GROUP + PLAIN_GROUP)
-    write_value_group(planes, record + index(VALUES), k, 0, MAX_CHANNELS, block)
+    write_value_group(planes, record + VALUES, k, 0, MAX_CHANNELS, block)
     end = BEHIND_VALUES
     if features & HAS_TEXTURE:
-        write_textured(planes, record + index(end), k, coding.textures, block)
+        write_textured(planes, record + end, k, coding.textures, block)
         end += PLAIN_GROUP + VALUE_GROUP
     return units_of(end)
 
@@ -139,13 +139,13 @@ def write_normals(records, n_record, k, face, coding, block):
     """Write record number `n_record`: planes of normals and what stands behind them; return its length in units."""
     planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
     features = coding.features[block.ints[s.MATERIAL + k]]
-    write_planes(planes, record + index(NORMALS), k, 0, 3, block)
+    write_planes(planes, record + NORMALS, k, 0, 3, block)
     end = BEHIND_NORMALS
     if features & HAS_TEXTURE:
-        write_texcoords(planes, record + index(end), k, coding.textures, block)
+        write_texcoords(planes, record + end, k, coding.textures, block)
         end += PLAIN_GROUP
     if features & HAS_ALBEDO:
-        write_value_group(planes, record + index(end), k, 3, MAX_CHANNELS, block)
+        write_value_group(planes, record + end, k, 3, MAX_CHANNELS, block)
         end += VALUE_GROUP
     return units_of(end)
 
@@ -156,7 +156,7 @@ def write_textured(planes, target, k, textures, block):
     none stand in planes."""
     if textures is not None:
         write_texcoords(planes, target, k, textures, block)
-        write_value_group(planes, target + index(PLAIN_GROUP), k, MAX_CHANNELS, MAX_CHANNELS, block)
+        write_value_group(planes, target + PLAIN_GROUP, k, MAX_CHANNELS, MAX_CHANNELS, block)
 
 
 @helper
@@ -175,11 +175,11 @@ def units_of(n_number):
 @helper
 def write_planes(planes, target, k, first, n, block):
     """Copy the planes of n attributes from number `first` on to a group of a record."""
-    source = s.PLANE_ATTRIBUTE + index(first) * s.NEXT_PLANE + k
-    for attribute in range(index(n)):
-        for part in range(index(3)):
+    source = s.PLANE_ATTRIBUTE + first * s.NEXT_PLANE + k
+    for attribute in range(n):
+        for part in range(3):
             value = block.reals[source + attribute * s.NEXT_PLANE + part * s.NEXT]
-            planes[target + attribute + part * index(PLANE_GROUP)] = np.float32(value)
+            planes[target + attribute + part * PLANE_GROUP] = np.float32(value)
 
 
 @helper
@@ -191,14 +191,14 @@ def write_value_group(planes, target, k, first, n, block):
     to multiply. So the fourth is 0.
     """
     write_planes(planes, target, k, first, n, block)
-    fourth, zero = target + index(PLANE_GROUP - 1), np.float32(0)
-    planes[fourth], planes[fourth + index(PLANE_GROUP)], planes[fourth + index(2 * PLANE_GROUP)] = zero, zero, zero
-    source = s.ATTRIBUTE + index(first) * s.NEXT_PLANE + k
-    for attribute in range(index(n)):
+    fourth, zero = target + (PLANE_GROUP - 1), np.float32(0)
+    planes[fourth], planes[fourth + PLANE_GROUP], planes[fourth + (2 * PLANE_GROUP)] = zero, zero, zero
+    source = s.ATTRIBUTE + first * s.NEXT_PLANE + k
+    for attribute in range(n):
         row = source + attribute * s.NEXT_PLANE
         a0, a1, a2 = block.reals[row], block.reals[row + s.NEXT], block.reals[row + s.NEXT + s.NEXT]
-        planes[target + index(3 * PLANE_GROUP) + attribute] = np.float32(min(a0, a1, a2))
-        planes[target + index(4 * PLANE_GROUP) + attribute] = np.float32(max(a0, a1, a2))
+        planes[target + (3 * PLANE_GROUP) + attribute] = np.float32(min(a0, a1, a2))
+        planes[target + (4 * PLANE_GROUP) + attribute] = np.float32(max(a0, a1, a2))
 
 
 @helper
@@ -210,17 +210,17 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
     face : the triangle's index in the picture
     """
     ints, reals, depths = block.ints, block.reals, coding.depths
-    row, integers, out = index(n_record), records.integers, records.reals
+    row, integers, out = n_record, records.integers, records.reals
     x0, y0 = np.int64(ints[s.X0 + k]), np.int64(ints[s.Y0 + k])
     edges = (x0, y0, ints[s.X1 + k] - x0, ints[s.Y1 + k] - y0, ints[s.X2 + k] - x0, ints[s.Y2 + k] - y0)
     for column in range(6):
-        integers[row, index(EDGES + column)] = edges[column]
+        integers[row, EDGES + column] = edges[column]
     integers[row, FACE] = face
     integers[row, SIDE] = -1 if ints[s.IS_FLIPPED + k] else 1
     integers[row, MATERIAL] = ints[s.MATERIAL + k]
-    for corner in range(index(3)):
+    for corner in range(3):
         z, own = reals[s.Z0 + corner * s.NEXT + k], reals[s.OWN_Z0 + corner * s.NEXT + k]
-        out[row, index(INV_W) + corner] = depths.inv_w_offset + depths.inv_w_scale * z
-        out[row, index(DEPTH) + corner] = s.depth_at_corner(z, own, depths)
-    for column in range(index(3 * n_attribute)):
-        out[row, index(ATTRIBUTE) + column] = reals[s.ATTRIBUTE + column * s.NEXT + k]
+        out[row, INV_W + corner] = depths.inv_w_offset + depths.inv_w_scale * z
+        out[row, DEPTH + corner] = s.depth_at_corner(z, own, depths)
+    for column in range(3 * n_attribute):
+        out[row, ATTRIBUTE + column] = reals[s.ATTRIBUTE + column * s.NEXT + k]

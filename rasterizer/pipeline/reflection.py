@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, helper, index
+from ..compiler.kernels import as_array, helper
 from ..geometry.vectors import add, cross, dot, length, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
@@ -36,7 +36,7 @@ def lambert(batch, n, material):
     """Diffuse reflection alone: the cosine of the angle of incidence (Lambert 1760)."""
     batch = as_array(batch, f.BATCH_SHAPE)
     zero = batch.dtype.type(0)  # of the batch's own type: an int would widen float32 to float64
-    for k in range(index(n)):
+    for k in range(n):
         n_dot_l = batch[f.N_DOT_L + k]
         # No product where nothing is lit: the strength may be infinite in the light itself.
         batch[f.DIFFUSE + k] = batch[f.STRENGTH + k] * n_dot_l if n_dot_l > zero else zero
@@ -59,7 +59,7 @@ def oren_nayar(batch, n, material):
     square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
     a = real(1) - real(0.5) * square / (square + real(0.33))
     b = real(0.45) * square / (square + real(0.09))
-    for k in range(index(n)):
+    for k in range(n):
         n_dot_l, n_dot_v = batch[f.N_DOT_L + k], batch[f.N_DOT_V + k]
         l_dot_v = dot(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
         across = max(l_dot_v - n_dot_l * n_dot_v, zero)
@@ -81,7 +81,7 @@ def toon(batch, n, material):
     zero, one, two = real(0), real(1), real(2)
     slack = grazing(zero)
     levels, least = material[m.TOON_LEVELS], real(0.5) ** (one / material[m.SHININESS])
-    for k in range(index(n)):
+    for k in range(n):
         n_dot_l, strength = batch[f.N_DOT_L + k], batch[f.STRENGTH + k]
         l_dot_v = dot(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
         r_dot_v = two * n_dot_l * batch[f.N_DOT_V + k] - l_dot_v
@@ -95,7 +95,7 @@ def ambient_share(batch, n, material):
     """Reflect an ambient share (`function_of_share`), whatever the model: as much to all sides, and no highlight."""
     batch = as_array(batch, f.BATCH_SHAPE)
     zero = batch.dtype.type(0)
-    for k in range(index(n)):
+    for k in range(n):
         batch[f.DIFFUSE + k] = batch[f.STRENGTH + k]
         batch[f.SPECULAR + k] = batch[f.GRAZING + k] = batch[f.METAL + k] = zero
 
@@ -134,7 +134,7 @@ def fill_r_dot_v(batch, n):
     """
     real = batch.dtype.type
     one, two, a_half = real(1), real(2), real(0.5)
-    for k in range(index(n)):
+    for k in range(n):
         mirrored = scale(get_vector(batch, f.NORMAL, k), two * batch[f.N_DOT_L + k])
         reflect_dir = subtract(mirrored, get_vector(batch, f.LIGHT_DIR, k))
         difference = subtract(reflect_dir, get_vector(batch, f.VIEW_DIR, k))
@@ -149,7 +149,7 @@ def fill_n_dot_h(batch, n):
     """
     real = batch.dtype.type
     zero, one, a_half = real(0), real(1), real(0.5)
-    for k in range(index(n)):
+    for k in range(n):
         half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
         square = dot(half, half)
         half_dir = scale(half, one / np.sqrt(square))
@@ -170,9 +170,9 @@ def finish_highlights(batch, n, material):
     if shininess == np.floor(shininess) and one <= shininess <= MAX_SQUARED:
         square_and_multiply(batch, n, np.int64(shininess))
     else:
-        for k in range(index(n)):
+        for k in range(n):
             batch[f.SPECULAR + k] = power(batch[f.SPECULAR + k], shininess)
-    for k in range(index(n)):
+    for k in range(n):
         n_dot_l, strength = batch[f.N_DOT_L + k], batch[f.STRENGTH + k]
         batch[f.DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
         batch[f.SPECULAR + k] = strength * batch[f.SPECULAR + k] if n_dot_l > least else zero
@@ -183,10 +183,10 @@ def weight_highlights(batch, n, material):
     """Multiply SPECULAR by HIGHLIGHT_SCALE·N·L if that isn't 0, and part it where W(θ), cos θ = N·L, isn't 1."""
     zero, highlight_scale = batch.dtype.type(0), material[m.HIGHLIGHT_SCALE]
     if highlight_scale > zero:
-        for k in range(index(n)):
+        for k in range(n):
             batch[f.SPECULAR + k] = batch[f.SPECULAR + k] * (highlight_scale * max(batch[f.N_DOT_L + k], zero))
     if material[m.HAS_FRESNEL] > zero:
-        for k in range(index(n)):
+        for k in range(n):
             part_highlight(batch, k, batch[f.SPECULAR + k], max(batch[f.N_DOT_L + k], zero))
 
 
@@ -201,7 +201,7 @@ def square_and_multiply(batch, n, exponent):
     is_first = True
     while exponent > 0:
         is_odd, is_odd_next = exponent & 1, exponent & 2
-        for k in range(index(n)):
+        for k in range(n):
             base = batch[f.DIFFUSE + k]
             if is_first:
                 base = batch[f.SPECULAR + k] if batch[f.SPECULAR + k] > smallest else zero
@@ -237,7 +237,7 @@ def ggx(batch, n, material):
     """
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     two, alpha_square = batch.dtype.type(2), material[m.ROUGHNESS] * material[m.ROUGHNESS]
-    for k in range(index(n)):
+    for k in range(n):
         n_dot_l, reflected, half_square = ggx_mirrors(batch, k, alpha_square)
         set_reflection(batch, k, n_dot_l, reflected, np.sqrt(half_square) / two)
 
@@ -267,7 +267,7 @@ def beckmann(batch, n, material):
     real, roughness = batch.dtype.type, material[m.ROUGHNESS]
     zero, one, two, four, steep = real(0), real(1), real(2), real(4), real(STEEP)
     scale = one / (roughness * roughness)
-    for k in range(index(n)):
+    for k in range(n):
         half_square, along, across_square = half_vector_parts(batch, k)
         n_dot_l, n_dot_v = max(batch[f.N_DOT_L + k], zero), max(batch[f.N_DOT_V + k], zero)
         square = along * along
@@ -342,7 +342,7 @@ def anisotropic_ggx_by_axis(batch, n, material):
     """The same, the direction being an axis of the world: TANGENT_AXIS."""
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     axis = read_vector(material, m.TANGENT_AXIS)
-    for k in range(index(n)):
+    for k in range(n):
         set_vector(batch, f.TANGENT, k, axis)
     reflect_anisotropically(batch, n, material)
 
@@ -351,7 +351,7 @@ def anisotropic_ggx_by_axis(batch, n, material):
 def reflect_anisotropically(batch, n, material):
     """Fill what is reflected."""
     two, roughnesses = batch.dtype.type(2), (material[m.ROUGHNESS], material[m.ROUGHNESS_ACROSS])
-    for k in range(index(n)):
+    for k in range(n):
         half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
         reflected = anisotropic_mirrors(batch, k, half, roughnesses)
         set_reflection(batch, k, batch[f.N_DOT_L + k], reflected, length(half) / two)
@@ -456,7 +456,7 @@ def ggx_of_texture(batch, n, material):
     batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     real = batch.dtype.type
     zero, one, two, least = real(0), real(1), real(2), real(MIN_ALPHA)
-    for k in range(index(n)):
+    for k in range(n):
         metallic = material[m.METALLIC] * batch[f.METALLIC + k]
         rest = one - metallic
         alpha = max(material[m.ROUGHNESS] * batch[f.ROUGHNESS + k] * batch[f.ROUGHNESS + k], least)
@@ -492,7 +492,7 @@ def function_of_reflection(reflect: Callable) -> Callable:
         batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
         zero = batch.dtype.type(0)
         coefficients = Coefficients(material[m.SHININESS], material[m.ROUGHNESS], material[m.TOON_LEVELS])
-        for k in range(index(n)):
+        for k in range(n):
             normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
             diffuse, specular = formula(normal, light_dir, get_vector(batch, f.VIEW_DIR, k), coefficients)
             strength, is_lit = batch[f.STRENGTH + k], batch[f.N_DOT_L + k] > zero

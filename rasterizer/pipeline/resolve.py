@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from .fragments import BATCH_SIZE, NEXT, filled_up
 from .visibility import CLEAR, clear, extent_of_pixels, next_stretch, strip_of
 
@@ -43,9 +43,9 @@ class Encoding(NamedTuple):
 
 
 # A batch of pixels is one flat array, as a batch of fragments is: red from 0 on, green from NEXT on, blue, alpha.
-ALPHA = index(3 * BATCH_SIZE)
+ALPHA = 3 * BATCH_SIZE
 PIXELS_SHAPE = (4 * BATCH_SIZE,)
-PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter path
+PIECE = 64  # pixels that are averaged together: those that are covered as a whole take a shorter path
 
 
 # As a type: each number of them has kernels of its own. Loops over the samples of a pixel are unrolled, and those over
@@ -118,7 +118,7 @@ def resolve_averages(visibility, radiance, rows, grid, encoding, batch, out):
     ----------
     visibility, radiance, rows, grid, encoding, batch, out : as in `resolve`
     """
-    n_covered, factor, (y_start, y_end) = np.int64(0), factor_of(grid), rows
+    n_covered, factor, (y_start, y_end) = 0, factor_of(grid), rows
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = begin_row(visibility, row, factor, j, encoding, out)
@@ -126,10 +126,10 @@ def resolve_averages(visibility, radiance, rows, grid, encoding, batch, out):
         while left < end:
             width, is_blank, here = np.int64(min(end - left, BATCH_SIZE)), False, (row, left)
             if factor == 1:
-                start = index(row * visibility.pitch + left)
-                width, is_blank = next_stretch(visibility.entries[start : start + index(width)])
+                start = row * visibility.pitch + left
+                width, is_blank = next_stretch(visibility.entries[start : start + width])
                 width = width if is_blank else min(filled_up(width), end - left)
-            n = index(width)
+            n = width
             if is_blank:
                 fill_blank(out, j, left, left + width, encoding)
             else:
@@ -147,7 +147,7 @@ def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding,
 
     The parameters are those of `resolve`.
     """
-    n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
+    n_covered, n_channel, (y_start, y_end) = 0, radiance.shape[0], rows
     factor = factor_of(grid)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
@@ -158,13 +158,13 @@ def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding,
         while left < end:
             is_weighted = weighted <= left < weighted_end
             stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
-            n, here = index(min(stretch_end - left, BATCH_SIZE)), (row, left)
+            n, here = min(stretch_end - left, BATCH_SIZE), (row, left)
             if is_weighted:
                 n_covered += average_samples(visibility, radiance, translucent, here, grid, n, batch)
             else:
                 n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
             write_pixels(batch, n, n_channel, encoding, (j, left), out)
-            left += np.int64(n)
+            left += n
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
 
@@ -184,14 +184,14 @@ def fill_blank(out, j, first, end, encoding):
     """Fill a row's pixels first..end, where nothing is drawn, with the background, or with transparent black."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
     alpha, blank = np.float32(1) if encoding.has_background else np.float32(0), np.uint32(encoding.blank)
-    for i in range(index(first), index(end)):
-        out.rgba[index(j), i] = blank
+    for i in range(first, end):
+        out.rgba[j, i] = blank
     if out.color.shape[0] > 0:
-        for i in range(index(first), index(end)):
-            out.color[index(j), i, 0] = red
-            out.color[index(j), i, 1] = green
-            out.color[index(j), i, 2] = blue
-            out.alpha[index(j), i] = alpha
+        for i in range(first, end):
+            out.color[j, i, 0] = red
+            out.color[j, i, 1] = green
+            out.color[j, i, 2] = blue
+            out.alpha[j, i] = alpha
 
 
 @helper
@@ -205,9 +205,9 @@ def write_pixels(batch, n, n_channel, encoding, first, out):
     if encoding.has_background:
         show_background(pixels, n, encoding, 1 if is_single else 3)
     if out.color.shape[0] > 0:
-        write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
+        write_colors(pixels, n, out.color[j, left:], out.alpha[j, left:])
     if out.rgba.shape[0] > 0:
-        encode_batch(pixels, batch.levels, n, encoding, out.rgba[index(j), index(left) :])
+        encode_batch(pixels, batch.levels, n, encoding, out.rgba[j, left:])
 
 
 @helper
@@ -225,7 +225,7 @@ def tint_pixels(pixels, n, encoding):
 def show_background(pixels, n, encoding, n_channel):
     """Let the background show through what isn't covered."""
     one = np.float32(1)
-    for channel in range(index(n_channel)):
+    for channel in range(n_channel):
         behind, first = encoding.background[channel], channel * NEXT
         for i in range(n):
             pixels[first + i] = pixels[first + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
@@ -269,20 +269,20 @@ def average_single(visibility, radiance, translucent, first, n, batch):
     """See `average_samples`, for one sample a pixel: nothing is to sum."""
     if translucent is not None:
         return weight_single_samples(visibility, radiance, translucent, first, n, batch.values)
-    start = index(first[0] * visibility.pitch + first[1])
+    start = first[0] * visibility.pitch + first[1]
     return gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
 
 
 @helper
 def gather_samples(entries, radiance, start, pixels):
     """Copy one sample a pixel: its intensities and its coverage; return how many are covered."""
-    n = index(len(entries))
+    n = len(entries)
     zero, one = np.float32(0), np.float32(1)
-    n_covered = np.int64(0)
+    n_covered = 0
     for i in range(n):
         n_covered += entries[i] < CLEAR
         pixels[ALPHA + i] = one if entries[i] < CLEAR else zero
-    for channel in range(index(radiance.shape[0])):
+    for channel in range(radiance.shape[0]):
         source, target = radiance[channel, start : start + n], channel * NEXT
         for i in range(n):
             pixels[target + i] = np.float32(source[i]) if pixels[ALPHA + i] != zero else zero
@@ -292,14 +292,14 @@ def gather_samples(entries, radiance, start, pixels):
 @helper
 def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
     """Copy one sample a pixel and its opacity; return how many show anything."""
-    (row, left), n_covered = first, np.int64(0)
-    start, sample = index(row * visibility.pitch + left), index(translucent.columns[index(row)] + left)
+    (row, left), n_covered = first, 0
+    start, sample = row * visibility.pitch + left, translucent.columns[row] + left
     entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
     for i in range(n):
         weight = 1.0 if entries[i] < CLEAR else opacity[i]
         n_covered += weight > 0.0
         pixels[ALPHA + i] = weight
-    for channel in range(index(radiance.shape[0])):
+    for channel in range(radiance.shape[0]):
         source, target = radiance[channel, start : start + n], channel * NEXT
         for i in range(n):
             is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
@@ -310,9 +310,9 @@ def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
 @helper
 def average_several(visibility, radiance, translucent, first, grid, n, batch):
     """See `average_samples`, for several samples a pixel: PIECE pixels at a time."""
-    (row, left), pitch, n_seen, factor = first, visibility.pitch, np.int64(0), index(factor_of(grid))
-    for skipped in range(index(0), n, PIECE):
-        n_here, column = min(n - skipped, PIECE), (left + np.int64(skipped)) * np.int64(factor)
+    (row, left), pitch, n_seen, factor = first, visibility.pitch, 0, factor_of(grid)
+    for skipped in range(0, n, PIECE):
+        n_here, column = min(n - skipped, PIECE), (left + skipped) * factor
         n_opaque = count_opaque(visibility.entries, pitch, (row, column), factor, n_here)
         if n_opaque == np.int64(n_here * factor * factor):
             average_opaque(radiance, pitch, (row, column), factor, skipped, n_here, batch.values)
@@ -329,7 +329,7 @@ def average_several(visibility, radiance, translucent, first, grid, n, batch):
 @helper
 def clear_pixels(pixels, skipped, n):
     """Let n pixels after `skipped` ones show nothing."""
-    for channel in range(index(4)):
+    for channel in range(4):
         first = channel * NEXT + skipped
         for i in range(n):
             pixels[first + i] = np.float32(0)
@@ -338,9 +338,9 @@ def clear_pixels(pixels, skipped, n):
 @helper
 def count_opaque(entries, pitch, first, factor, n):
     """Count the samples of n pixels in which something opaque is seen; `first` is the row and column of samples."""
-    n_opaque, n_sample = np.int64(0), n * factor
+    n_opaque, n_sample = 0, n * factor
     for sub in range(factor):
-        start = index((first[0] + np.int64(sub)) * pitch + first[1])
+        start = (first[0] + sub) * pitch + first[1]
         of_row = entries[start : start + n_sample]
         for k in range(n_sample):
             n_opaque += of_row[k] < CLEAR
@@ -351,10 +351,10 @@ def count_opaque(entries, pitch, first, factor, n):
 def average_opaque(radiance, pitch, first, factor, skipped, n, pixels):
     """Compute the means of n pixels all of whose samples show something opaque; they come after `skipped` pixels."""
     scale = 1.0 / np.float64(factor * factor)
-    for channel in range(index(radiance.shape[0])):
+    for channel in range(radiance.shape[0]):
         target = channel * NEXT + skipped
-        start, step = index(first[0] * pitch + first[1]), index(pitch)
-        samples = radiance[channel, start : start + (factor - index(1)) * step + n * factor]
+        start, step = first[0] * pitch + first[1], pitch
+        samples = radiance[channel, start : start + (factor - 1) * step + n * factor]
         for i in range(n):
             total = 0.0
             for sub in range(factor):
@@ -371,13 +371,13 @@ def average_weighted(visibility, radiance, translucent, first, factor, skipped, 
 
     `first` is the row and column of samples; the pixels come after `skipped` ones.
     """
-    sums, weights, n_channel = batch.sums, batch.weights, index(radiance.shape[0])
-    n_seen, n_sample, (row, column) = np.int64(0), n * factor, first
-    for channel in range(index(4)):
+    sums, weights, n_channel = batch.sums, batch.weights, radiance.shape[0]
+    n_seen, n_sample, (row, column) = 0, n * factor, first
+    for channel in range(4):
         for i in range(n):
             sums[channel * NEXT + i] = 0.0
-    for sub in range(row, row + np.int64(factor)):
-        start = index(sub * visibility.pitch + column)
+    for sub in range(row, row + factor):
+        start = sub * visibility.pitch + column
         n_seen += fill_opacities(visibility, translucent, (sub, column), n_sample, weights)
         for channel in range(n_channel):
             add_weighted(radiance[channel, start : start + n_sample], weights, factor, n, sums[channel * NEXT :])
@@ -392,18 +392,18 @@ def fill_opacities(visibility, translucent, first, n, weights):
 
     `first` is the row and the column of samples of the first one.
     """
-    (row, left), n_seen, zero, one = first, np.int64(0), np.float64(0), np.float64(1)
-    start = index(row * visibility.pitch + left)
+    (row, left), n_seen, zero, one = first, 0, np.float64(0), np.float64(1)
+    start = row * visibility.pitch + left
     entries = visibility.entries[start : start + n]
     for k in range(n):
         weights[k] = one if entries[k] < CLEAR else zero
         n_seen += entries[k] < CLEAR
     if translucent is not None:
         strip = strip_of(row)
-        begin, end = max(left, translucent.left[strip]), min(left + np.int64(n), translucent.right[strip])
+        begin, end = max(left, translucent.left[strip]), min(left + n, translucent.right[strip])
         if begin < end:
-            sample = index(translucent.columns[index(row)] + begin)
-            before, n_here = index(begin - left), index(end - begin)
+            sample = translucent.columns[row] + begin
+            before, n_here = begin - left, end - begin
             opacity = translucent.opacity[sample : sample + n_here]
             for k in range(n_here):
                 is_behind = entries[before + k] >= CLEAR
@@ -462,8 +462,8 @@ def encode_picture(color, alpha, encoding, out_rgba):
     encoding : Encoding
     out_rgba : (height, width) uint32, see resolve.Picture
     """
-    for j in range(index(color.shape[0])):
-        for i in range(index(color.shape[1])):
+    for j in range(color.shape[0]):
+        for i in range(color.shape[1]):
             out_rgba[j, i] = encode_pixel(color[j, i, 0], color[j, i, 1], color[j, i, 2], alpha[j, i], encoding)
 
 
@@ -491,13 +491,13 @@ def encode_batch(pixels, levels, n, encoding, out):
             pixels[blue_start + i] *= scale
     # A grey picture has three equal channels.
     n_different = 1 if encoding.is_grey else 3
-    for channel in range(index(n_different)):
+    for channel in range(n_different):
         first = channel * NEXT
         for i in range(n):
             levels[first + i] = bits_within(pixels[first + i])
         for i in range(n):
             levels[first + i] = level_of_bits(levels[first + i])
-    green = NEXT if n_different == 3 else index(0)
+    green = NEXT if n_different == 3 else 0
     blue = green + green
     for i in range(n):
         out[i] = pack_bytes(levels[i], levels[green + i], levels[blue + i], encode_alpha(pixels[ALPHA + i]))

@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, spelled_out
+from ..compiler.kernels import helper, spelled_out
 from .visibility import LEVEL_BITS
 
 
 @helper
 def skip_to(first, k):
     """Return the sample that lies k samples to the right of another one."""
-    return first[0] + np.int64(k), first[1]
+    return first[0] + k, first[1]
 
 
 # ---------------------------------------------------------------- planes
@@ -32,8 +32,8 @@ class PlaneGroup(NamedTuple):
 
     numbers: np.ndarray  # (n << shift,) float32, the records
     record_mask: int  # int64, the bits of an entry that are the index of a record
-    shift: int  # uint64: a record begins at these bits shifted left
-    column: int  # uint64, where the group begins in a record
+    shift: int  # int64: a record begins at these bits shifted left
+    column: int  # int64, where the group begins in a record
 
 
 @spelled_out("build_planes_of_row")
@@ -48,9 +48,9 @@ def evaluate_planes(entries, group, first, out, start, stride):
     entries : (n,) int64; of those without the index of a record, the values of record 0
     group : PlaneGroup
     first : the sample (x, y) that the batch begins with
-    out : (n,) float32; written from `start` on, a row a plane, `stride` apart, both uint64
+    out : (n,) float32; written from `start` on, a row a plane, `stride` apart, both int64
     """
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         record = record_number(entries[k], group)
         across, down = offset_of_sample(first, k, group, record)
         write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
@@ -65,9 +65,9 @@ def write_row(rows, place, stride, values):
 
 @helper
 def record_number(entry, group):
-    """Return where the record that an entry shows begins, an `index`; 0 where it shows none."""
-    mask = group.record_mask if entry >> LEVEL_BITS & 1 else np.int64(0)
-    return index(entry & mask) << group.shift
+    """Return where the record that an entry shows begins; 0 where it shows none."""
+    mask = group.record_mask if entry >> LEVEL_BITS & 1 else 0
+    return (entry & mask) << group.shift
 
 
 @helper
@@ -76,17 +76,17 @@ def values_of_planes(numbers, plane, across, down):
     operation."""
     return (
         value_beside(numbers, plane, across, down),
-        value_beside(numbers, plane + index(1), across, down),
-        value_beside(numbers, plane + index(2), across, down),
-        value_beside(numbers, plane + index(3), across, down),
+        value_beside(numbers, plane + 1, across, down),
+        value_beside(numbers, plane + 2, across, down),
+        value_beside(numbers, plane + 3, across, down),
     )
 
 
 @helper
 def value_beside(numbers, plane, across, down):
     """Return the value of one plane, see `values_of_planes`."""
-    value = numbers[plane] + across * numbers[plane + index(PLANE_GROUP)]
-    return value + down * numbers[plane + index(2 * PLANE_GROUP)]
+    value = numbers[plane] + across * numbers[plane + PLANE_GROUP]
+    return value + down * numbers[plane + (2 * PLANE_GROUP)]
 
 
 @helper
@@ -94,13 +94,13 @@ def offset_of_sample(first, k, group, record):
     """Return how far sample k lies across and down from the one at which the planes of a record have their values,
     float32."""
     anchor = anchor_of(group, record)
-    return np.float32(first[0] + np.int64(k) - anchor[0]), np.float32(first[1] - anchor[1])
+    return np.float32(first[0] + k - anchor[0]), np.float32(first[1] - anchor[1])
 
 
 @helper
 def anchor_of(group, record):
     """Return the sample at which the planes of a record have their values: where four numbers are whole ones' bits."""
-    x, y = np.float32(group.numbers[record + index(1)]), np.float32(group.numbers[record + index(2)])
+    x, y = np.float32(group.numbers[record + 1]), np.float32(group.numbers[record + 2])
     return np.int64(x.view(np.int32)), np.int64(y.view(np.int32))
 
 
@@ -115,19 +115,19 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
     ----------
     group : PlaneGroup, in whose records the least values stand behind the planes, then the greatest
     out : (n,) float32, to which the rows are written
-    weights : uint64, where in `out` the factors of the samples begin
+    weights : int64, where in `out` the factors of the samples begin
     """
-    numbers, behind = group.numbers, index(3 * PLANE_GROUP)
-    for k in range(index(len(entries))):
+    numbers, behind = group.numbers, 3 * PLANE_GROUP
+    for k in range(len(entries)):
         record = record_number(entries[k], group)
         across, down = offset_of_sample(first, k, group, record)
         plane, weight = record + group.column, out[weights + k]
         v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
         values = (
             within(v0 * weight, numbers, plane + behind),
-            within(v1 * weight, numbers, plane + behind + index(1)),
-            within(v2 * weight, numbers, plane + behind + index(2)),
-            within(v3 * weight, numbers, plane + behind + index(3)),
+            within(v1 * weight, numbers, plane + behind + 1),
+            within(v2 * weight, numbers, plane + behind + 2),
+            within(v3 * weight, numbers, plane + behind + 3),
         )
         write_row(out, start + k, stride, values)
 
@@ -135,7 +135,7 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
 @helper
 def within(value, numbers, min_at):
     """Return a value kept within its range; the least one where it is no number."""
-    least, greatest = numbers[min_at], numbers[min_at + index(PLANE_GROUP)]
+    least, greatest = numbers[min_at], numbers[min_at + PLANE_GROUP]
     value = value if value > least else least
     return value if value < greatest else greatest
 
@@ -157,7 +157,7 @@ def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behi
 @helper
 def group_behind(group):
     """Return the group of planes that stands right behind another one."""
-    return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + index(3 * PLANE_GROUP))
+    return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + (3 * PLANE_GROUP))
 
 
 @spelled_out("build_slopes_of_row")
@@ -173,8 +173,8 @@ def evaluate_slopes(entries, group, first, out, start, stride):
 @helper
 def copy_slopes(entries, group, out, start, stride):
     """Copy the slopes of three planes for each sample: d/dx of each, then d/dy, behind the planes."""
-    for k in range(index(len(entries))):
-        first = record_number(entries[k], group) + group.column + index(PLANE_GROUP)
-        for i in range(index(PLANE_GROUP - 1)):
-            out[start + (index(PLANE_GROUP) + i) * stride + k] = group.numbers[first + i]
-            out[start + (index(2 * PLANE_GROUP - 1) + i) * stride + k] = group.numbers[first + index(PLANE_GROUP) + i]
+    for k in range(len(entries)):
+        first = record_number(entries[k], group) + group.column + PLANE_GROUP
+        for i in range(PLANE_GROUP - 1):
+            out[start + (PLANE_GROUP + i) * stride + k] = group.numbers[first + i]
+            out[start + ((2 * PLANE_GROUP - 1) + i) * stride + k] = group.numbers[first + PLANE_GROUP + i]

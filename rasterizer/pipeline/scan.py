@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel, spelled_out
+from ..compiler.kernels import helper, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
 from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_levels, compute_normals
@@ -121,15 +121,15 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
     """Draw a band's triangles as `scan` does into `out`, visibility and records, with the functions for what their
     attributes are: one computes their planes, the other one writes these into a record."""
     faces, (visibility, records) = band.faces, out
-    n_record = n_level = n_plane = n_exact = features = np.int64(0)
-    material = np.int64(0) if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
+    n_record = n_level = n_plane = n_exact = features = 0
+    material = 0 if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
     for first in range(0, len(faces), s.BLOCK):
-        some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
+        some = faces[first : min(first + s.BLOCK, len(faces))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
         s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
         n_attribute, of_block, has_others = look_at_materials(len(some), material, coding, block, deferred)
         features |= of_block
-        material = np.int64(-1) if has_others else material
+        material = -1 if has_others else material
         s.order_vertices(drawables.vertices.pixel, block)
         s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
@@ -139,7 +139,7 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
         else:
             compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
-        for k in range(index(len(some))):
+        for k in range(len(some)):
             box = box_of(k, block)
             if box.left >= box.right or box.top >= box.bottom:
                 continue
@@ -149,8 +149,8 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
             else:
                 has_planes = block.ints[s.HAS_PLANES + k] != 0
                 flags = plane_flags(k, block) if has_planes else IS_EXACT
-                payload = Payload(id_payload(n_record, flags), np.int64(0), np.int64(0))
-                n_unit = np.int64(1)
+                payload = Payload(id_payload(n_record, flags), 0, 0)
+                n_unit = 1
                 if has_planes:
                     n_unit = write_record(records, n_record, k, some[k], coding, block)
                 else:
@@ -184,18 +184,18 @@ def scan_index(band, drawables, block, visibility):
     """
     faces = band.faces
     for first in range(0, len(faces), s.BLOCK):
-        some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
+        some = faces[first : min(first + s.BLOCK, len(faces))]
         s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
         s.order_vertices(drawables.vertices.pixel, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
-        for k in range(index(len(some))):
+        for k in range(len(some)):
             box = box_of(k, block)
             if box.left >= box.right or box.top >= box.bottom:
                 continue
             is_small = block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k] <= MAX_EXTENT
-            flags = np.int64(0) if is_small and block.ints[s.HAS_PLANES + k] != 0 else IS_EXACT
-            payload = Payload(id_payload(first + np.int64(k), flags), np.int64(0), np.int64(0))
+            flags = 0 if is_small and block.ints[s.HAS_PLANES + k] != 0 else IS_EXACT
+            payload = Payload(id_payload(first + k, flags), 0, 0)
             note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
             fill(visibility, band.y_start, box, k, payload, block)
 
@@ -203,19 +203,19 @@ def scan_index(band, drawables, block, visibility):
 @helper
 def material_of_face(face, triangles):
     """Return the material of a triangle."""
-    return np.int64(triangles.material[face]) if len(triangles.material) > 0 else np.int64(0)
+    return np.int64(triangles.material[face]) if len(triangles.material) > 0 else 0
 
 
 @helper
 def look_at_materials(n, material, coding, block, deferred):
     """Return how many attributes the first n triangles of a block have at most, the features of the materials of those
     that are not deferred, and whether one of all these is another than `material`."""
-    n_attribute = features = others = np.int64(0)
+    n_attribute = features = others = 0
     if s.gather_materials(n, coding, block):
-        here = np.int64(block.ints[s.MATERIAL]) if len(coding.paths) > 1 else np.int64(0)
+        here = np.int64(block.ints[s.MATERIAL]) if len(coding.paths) > 1 else 0
         has_others = len(coding.paths) > 1 and here != material
         return coding.n_attributes[here], drawn_features(coding.features[here], deferred), has_others
-    for k in range(index(n)):
+    for k in range(n):
         here = np.int64(block.ints[s.MATERIAL + k])
         n_attribute = max(n_attribute, coding.n_attributes[here])
         features |= drawn_features(coding.features[here], deferred)
@@ -227,14 +227,14 @@ def look_at_materials(n, material, coding, block, deferred):
 def drawn_features(features, deferred):
     """Return the features of a material, int64; 0 where its triangles are deferred."""
     if deferred is not None:
-        return np.int64(0) if features & (IS_TRANSPARENT | IS_INVISIBLE) else np.int64(features)
+        return 0 if features & (IS_TRANSPARENT | IS_INVISIBLE) else np.int64(features)
     return np.int64(features)
 
 
 @helper
 def plane_flags(k, block):
     """Return the flag of triangle k's planes in entries, IS_WEIGHTED or 0."""
-    return IS_WEIGHTED if block.ints[s.IS_WEIGHTED + k] != 0 else np.int64(0)
+    return IS_WEIGHTED if block.ints[s.IS_WEIGHTED + k] != 0 else 0
 
 
 @helper
@@ -244,7 +244,7 @@ def is_deferred(k, face, payload, box, band, coding, block, deferred):
         material = np.int64(block.ints[s.MATERIAL + k])
         features = coding.features[material]
         if features & IS_TRANSPARENT:
-            n, found = index(deferred.found[0]), deferred.found
+            n, found = deferred.found[0], deferred.found
             deferred.faces[n], deferred.payloads[n] = face, payload
             found[0] += 1
             found[1 if payload & IS_EXACT == 0 else 2] += 1
@@ -377,7 +377,7 @@ def fill_box(visibility, y_start, box, surface):
         edges = (e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy)
         entries = (entry_at(plane, first, box.top), plane.dx, plane.dy)
         n_row = box.bottom - box.top
-        merge_box(visibility.entries, index(base + first), index(visibility.pitch), n_row, entries, edges, DEPTH_MASK)
+        merge_box(visibility.entries, base + first, visibility.pitch, n_row, entries, edges, DEPTH_MASK)
 
 
 @helper
@@ -408,7 +408,7 @@ def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
     Parameters
     ----------
     entries : (n,) int64, the visibility buffer, changed
-    start, pitch : uint64, the box's first entry in it, and entries from row to row
+    start, pitch : int64, the box's first entry in it, and entries from row to row
     n_row : int64, the height of the box
     plane : (value, d/dx, d/dy) uint64, what is merged; it wraps
     edges : (value, d/dx, d/dy) of each of the three edge functions, nine int64; their lowest 32 bits count, >= 0 is
@@ -418,7 +418,7 @@ def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
     value, dx, dy = plane
     e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy = edges
     for row in range(n_row):
-        first = np.int64(start) + row * np.int64(pitch)
+        first = start + row * pitch
         for k in range(LANES):
             inside = (e0 + k * e0_dx + row * e0_dy) | (e1 + k * e1_dx + row * e1_dy) | (e2 + k * e2_dx + row * e2_dy)
             new = np.uint64(value + np.uint64(k) * dx + np.uint64(row) * dy).view(np.int64)
@@ -458,7 +458,7 @@ def fill_spans(visibility, y_start, box, surface, fragments):
             x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
             if x_start < x_end:
                 first = (y - y_start) * visibility.pitch + x_start
-                span = visibility.entries[index(first) : index(first + x_end - x_start)]
+                span = visibility.entries[first : first + x_end - x_start]
                 if fragments is not None:
                     list_span(span, x_start, y - y_start, y, surface, fragments)
                 elif surface.is_sliver:
@@ -523,7 +523,7 @@ def fill_span(span, entry, step, depth_mask):
     entry, step : uint64, the first entry, and what a sample adds to it
     depth_mask : int64, the bits of an entry that are compared
     """
-    for k in range(index(len(span))):
+    for k in range(len(span)):
         new = np.int64(entry)
         span[k] = new if new < (span[k] & depth_mask) else span[k]
         entry += step
@@ -535,8 +535,8 @@ def fill_span(span, entry, step, depth_mask):
 @helper
 def fill_sliver_span(span, x_start, y, surface):
     """Fill a span of a triangle that is too thin or too steep for a plane."""
-    for k in range(index(len(span))):
-        new, old = entry_of_sliver(x_start + np.int64(k), y, surface), span[k]
+    for k in range(len(span)):
+        new, old = entry_of_sliver(x_start + k, y, surface), span[k]
         span[k] = new if new < (old & DEPTH_MASK) else old
 
 
@@ -574,14 +574,14 @@ def list_span(span, x_start, row, y, surface, fragments):
     row, y : the row in the band, and in the picture
     fragments : Fragments, with room for all
     """
-    before, entries, count, ties = fragments.before, fragments.entries, fragments.found[0], np.int64(0)
-    last = fragments.last[index(fragments.columns[index(row)] + x_start) :]
-    for k in range(index(len(span))):
-        x = x_start + np.int64(k)
+    before, entries, count, ties = fragments.before, fragments.entries, fragments.found[0], 0
+    last = fragments.last[fragments.columns[row] + x_start :]
+    for k in range(len(span)):
+        x = x_start + k
         new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(surface.plane, x, y))
         # Written in any case, and counted where it lies before: without a branch, which would be a coin toss.
         is_before = (new >= 0) & (new < span[k])
-        before[index(count)], entries[index(count)] = last[k], new
+        before[count], entries[count] = last[k], new
         last[k] = np.int32(count) if is_before else last[k]
         count += np.int64(is_before)
         ties |= is_tie(new, span[k])

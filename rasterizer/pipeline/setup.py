@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper
 from .cull import first_sample
 from .transform import DEPTH_BITS, DEPTH_MARGIN, HALF, SUBPIXEL, depths_on_plane
 
@@ -32,7 +32,7 @@ BLOCK = 64  # triangles
 
 def _starts(first, end):
     """Return where the rows first..end of a block begin, for the names below."""
-    return [index(BLOCK * k) for k in range(first, end)]
+    return [BLOCK * k for k in range(first, end)]
 
 
 # Rows of int32. The vertices are in 1/256 px, clockwise on the screen, the topmost (then leftmost) first; boxes in
@@ -44,10 +44,10 @@ ANCHOR_X, ANCHOR_Y = _starts(10, 12)
 EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
 IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
-MATERIAL = index(BLOCK * 21)
+MATERIAL = BLOCK * 21
 # What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
-PATH, N_OWN = index(BLOCK * 22), index(BLOCK * 23)
-IS_WEIGHTED = index(BLOCK * 24)  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
+PATH, N_OWN = BLOCK * 22, BLOCK * 23
+IS_WEIGHTED = BLOCK * 24  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
 N_INT = 25
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
@@ -62,13 +62,13 @@ Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 OWN_Z0, OWN_Z1, OWN_Z2, PLANE_SHIFT = _starts(9, 13)
-ATTRIBUTE, MAX_ATTRIBUTES = index(BLOCK * 13), 13
-PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = index(BLOCK * (13 + 3 * MAX_ATTRIBUTES)), 10
+ATTRIBUTE, MAX_ATTRIBUTES = BLOCK * 13, 13
+PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = BLOCK * (13 + 3 * MAX_ATTRIBUTES), 10
 TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(13 + 3 * MAX_ATTRIBUTES, 19 + 3 * MAX_ATTRIBUTES)
-LIMIT = index(BLOCK * (13 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES))
+LIMIT = BLOCK * (13 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES)
 N_REAL = 14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
-NEXT = index(BLOCK)  # from row to row
-NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
+NEXT = BLOCK  # from row to row
+NEXT_PLANE = 3 * BLOCK  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
 # rounds a rise D over an edge to 38·2^-53·E·D (the same sum as below), a 2^-28 of it, less than float32 rounds it to.
 MAX_ELONGATION = 2.0**20
@@ -116,7 +116,7 @@ def gather_vertices(faces, triangles, vertices, block):
     """
     ints, reals = block.ints, block.reals
     x, y, z = vertices.true_x, vertices.true_y, vertices.z
-    for k in range(index(len(faces))):
+    for k in range(len(faces)):
         face = faces[k]
         a, b, c = triangles.vertex_idx[0, face], triangles.vertex_idx[1, face], triangles.vertex_idx[2, face]
         reals[TRUE_XA + k], reals[TRUE_XB + k], reals[TRUE_XC + k] = x[a], x[b], x[c]
@@ -127,7 +127,7 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[CORNER2 + k] = triangles.corner_idx[2, face]
         ints[IS_FLIPPED + k] = triangles.is_inverted[face]
         ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
-    for k in range(index(len(faces)), index(BLOCK)):
+    for k in range(len(faces), BLOCK):
         ints[MATERIAL + k] = 0
 
 
@@ -138,14 +138,14 @@ def gather_materials(n, coding, block):
     ints, reals = block.ints, block.reals
     first, others = ints[MATERIAL] if len(coding.paths) > 1 else np.int32(0), np.int32(0)
     if len(coding.paths) > 1:
-        for k in range(index(n)):
+        for k in range(n):
             others |= ints[MATERIAL + k] ^ first
     if others == 0:
         path, n_own, limit = np.int32(coding.paths[first]), np.int32(coding.n_attributes[first]), coding.limits[first]
-        for k in range(index(BLOCK)):
+        for k in range(BLOCK):
             ints[PATH + k], ints[N_OWN + k], reals[LIMIT + k] = path, n_own, limit
         return True
-    for k in range(index(n)):
+    for k in range(n):
         material = ints[MATERIAL + k]
         ints[PATH + k], ints[N_OWN + k] = coding.paths[material], coding.n_attributes[material]
         reals[LIMIT + k] = coding.limits[material]
@@ -159,7 +159,7 @@ def order_vertices(pixel, block):
     Completes IS_FLIPPED, and computes the z of the triangles' planes; `pixel` is the PixelWidth of the vertices.
     """
     ints, reals = block.ints, block.reals
-    for k in range(index(BLOCK)):
+    for k in range(BLOCK):
         ta, tb, tc = reals[TRUE_XA + k], reals[TRUE_XB + k], reals[TRUE_XC + k]
         ua, ub, uc = reals[TRUE_YA + k], reals[TRUE_YB + k], reals[TRUE_YC + k]
         xa, xb, xc = rounded(ta), rounded(tb), rounded(tc)
@@ -214,7 +214,7 @@ def gather_attributes(n, n_attribute, drawables, reads_double, block):
     """
     if n_attribute == 0:
         return
-    for k in range(index(n)):
+    for k in range(n):
         gather_corners(k, n_attribute, drawables.attributes, reads_double[block.ints[MATERIAL + k]], block)
 
 
@@ -222,10 +222,10 @@ def gather_attributes(n, n_attribute, drawables, reads_double, block):
 def gather_corners(k, n_attribute, attributes, is_double, block):
     """Fetch the first attributes, as many as there are, of the vertices of triangle k, in float32 or float64."""
     ints, reals = block.ints, block.reals
-    side = index(attributes.shape[0] - 1) if ints[IS_FLIPPED + k] else index(0)
+    side = attributes.shape[0] - 1 if ints[IS_FLIPPED + k] else 0
     c0, c1, c2 = np.uint32(ints[CORNER0 + k]), np.uint32(ints[CORNER1 + k]), np.uint32(ints[CORNER2 + k])
     row = ATTRIBUTE + k
-    for column in range(index(min(n_attribute, attributes.shape[2]))):
+    for column in range(min(n_attribute, attributes.shape[2])):
         a, b, c = attributes[side, c0, column], attributes[side, c1, column], attributes[side, c2, column]
         reals[row] = a if is_double else np.float32(a)
         reals[row + NEXT] = b if is_double else np.float32(b)
@@ -246,7 +246,7 @@ def compute_boxes(rows, width, block):
     width : of the picture, samples
     """
     ints = block.ints
-    for k in range(index(BLOCK)):
+    for k in range(BLOCK):
         x0, x1, x2 = ints[X0 + k], ints[X1 + k], ints[X2 + k]
         y0, y1, y2 = ints[Y0 + k], ints[Y1 + k], ints[Y2 + k]
         first_x, first_y = first_sample(min(x0, x1, x2)), first_sample(y0)
@@ -265,7 +265,7 @@ def compute_depth_planes(block):
     whose depth is too steep for one.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
-    for k in range(index(BLOCK)):
+    for k in range(BLOCK):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from ..geometry.vectors import scale
 from . import fragments as f
 from .fragments import BATCH_SIZE
@@ -59,7 +59,7 @@ def shade_interpolated(band, tint, batch, out_radiance):
     for j in range(band.n_row):
         y, (left, right) = band.y_start + j, row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
-            start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
+            start, n = j * visibility.pitch + first, min(right - first, BATCH_SIZE)
             entries = visibility.entries[start : start + n]
             if band.counts.n_exact == 0 or needs_decoding(entries):
                 decode_batch(entries, band, (first, y), tint, batch, out_radiance, start)
@@ -71,10 +71,10 @@ def shade_interpolated(band, tint, batch, out_radiance):
 def decode_batch(entries, band, first, tint, batch, out_radiance, start):
     """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry, `start`
     its number in the band."""
-    step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], index(len(entries))
+    step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], len(entries)
     has_affine, has_weighted = find_planes(entries) if band.counts.n_plane > 0 else (False, False)
     if not has_affine and not has_weighted:
-        for channel in range(index(n_channel)):
+        for channel in range(n_channel):
             # A level times the tint, as the resolve stage multiplies it: rounded twice.
             factor = tint[channel] if n_channel > 1 else np.float32(1)
             decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
@@ -84,7 +84,7 @@ def decode_batch(entries, band, first, tint, batch, out_radiance, start):
     if has_weighted:
         decode_weighted(entries, band, first, n_channel, has_affine, batch)
     if band.counts.n_level == 0 and all_have_colors(band.coding.features):
-        for channel in range(index(n_channel)):
+        for channel in range(n_channel):
             out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
             for k in range(n):
                 out[k] = batch[source + k]
@@ -100,14 +100,14 @@ def decode_batch(entries, band, first, tint, batch, out_radiance, start):
 @helper
 def decode_levels(entries, level_step, tint, out):
     """Fill intensities that stand in the entries."""
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         out[k] = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step * tint
 
 
 @helper
 def merge_levels(entries, level_step, values, out):
     """Fill the intensities of one channel: those of the entries, or `values` where these hold indices."""
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         level = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
         out[k] = values[k] if entries[k] & IS_ID else level
 
@@ -115,7 +115,7 @@ def merge_levels(entries, level_step, values, out):
 @helper
 def merge_colors(entries, band, level_step, tint, batch, out):
     """Fill the intensities of three channels; those of the planes are in the batch."""
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         red, green, blue = batch[f.NORMAL + k], batch[f.NORMAL + f.NEXT + k], batch[f.NORMAL + f.NEXT + f.NEXT + k]
         if not entries[k] & IS_ID:
             red = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
@@ -128,7 +128,7 @@ def merge_colors(entries, band, level_step, tint, batch, out):
 def all_have_colors(features):
     """Tell whether all materials have three channels."""
     common = HAS_COLORS
-    for k in range(index(len(features))):
+    for k in range(len(features)):
         common &= features[k]
     return common != 0
 
@@ -139,8 +139,8 @@ def all_have_colors(features):
 @helper
 def find_planes(entries):
     """Tell whether any entry holds the index of affine planes, or of an exact record; and of weighted ones."""
-    affine = weighted = np.int64(0)
-    for k in range(index(len(entries))):
+    affine = weighted = 0
+    for k in range(len(entries)):
         is_id = entries[k] >> (LEVEL_BITS - 1)  # IS_ID at the place of IS_WEIGHTED
         affine |= is_id & ~entries[k]
         weighted |= is_id & entries[k]
@@ -151,12 +151,12 @@ def find_planes(entries):
 def decode_weighted(entries, band, first, n_channel, has_others, batch):
     """Put in the values of weighted planes: run by run where entries show others, too; as a rule few are weighted."""
     (x, y), group = first, plane_group(band.records, VALUES)
-    start, end = (index(0), index(len(entries))) if not has_others else next_weighted_run(entries, index(0))
+    start, end = (0, len(entries)) if not has_others else next_weighted_run(entries, 0)
     while start < end:
         run = entries[start:end]
         fill_weights(run, band.coding.depths, batch)
-        evaluate_values(run, group, (x + np.int64(start), y), batch, WEIGHTED, f.NEXT, f.WEIGHT)
-        for channel in range(index(n_channel)):
+        evaluate_values(run, group, (x + start, y), batch, WEIGHTED, f.NEXT, f.WEIGHT)
+        for channel in range(n_channel):
             target, source = f.NORMAL + channel * f.NEXT + start, WEIGHTED + channel * f.NEXT
             for k in range(end - start):
                 batch[target + k] = batch[source + k]
@@ -166,12 +166,12 @@ def decode_weighted(entries, band, first, n_channel, has_others, batch):
 @helper
 def next_weighted_run(entries, start):
     """Find the next samples in a row that show weighted planes: (start, end); an empty one where there is none."""
-    n, both = index(len(entries)), IS_ID | IS_WEIGHTED
+    n, both = len(entries), IS_ID | IS_WEIGHTED
     while start < n and entries[start] & both != both:
-        start += index(1)
+        start += 1
     end = start
     while end < n and entries[end] & both == both:
-        end += index(1)
+        end += 1
     return start, end
 
 
@@ -179,7 +179,7 @@ def next_weighted_run(entries, start):
 def fill_weights(entries, depths, batch):
     """Fill 1/r, by which the values of planes are multiplied; see gradients.py."""
     offset, step = depths.ratio_offset, depths.ratio_scale
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         ratio = offset + step * float(entries[k] >> PAYLOAD_BITS)
         batch[f.WEIGHT + k] = np.float32(1) / np.float32(ratio)
 
@@ -191,16 +191,16 @@ def fill_weights(entries, depths, batch):
 def interpolate_intensities(entries, records, first, features, tint, out_radiance, start):
     """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry, `start` its number in
     the band."""
-    last_record, n_channel = index(len(records.integers) - 1), index(out_radiance.shape[0])
-    k, end = next_exact_run(entries, index(0))
+    last_record, n_channel = len(records.integers) - 1, out_radiance.shape[0]
+    k, end = next_exact_run(entries, 0)
     while k < end:
         # Where levels stand in entries, a record's number is a matter of arithmetic: whatever it is, nothing else is
         # read.
         record = min(record_of(entries[k]), last_record)
         is_colored = bool(features[material_of(entries[k], records)] & HAS_COLORS)
         for channel in range(n_channel):
-            out, attribute = out_radiance[channel, start + k : start + end], channel if is_colored else index(0)
-            interpolate_channel(records, record, attribute, (first[0] + np.int64(k), first[1]), out)
+            out, attribute = out_radiance[channel, start + k : start + end], channel if is_colored else 0
+            interpolate_channel(records, record, attribute, (first[0] + k, first[1]), out)
             if n_channel > 1 and not is_colored:
                 for i in range(end - k):
                     out[i] = out[i] * tint[channel]
@@ -215,9 +215,9 @@ def interpolate_channel(records, record, attribute, first, out):
     together, sample by sample, and less to compile.
     """
     triangle = exact_triangle(records, record)
-    of_corners = corner_values(records.reals, record, index(ATTRIBUTE) + index(3) * attribute)
-    for k in range(index(len(out))):
-        q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+    of_corners = corner_values(records.reals, record, ATTRIBUTE + 3 * attribute)
+    for k in range(len(out)):
+        q = corner_weights(triangle, first[0] + k, first[1])
         out[k] = mean(of_corners, scale(q, inverse_sum(q)))
 
 
@@ -266,7 +266,7 @@ def fade(band, depths, is_perspective, cue, out_radiance):
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
         for i in range(left, right):
-            sample = index(j * visibility.pitch + i)
+            sample = j * visibility.pitch + i
             entry = visibility.entries[sample]
             if entry >= CLEAR:
                 continue
@@ -280,5 +280,5 @@ def fade(band, depths, is_perspective, cue, out_radiance):
                 inverse = depths.inv_w_offset + depths.inv_w_scale * z
                 depth = 1.0 / inverse if is_perspective else depths.depth_offset + depths.depth_scale * z
             share = cue.scale / (cue.scale + max(depth - cue.start, 0.0))
-            for channel in range(index(out_radiance.shape[0])):
+            for channel in range(out_radiance.shape[0]):
                 out_radiance[channel, sample] = share * out_radiance[channel, sample] + (1.0 - share) * color[channel]

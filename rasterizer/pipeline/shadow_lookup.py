@@ -61,7 +61,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, choice, helper, index, kernel
+from ..compiler.kernels import as_array, choice, helper, kernel
 from ..geometry.vectors import add, dot, length, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -111,17 +111,16 @@ def occlude(batch, n, shadow_map):
     batch, header = as_array(batch, f.BATCH_SHAPE), as_array(shadow_map, (HEADER,))
     size, n_map = np.int64(header[SIZE]), np.int64(header[N_MAP])
     texels = as_array(shadow_map, (HEADER + n_map * size * size,))
-    n = index(n)
     move_points(batch, header, n)
     if n_map == 1:
-        look_up(batch, header, texels, 0, index(0), n)
+        look_up(batch, header, texels, 0, 0, n)
         return
     compute_cube_faces(batch, n)
-    start = index(0)
+    start = 0
     while start < n:  # neighbouring points look at the same map
-        face, end = batch[CUBE_FACE + start], start + index(1)
+        face, end = batch[CUBE_FACE + start], start + 1
         while end < n and batch[CUBE_FACE + end] == face:
-            end += index(1)
+            end += 1
         look_up(batch, header, texels, np.int64(face), start, end)
         start = end
 
@@ -199,7 +198,7 @@ def look_up(batch, header, texels, number, start, end):
     if layer < 0:
         return  # nothing is to be seen there, so nothing is in the way
     compute_limits(batch, read_view(header, number), size, n_tap >> 1, start, end)
-    first = index(HEADER + layer * size * size)
+    first = HEADER + layer * size * size
     if n_tap == 1:
         gather_texels(batch, texels, first, start, end)
         compare(batch, start, end)
@@ -301,7 +300,7 @@ def gather_texels(batch, texels, first, start, end):
     instructions of what else stands in it.
     """
     for k in range(start, end):
-        batch[TEXEL + k] = texels[first + index(index_of(batch[TEXEL_IDX + k]))]
+        batch[TEXEL + k] = texels[first + index_of(batch[TEXEL_IDX + k])]
 
 
 @helper
@@ -326,9 +325,9 @@ def count_lit(batch, texels, first, sizes, start, end):
     # A quotient: where all taps are lit, it is 1, and no rounding changes the strength.
     total = real(n_tap * n_tap)
     for k in range(start, end):
-        corner = np.int64(first) + np.int64(index_of(batch[TEXEL_IDX + k])) - to_corner
+        corner = first + np.int64(index_of(batch[TEXEL_IDX + k])) - to_corner
         plane = batch[LIMIT + k], batch[SLOPE_X + k], batch[SLOPE_Y + k]
-        batch[N_BEFORE + k] = real(count_before(texels, index(corner), index(size), n_tap, plane))
+        batch[N_BEFORE + k] = real(count_before(texels, corner, size, n_tap, plane))
     for k in range(start, end):  # a loop of its own, as in `gather_texels`
         share = (total - batch[N_BEFORE + k]) / total
         batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * share if share > zero else zero
@@ -341,16 +340,16 @@ def count_before(texels, corner, pitch, n_tap, plane):
     Parameters
     ----------
     texels : (n,) float32 or float64
-    corner, pitch : uint64, the square's first texel, and texels from row to row
+    corner, pitch : int64, the square's first texel, and texels from row to row
     n_tap : int64, texels a side
     plane : (limit, slope_x, slope_y), the plane's value in the middle of the square, and what it changes by a texel to
         the right and down; a texel that is larger lies before it
     """
-    (limit, slope_x, slope_y), radius, n_before = plane, n_tap >> 1, np.int64(0)
-    for j in range(index(n_tap)):
-        first, down = corner + j * pitch, texels.dtype.type(np.int64(j) - radius)
-        for i in range(index(n_tap)):
-            right = texels.dtype.type(np.int64(i) - radius)
+    (limit, slope_x, slope_y), radius, n_before = plane, n_tap >> 1, 0
+    for j in range(n_tap):
+        first, down = corner + j * pitch, texels.dtype.type(j - radius)
+        for i in range(n_tap):
+            right = texels.dtype.type(i - radius)
             n_before += texels[first + i] > limit + right * slope_x + down * slope_y
     return n_before
 
@@ -370,13 +369,13 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
     furthest = real(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
-        row = out_texels[index(y_start + j)]
-        left, right = index(max(left, 0)), index(min(max(right, left, 0), len(row)))
-        for i in range(min(left, index(len(row)))):
+        row = out_texels[y_start + j]
+        left, right = max(left, 0), min(max(right, left, 0), len(row))
+        for i in range(min(left, len(row))):
             row[i] = furthest
-        for i in range(right, index(len(row))):
+        for i in range(right, len(row)):
             row[i] = furthest
-        here = entries[index(j * visibility.pitch) :]
+        here = entries[j * visibility.pitch :]
         for i in range(left, right):
             row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else furthest
     clear(visibility, n_row)

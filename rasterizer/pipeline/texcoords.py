@@ -21,7 +21,7 @@ du/dx = (U_x - u·D_x)/D.
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper
 from ..geometry.vectors import scale
 from .fragments import BARYCENTRIC, BATCH_SIZE, INVERSE_SUM, TEXCOORD_T, TEXCOORD_U, get_vector, set_vector
 from .interpolate import corner_values, exact_triangle, inverse_sum, mean, next_exact_run, sample_weights, weight_steps
@@ -36,7 +36,7 @@ from .visibility import LANES, record_of
 
 def _quantity(number):
     """Return where a quantity begins in a batch."""
-    return index(BATCH_SIZE * number)
+    return BATCH_SIZE * number
 
 
 # What comes in for each sample: four planes of its record and, for mip levels, the slopes of three of them
@@ -65,7 +65,7 @@ def padded(n):
 @helper
 def clear_texcoords(batch, n):
     """Let n samples show the picture's corner: those of which nothing is known read texels that there are."""
-    for k in range(index(padded(n))):
+    for k in range(padded(n)):
         batch[S + k] = batch[T + k] = batch[MIP_LEVEL + k] = np.float32(0)
 
 
@@ -97,7 +97,7 @@ def put_in_exact_texcoords(entries, records, first, material, attribute, texture
     weights : the batch of float64, see fragments.py
     batch : LOOKUP_SHAPE float32
     """
-    start, end = next_exact_run(entries, index(0))
+    start, end = next_exact_run(entries, 0)
     while start < end:
         if material_of(entries[start], records) == material:
             n, record, where = end - start, record_of(entries[start]), skip_to(first, start)
@@ -132,9 +132,9 @@ def fill_barycentric(records, record, first, n, batch):
 @helper
 def corner_texcoords(records, record, attribute, wraps):
     """Return u and 1 - v of an exact record, each at the three corners, without whole repeats of the picture."""
-    column = index(ATTRIBUTE) + index(3) * index(attribute)
+    column = ATTRIBUTE + 3 * attribute
     us = without_repeats(corner_values(records.reals, record, column), wraps[0])
-    vs = without_repeats(corner_values(records.reals, record, column + index(3)), wraps[1])
+    vs = without_repeats(corner_values(records.reals, record, column + 3), wraps[1])
     return us, (1.0 - vs[0], 1.0 - vs[1], 1.0 - vs[2])
 
 
@@ -229,7 +229,7 @@ def compute_texcoords(batch, n, texture):
 def divide_planes(batch, n):
     """Turn S and T into s' and t'."""
     one = np.float32(1)
-    for k in range(index(n)):
+    for k in range(n):
         w = one / batch[INV_W + k]
         batch[S_OFFSET + k] *= w
         batch[T_OFFSET + k] *= w
@@ -239,7 +239,7 @@ def divide_planes(batch, n):
 def divide_with_slopes(batch, n, texture):
     """Turn S and T into s' and t', and fill the mip levels: with s' = S/D, ds/dx = (S_x - s'·D_x)/D."""
     coarsest, one = np.float32(texture.coarsest), np.float32(1)
-    for k in range(index(n)):
+    for k in range(n):
         w = one / batch[INV_W + k]
         s, t = batch[S_PLANE + k] * w, batch[T_PLANE + k] * w
         batch[S_OFFSET + k], batch[T_OFFSET + k] = s, t
@@ -268,20 +268,20 @@ def wrap_axis(batch, n, source, out, wrap, axis):
     """
     to_picture = np.float32(1) / np.float32(axis[0])
     if wrap == WRAP_CLAMP:
-        for k in range(index(n)):
+        for k in range(n):
             reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(18))
             s = np.int32(reference + clamped_offset(batch[source + k] * to_picture))
             s = min(max(s, ZERO), np.int32((1 << 29) - 1))
             batch[out + k] = from_bits(np.int32(s << np.int32(3)))
     elif wrap == WRAP_MIRROR:
         to_period = np.float32(0.5) * to_picture
-        for k in range(index(n)):
+        for k in range(n):
             reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
             s = np.int32(reference + periodic_offset(batch[source + k] * to_period))
             s = np.int32(s ^ np.int32(s >> np.int32(31)))
             batch[out + k] = from_bits(np.int32(s << ONE))
     else:
-        for k in range(index(n)):
+        for k in range(n):
             reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
             s = np.int32(reference + periodic_offset(batch[source + k] * to_picture))
             batch[out + k] = from_bits(s)

@@ -11,7 +11,7 @@ sample, by loops that intrinsics.py spells out for the compiler.
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, spelled_out
+from ..compiler.kernels import helper, spelled_out
 from .fragments import BATCH_SIZE
 from .samples import write_row
 from .texcoords import FIRST_OF_LOOKUP, MIP_LEVEL, TEXEL, S, T, bits_of, from_bits, padded
@@ -19,9 +19,9 @@ from .textures import FILTER_NEAREST, FILTER_TRILINEAR, ONE, ZERO, halved, level
 
 # In place of the planes: the texels up left and down left of the sample (whole numbers), and how far it lies to the
 # right of the left ones and below the upper ones; all four of the next mip level, too; its fraction.
-TOP, BOTTOM, RIGHT, DOWN = (FIRST_OF_LOOKUP + index(BATCH_SIZE * k) for k in range(4))
-NEXT_MIP_LEVEL = index(BATCH_SIZE * 4)
-LEVEL_FRACTION = FIRST_OF_LOOKUP + index(BATCH_SIZE * 8)
+TOP, BOTTOM, RIGHT, DOWN = (FIRST_OF_LOOKUP + (BATCH_SIZE * k) for k in range(4))
+NEXT_MIP_LEVEL = BATCH_SIZE * 4
+LEVEL_FRACTION = FIRST_OF_LOOKUP + (BATCH_SIZE * 8)
 TEXEL_ROWS = TOP, BOTTOM, RIGHT, DOWN
 MIP_LEVEL_ROWS = (*TEXEL_ROWS, *(row + NEXT_MIP_LEVEL for row in TEXEL_ROWS), LEVEL_FRACTION)
 
@@ -40,24 +40,24 @@ def read_texels(batch, n, texture):
     n = padded(n)
     if texture.filter == FILTER_NEAREST:
         locate_nearest_texels(batch, n, texture)
-        fetch_texels(texture.texels, batch, (TOP,), index(n), TEXEL)
+        fetch_texels(texture.texels, batch, (TOP,), n, TEXEL)
     elif locate_texels(batch, n, texture):
-        blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), TEXEL)
+        blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, n, TEXEL)
     else:
-        blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), TEXEL)
+        blend_texels(texture.texels, batch, TEXEL_ROWS, n, TEXEL)
 
 
 # ---------------------------------------------------------------- which texels a sample needs, and their weights
 
 HALF_BITS, LOW_BITS = np.int32(16), np.int32(0xFFFF)
-PIECE = index(32)  # samples that are located together: where they show the first mip level alone, in half the time
+PIECE = 32  # samples that are located together: where they show the first mip level alone, in half the time
 
 
 @helper
 def locate_nearest_texels(batch, n, texture):
     """Fill the texels that samples lie in."""
     pitch = np.int32(texture.width + np.int32(2))
-    for k in range(index(n)):
+    for k in range(n):
         column = np.int32(product_of(bits_of(batch[S + k]), texture.width)[0] >> HALF_BITS)
         row = np.int32(product_of(bits_of(batch[T + k]), texture.height)[0] >> HALF_BITS)
         batch[TOP + k] = from_bits(np.int32(np.int32(column + ONE) + np.int32(np.int32(row + ONE) * pitch)))
@@ -69,8 +69,8 @@ def locate_texels(batch, n, texture):
 
     Of those that show the first level alone, the fraction of the next one is 0, and its texels may be anything.
     """
-    is_mixed, end = False, index(n)
-    for first in range(index(0), end, PIECE):
+    is_mixed, end = False, n
+    for first in range(0, end, PIECE):
         last = min(first + PIECE, end)
         if texture.filter == FILTER_TRILINEAR and has_level(batch, first, last):
             locate_in_levels(batch, first, last, texture)
@@ -99,7 +99,7 @@ def locate_in_levels(batch, first, end, texture):
         finer = np.int32(batch[MIP_LEVEL + k])
         coarser = min(np.int32(finer + ONE), coarsest)
         size = halved(width, finer), halved(height, finer)
-        set_texels(batch, k, index(0), level_start(area, rim, finer), size)
+        set_texels(batch, k, 0, level_start(area, rim, finer), size)
         size = halved(width, coarser), halved(height, coarser)
         set_texels(batch, k, NEXT_MIP_LEVEL, level_start(area, rim, coarser), size)
         batch[LEVEL_FRACTION + k] = batch[MIP_LEVEL + k] - np.float32(finer)
@@ -110,7 +110,7 @@ def locate_in_picture(batch, first, end, texture):
     """Fill the texels and weights of the first mip level."""
     size = np.int32(texture.width), np.int32(texture.height)
     for k in range(first, end):
-        set_texels(batch, k, index(0), ZERO, size)
+        set_texels(batch, k, 0, ZERO, size)
         batch[LEVEL_FRACTION + k] = np.float32(0)
 
 
@@ -156,45 +156,45 @@ def product_of(s, n_texel):
 #
 # texels : (4 * n_texel,) float32
 # batch : float32, rows of BATCH_SIZE; whole numbers are the 32 bits of what stands in them
-# rows : where rows begin in the batch, uint64
-# n : uint64, samples
-# out : uint64, where the first of four rows begins in the batch, one for each channel. Samples up to the next multiple
+# rows : where rows begin in the batch, int64
+# n : int64, samples
+# out : int64, where the first of four rows begins in the batch, one for each channel. Samples up to the next multiple
 #     of PLANE_GROUP may be read and written, too
 
 
 @spelled_out("build_fetch_texels")
 def fetch_texels(texels, batch, rows, n, out):
     """Read the texel of each sample; rows : (texel,)."""
-    for k in range(index(n)):
-        write_row(batch, out + index(k), index(BATCH_SIZE), texel_at(texels, bits_of(batch[rows[0] + index(k)])))
+    for k in range(n):
+        write_row(batch, out + k, BATCH_SIZE, texel_at(texels, bits_of(batch[rows[0] + k])))
 
 
 @spelled_out("build_blend_texels")
 def blend_texels(texels, batch, rows, n, out):
     """Mean the texels of each sample; rows : (top, bottom, right, down), see `mean_of_texels`."""
-    for k in range(index(n)):
-        color = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), index(k))
-        write_row(batch, out + index(k), index(BATCH_SIZE), color)
+    for k in range(n):
+        color = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), k)
+        write_row(batch, out + k, BATCH_SIZE, color)
 
 
 @spelled_out("build_blend_mip_levels")
 def blend_mip_levels(texels, batch, rows, n, out):
     """Mix two means of texels; rows : four of one mip level, four of the other, and the fraction of the latter: where
     that is 0 it is not read."""
-    for k in range(index(n)):
-        fraction = batch[rows[8] + index(k)]
-        color = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), index(k))
+    for k in range(n):
+        fraction = batch[rows[8] + k]
+        color = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), k)
         if fraction != 0:
-            other = mean_of_texels(texels, batch, (rows[4], rows[5], rows[6], rows[7]), index(k))
+            other = mean_of_texels(texels, batch, (rows[4], rows[5], rows[6], rows[7]), k)
             color = mix(color, other, fraction)
-        write_row(batch, out + index(k), index(BATCH_SIZE), color)
+        write_row(batch, out + k, BATCH_SIZE, color)
 
 
 @helper
 def texel_at(texels, texel):
     """Return the four channels of a texel."""
-    i = index(texel) << index(2)
-    return texels[i], texels[i + index(1)], texels[i + index(2)], texels[i + index(3)]
+    i = texel << 2
+    return texels[i], texels[i + 1], texels[i + 2], texels[i + 3]
 
 
 @helper

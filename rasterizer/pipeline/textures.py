@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from . import setup as s
 from .setup import MIN_INVERSE, SINGLE, compute_plane, linear_in_z, values_at
 
@@ -54,11 +54,11 @@ class Texture(NamedTuple):
 @helper
 def texture_of(textures, material):
     """Return the texture of a material that has one."""
-    texture = index(textures.of_materials[material])
-    first, end = index(textures.first_texels[texture]), index(textures.first_texels[texture + index(1)])
+    texture = textures.of_materials[material]
+    first, end = textures.first_texels[texture], textures.first_texels[texture + 1]
     width, height, n_level = textures.sizes[texture, 0], textures.sizes[texture, 1], textures.sizes[texture, 2]
     return Texture(
-        textures.texels[first << index(2) : end << index(2)],
+        textures.texels[first << 2 : end << 2],
         np.int32(width),
         np.int32(height),
         np.int32(n_level - 1),
@@ -119,15 +119,15 @@ def decode_texels(encoded, n_channel, decoded, out):
     out : (h, 4 * (w + 2)) float32; its border is left alone
     """
     of_color, of_alpha = decoded[0], decoded[1]
-    step, n_color = index(n_channel), index(n_channel - 1 + n_channel % 2)
-    for j in range(index(encoded.shape[0])):
+    step, n_color = n_channel, n_channel - 1 + n_channel % 2
+    for j in range(encoded.shape[0]):
         row, target = encoded[j], out[j]
-        for i in range((index(out.shape[1]) >> index(2)) - index(2)):
-            texel, first = index(4) * i + index(4), step * i
+        for i in range((out.shape[1] >> 2) - 2):
+            texel, first = 4 * i + 4, step * i
             target[texel] = of_color[row[first]]
-            target[texel + index(1)] = of_color[row[first + (index(1) if n_color == index(3) else index(0))]]
-            target[texel + index(2)] = of_color[row[first + n_color - index(1)]]
-            target[texel + index(3)] = of_alpha[row[first + n_color]] if step != n_color else np.float32(1)
+            target[texel + 1] = of_color[row[first + (1 if n_color == 3 else 0)]]
+            target[texel + 2] = of_color[row[first + n_color - 1]]
+            target[texel + 3] = of_alpha[row[first + n_color]] if step != n_color else np.float32(1)
 
 
 @kernel
@@ -136,7 +136,7 @@ def largest_steps(rows):
 
     rows : (h, 4 * (w + 2)) float32
     """
-    height, n, pixel, one = index(rows.shape[0]), index(rows.shape[1]), index(4), index(1)
+    height, n, pixel, one = rows.shape[0], rows.shape[1], 4, 1
     across = down = np.int32(0)  # the bits of positive floats are in order as the floats are
     for j in range(height):
         row = rows[j]
@@ -158,11 +158,11 @@ def halve_texels(rows, out):
     rows : (2 m or more, 4 * (2 w + 2)) float32, of a mip level with its border
     out : (m, 4 * (w + 2)) float32, of the next one; its border is left alone
     """
-    for j in range(index(out.shape[0])):
-        above, below, target = rows[j + j], rows[j + j + index(1)], out[j]
-        for i in range((index(out.shape[1]) >> index(2)) - index(2)):
-            left, right, texel = index(8) * i + index(4), index(8) * i + index(8), index(4) * i + index(4)
-            for k in range(index(4)):
+    for j in range(out.shape[0]):
+        above, below, target = rows[j + j], rows[j + j + 1], out[j]
+        for i in range((out.shape[1] >> 2) - 2):
+            left, right, texel = 8 * i + 4, 8 * i + 8, 4 * i + 4
+            for k in range(4):
                 of_left = np.float64(above[left + k]) + np.float64(below[left + k])
                 of_right = np.float64(above[right + k]) + np.float64(below[right + k])
                 target[texel + k] = np.float32((of_left + of_right) * 0.25)
@@ -176,11 +176,11 @@ def halve_weighted_texels(rows, out):
     ----------
     rows, out : as in `halve_texels`
     """
-    alpha = index(3)
-    for j in range(index(out.shape[0])):
-        above, below, target = rows[j + j], rows[j + j + index(1)], out[j]
-        for i in range((index(out.shape[1]) >> index(2)) - index(2)):
-            left, right, texel = index(8) * i + index(4), index(8) * i + index(8), index(4) * i + index(4)
+    alpha = 3
+    for j in range(out.shape[0]):
+        above, below, target = rows[j + j], rows[j + j + 1], out[j]
+        for i in range((out.shape[1] >> 2) - 2):
+            left, right, texel = 8 * i + 4, 8 * i + 8, 4 * i + 4
             a, b = np.float64(above[left + alpha]), np.float64(below[left + alpha])
             c, d = np.float64(above[right + alpha]), np.float64(below[right + alpha])
             mean_alpha = ((a + b) + (c + d)) * 0.25
@@ -258,7 +258,7 @@ def texture_error(textures, texture, s_error, t_error, level_error):
     Parameters
     ----------
     textures : Textures
-    texture : its number, an `index`
+    texture : its number
     s_error, t_error : of the texture coordinates s and t, texels of the picture; see `texcoord_error`
     level_error : of the mip level that the planes would give exactly; 1.45 times the error of its derivatives in texels
         a sample is enough, as d log2 g = dg / (g·ln 2) and levels above 0 have g > 1
@@ -282,8 +282,8 @@ def texture_error(textures, texture, s_error, t_error, level_error):
     larger than the largest texel.
     """
     row = textures.errors[texture]
-    bound = s_error * row[index(OF_S)] + t_error * row[index(OF_T)] + level_error * row[index(OF_LEVEL)]
-    bound += row[index(ALWAYS)]
+    bound = s_error * row[OF_S] + t_error * row[OF_T] + level_error * row[OF_LEVEL]
+    bound += row[ALWAYS]
     return bound if bound >= 0.0 else np.inf
 
 
@@ -330,7 +330,7 @@ def level_difference(differences, largest) -> float:
 # Both references of a triangle are one float32, a whole number below 2^24: 12 bits each, s_ref in the lower ones. 2^11
 # is the whole picture, or two of them where the picture is mirrored.
 
-TEXCOORD_PLANE = index(6)  # the first of four planes of a block's triangles
+TEXCOORD_PLANE = 6  # the first of four planes of a block's triangles
 REFERENCE_BITS = np.int32(12)
 REFERENCE_UNIT = 2.0**11  # of a picture, or of a period
 LEVEL_SLOPE = 1.45  # more than 1/ln 2, see texture_error
@@ -356,26 +356,26 @@ def compute_texcoord_planes(coding, depths, block):
         the sum over both coordinates.
     """
     ints = block.ints
-    for k in range(index(s.BLOCK)):
+    for k in range(s.BLOCK):
         texture = coding.textures.of_materials[ints[s.MATERIAL + k]]
         if texture < 0 or not ints[s.HAS_PLANES + k]:
             continue
-        (s0, s1, s2), (t0, t1, t2), number = relative_texcoords(k, coding.textures, index(texture), block)
+        (s0, s1, s2), (t0, t1, t2), number = relative_texcoords(k, coding.textures, texture, block)
         r0, r1, r2 = linear_in_z(k, depths.ratio_offset, depths.ratio_scale, block)
         least, largest = min(r0, r1, r2), max(r0, r1, r2)
         s_largest, t_largest = max(abs(s0), abs(s1), abs(s2)), max(abs(t0), abs(t1), abs(t2))
         s_rise = compute_plane(k, TEXCOORD_PLANE, s0 * r0, s1 * r1, s2 * r2, block)
-        t_rise = compute_plane(k, TEXCOORD_PLANE + index(1), t0 * r0, t1 * r1, t2 * r2, block)
-        r_rise = compute_plane(k, TEXCOORD_PLANE + index(2), r0, r1, r2, block)
-        compute_plane(k, TEXCOORD_PLANE + index(3), number, number, number, block)
+        t_rise = compute_plane(k, TEXCOORD_PLANE + 1, t0 * r0, t1 * r1, t2 * r2, block)
+        r_rise = compute_plane(k, TEXCOORD_PLANE + 2, r0, r1, r2, block)
+        compute_plane(k, TEXCOORD_PLANE + 3, number, number, number, block)
         r_error = plane_rounding(largest, r_rise)
         min_inverse = least - r_error
         s_error = texcoord_error(plane_rounding(s_largest * largest, s_rise), r_error, min_inverse, s_largest)
         t_error = texcoord_error(plane_rounding(t_largest * largest, t_rise), r_error, min_inverse, t_largest)
-        slope_error = slope_rounding(k, s_largest, s_error, index(0), block)
-        slope_error += slope_rounding(k, t_largest, t_error, index(1), block)
+        slope_error = slope_rounding(k, s_largest, s_error, 0, block)
+        slope_error += slope_rounding(k, t_largest, t_error, 1, block)
         level_error = LEVEL_SLOPE * slope_error / min_inverse
-        error = texture_error(coding.textures, index(texture), s_error, t_error, level_error)
+        error = texture_error(coding.textures, texture, s_error, t_error, level_error)
         limit = coding.limits[ints[s.MATERIAL + k]]
         is_good = (min_inverse >= MIN_INVERSE) & (error <= limit)
         ints[s.HAS_PLANES + k] &= is_good
@@ -388,8 +388,8 @@ def relative_texcoords(k, textures, texture, block):
     References are taken off in pictures, where nothing is rounded, however many repeats lie between.
     """
     width, height = float(textures.sizes[texture, 0]), float(textures.sizes[texture, 1])
-    u0, u1, u2 = values_at(s.ATTRIBUTE + index(FIRST_TEXCOORD) * s.NEXT_PLANE + k, block)
-    v0, v1, v2 = values_at(s.ATTRIBUTE + index(FIRST_TEXCOORD + 1) * s.NEXT_PLANE + k, block)
+    u0, u1, u2 = values_at(s.ATTRIBUTE + FIRST_TEXCOORD * s.NEXT_PLANE + k, block)
+    v0, v1, v2 = values_at(s.ATTRIBUTE + (FIRST_TEXCOORD + 1) * s.NEXT_PLANE + k, block)
     t0, t1, t2 = 1.0 - v0, 1.0 - v1, 1.0 - v2
     middle = (u0 + u1 + u2) / 3.0, (t0 + t1 + t2) / 3.0
     wraps = textures.wraps[texture, 0], textures.wraps[texture, 1]
@@ -441,7 +441,7 @@ def plane_rounding(largest, rise):
 def slope_rounding(k, largest, error, number, block):
     """Return how far S_x - s'·D_x, or the same downwards, errs; of T and t' with `number` 1."""
     row, last = s.PLANE_ATTRIBUTE + (TEXCOORD_PLANE + number) * s.NEXT_PLANE + k, s.NEXT + s.NEXT
-    of_r = s.PLANE_ATTRIBUTE + (TEXCOORD_PLANE + index(2)) * s.NEXT_PLANE + k
+    of_r = s.PLANE_ATTRIBUTE + (TEXCOORD_PLANE + 2) * s.NEXT_PLANE + k
     steep, r_steep = (
         max(abs(block.reals[row + s.NEXT]), abs(block.reals[row + last])),
         max(abs(block.reals[of_r + s.NEXT]), abs(block.reals[of_r + last])),

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, field_of, helper, index, is_none, kernel
+from ..compiler.kernels import choice, field_of, helper, is_none, kernel
 from . import fragments as f
 from .fragments import BARYCENTRIC, BATCH_SIZE, get_vector
 from .gradients import HAS_TEXTURE, IS_TRANSPARENT
@@ -36,7 +36,7 @@ from .texture_lookup import read_texels
 from .textures import FILTER_TRILINEAR, Textures, texture_of
 from .visibility import CLEAR, IS_ID, next_stretch, record_of, stretch_of, strip_of
 
-RED, GREEN, BLUE, ALPHA = (TEXEL + index(BATCH_SIZE * k) for k in range(4))  # rows of the batch of Texturing
+RED, GREEN, BLUE, ALPHA = (TEXEL + (BATCH_SIZE * k) for k in range(4))  # rows of the batch of Texturing
 
 
 class Texturing(NamedTuple):
@@ -67,18 +67,18 @@ def shade_textured(band, texturing, batch, out_radiance):
     for j in range(band.n_row):
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
         while first < right:
-            start = index(j * visibility.pitch + first)
+            start = j * visibility.pitch + first
             end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
-            n = index(min(end - first, BATCH_SIZE))
+            n = min(end - first, BATCH_SIZE)
             n, is_blank = next_stretch(visibility.entries[start : start + n])
             if is_blank:
-                material = np.int64(-1)
+                material = -1
             elif material < 0:
-                n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
+                n, material = run_of_texture(visibility.entries[start : start + n], band)
             elif not band.coding.features[material] & HAS_TEXTURE:
-                n, material = end - first, np.int64(-1)
+                n, material = end - first, -1
             if material >= 0:
-                entries = visibility.entries[start : start + index(n)]
+                entries = visibility.entries[start : start + n]
                 where = first, y
                 shows_planes = has_planes(entries)
                 if shows_planes:
@@ -94,18 +94,18 @@ def shade_textured(band, texturing, batch, out_radiance):
 @helper
 def run_of_texture(entries, band):
     """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
-    material = np.int64(-1)
-    for k in range(index(len(entries))):
+    material = -1
+    for k in range(len(entries)):
         if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
-            here = np.int64(-1)
+            here = -1
             if entries[k] & IS_ID:
                 here = material_of(entries[k], band.records)
-                here = here if band.coding.features[here] & HAS_TEXTURE else np.int64(-1)
+                here = here if band.coding.features[here] & HAS_TEXTURE else -1
             if here != material:
                 if k > 0:
-                    return np.int64(k), material
+                    return k, material
                 material = here
-    return np.int64(len(entries)), material
+    return len(entries), material
 
 
 @choice
@@ -127,9 +127,9 @@ def gather_texcoords(entries, band, first, material, texturing, batch):
     """See `evaluate_texcoords`."""
     group = plane_group(band.records, BEHIND_VALUES)
     if texture_of(texturing.textures, material).filter == FILTER_TRILINEAR:
-        evaluate_slopes(entries, group, first, texturing.batch, S_PLANE, index(BATCH_SIZE))
+        evaluate_slopes(entries, group, first, texturing.batch, S_PLANE, BATCH_SIZE)
     else:
-        evaluate_planes(entries, group, first, texturing.batch, S_PLANE, index(BATCH_SIZE))
+        evaluate_planes(entries, group, first, texturing.batch, S_PLANE, BATCH_SIZE)
 
 
 @helper
@@ -139,12 +139,12 @@ def shade_planes(entries, band, first, texturing, start, batch, out_radiance):
 
     `first` says where the samples lie (samples.py), `start` is the index of the first in the band.
     """
-    records, rows, n = band.records, texturing.batch, index(len(entries))
+    records, rows, n = band.records, texturing.batch, len(entries)
     fill_weights(entries, band.coding.depths, batch)
     evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
     evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
-    for channel in range(index(3)):
+    for channel in range(3):
         step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
         for k in range(n):
             rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
@@ -158,14 +158,14 @@ def shade_exact(entries, records, first, texturing, start, out_radiance):
 
     Channel by channel over weights that are known: so each loop becomes vector instructions.
     """
-    weights, (k, end) = texturing.weights, next_exact_run(entries, index(0))
+    weights, (k, end) = texturing.weights, next_exact_run(entries, 0)
     while k < end:
         record, n = record_of(entries[k]), end - k
         fill_barycentric(records, record, skip_to(first, k), n, weights)
-        for channel in range(index(3)):
-            column = index(ATTRIBUTE) + index(3) * channel
+        for channel in range(3):
+            column = ATTRIBUTE + 3 * channel
             of_rest = corner_values(records.reals, record, column)
-            of_whole = corner_values(records.reals, record, column + index(9))
+            of_whole = corner_values(records.reals, record, column + 9)
             row, out = RED + channel * f.NEXT + k, out_radiance[channel, start + k : start + end]
             for i in range(n):
                 p = get_vector(weights, BARYCENTRIC, i)
@@ -195,7 +195,7 @@ def look_up_colors(entries, band, first, material, texturing, start, batch):
     is_in_planes = show_planes(entries, band, batch)
     look_up(entries, band, first, material, texturing.textures, is_in_planes, texturing)
     if band.coding.features[material] & IS_TRANSPARENT:
-        for k in range(index(len(entries))):
+        for k in range(len(entries)):
             texturing.alphas[start + k] = texturing.batch[ALPHA + k]
 
 
@@ -208,7 +208,7 @@ def put_in_metals(metals, entries, band, first, material, texturing, batch):
     if metals is not None:
         if metals.of_materials[material] >= 0:
             look_up(entries, band, first, material, metals, False, texturing)
-            for k in range(index(len(entries))):
+            for k in range(len(entries)):
                 batch[f.ROUGHNESS + k] = texturing.batch[GREEN + k]
                 batch[f.METALLIC + k] = texturing.batch[BLUE + k]
 

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from ..cores import MIN_PART
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
@@ -181,9 +181,9 @@ def transform_range(positions, start, end, screen, out):
     out_x, out_y, out_z = out.x[start:end], out.y[start:end], out.z[start:end]
     out_true_x, out_true_y = out.true_x[start:end], out.true_y[start:end]
     n_outside = 0
-    for k in range(index(end - start)):
-        row = index(3) * k
-        rx, ry, rz = here[row] - eye_x, here[row + index(1)] - eye_y, here[row + index(2)] - eye_z
+    for k in range(end - start):
+        row = 3 * k
+        rx, ry, rz = here[row] - eye_x, here[row + 1] - eye_y, here[row + 2] - eye_z
         depth = rx * forward_x + ry * forward_y + rz * forward_z
         w = depth if screen.is_perspective else 1.0
         across = rx * across_x + ry * across_y + rz * across_z

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import helper, kernel
 from .transform import DEPTH_BITS
 
 LEVEL_BITS = 24
@@ -32,7 +32,7 @@ MAX_RECORDS = 1 << (LEVEL_BITS - RECORD_SHIFT)
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
 
-GAP = index(32)  # entries in a row that are left out where none shows anything: extents have gaps between things
+GAP = 32  # entries in a row that are left out where none shows anything: extents have gaps between things
 
 STRIP_SHIFT = 3  # log2 of the rows of a strip
 NO_START, NO_END = np.int64(1 << 30), np.int64(-1)  # the extent of a strip in which nothing was written
@@ -93,13 +93,13 @@ def is_exact(entry):
 @helper
 def record_of(entry):
     """Return the index of the record that an entry shows; of other entries any index."""
-    return index((entry & RECORD_MASK) >> RECORD_SHIFT)
+    return (entry & RECORD_MASK) >> RECORD_SHIFT
 
 
 @helper
 def strip_of(row):
     """Return the strip of a row of the band."""
-    return index(row) >> index(STRIP_SHIFT)
+    return row >> STRIP_SHIFT
 
 
 @helper
@@ -109,7 +109,7 @@ def note_extent(visibility, left, right, first_row, end_row):
     # The two ends without asking whether they differ: for small triangles that would be a coin toss.
     widen_extent(visibility, first, left, right)
     widen_extent(visibility, last, left, right)
-    for strip in range(first + index(1), last):
+    for strip in range(first + 1, last):
         widen_extent(visibility, strip, left, right)
 
 
@@ -138,7 +138,7 @@ def note_material(visibility, left, right, first_row, end_row, material):
     # The two ends without asking whether they differ, see `note_extent`.
     note_in_strip(visibility, first, left, right, material)
     note_in_strip(visibility, last, left, right, material)
-    for strip in range(first + index(1), last):
+    for strip in range(first + 1, last):
         note_in_strip(visibility, strip, left, right, material)
 
 
@@ -171,27 +171,27 @@ def stretch_of(visibility, strip, first, end, material):
 def next_stretch(entries):
     """Return how many of the first entries show nothing; or, where the first one shows something, how many there are up
     to a block of GAP that shows nothing, without those in front of it that show nothing, too. Tell which of both."""
-    n, end, is_blank = index(len(entries)), index(0), entries[index(0)] >= CLEAR
+    n, end, is_blank = len(entries), 0, entries[0] >= CLEAR
     if is_blank:
         while end + GAP <= n and shows_nothing(entries[end : end + GAP]):
             end += GAP
         while end < n and entries[end] >= CLEAR:
-            end += index(1)
+            end += 1
     else:
         while end < n and not shows_nothing(entries[end : end + GAP]):
             end = min(end + GAP, n)
-        while entries[end - index(1)] >= CLEAR:
-            end -= index(1)
+        while entries[end - 1] >= CLEAR:
+            end -= 1
     return np.int64(end), is_blank
 
 
 @helper
 def shows_nothing(entries):
     """Tell whether none of some entries shows anything; most blocks that do show something at one of their ends."""
-    if entries[index(0)] < CLEAR or entries[index(len(entries)) - index(1)] < CLEAR:
+    if entries[0] < CLEAR or entries[len(entries) - 1] < CLEAR:
         return False
     nearest = CLEAR
-    for k in range(index(len(entries))):
+    for k in range(len(entries)):
         nearest = min(nearest, entries[k])
     return nearest >= CLEAR
 
@@ -200,12 +200,12 @@ def shows_nothing(entries):
 def clear(visibility, n_row):
     """Clear the first `n_row` rows where they were written, padding included, and forget all extents."""
     entries = visibility.entries
-    for row in range(index(n_row)):
+    for row in range(n_row):
         strip = strip_of(row)
         left, right = visibility.left[strip], visibility.right[strip]
         if left < right:
-            start = row * index(visibility.pitch)
-            for k in range(start + index(left), start + index(right + PADDING)):
+            start = row * visibility.pitch
+            for k in range(start + left, start + (right + PADDING)):
                 entries[k] = CLEAR
     forget(visibility)
 
@@ -213,7 +213,7 @@ def clear(visibility, n_row):
 @helper
 def forget(visibility):
     """Forget all extents and materials."""
-    for strip in range(index(len(visibility.left))):
+    for strip in range(len(visibility.left)):
         visibility.left[strip], visibility.right[strip] = NO_START, NO_END
         visibility.other_left[strip], visibility.other_right[strip] = NO_START, NO_END
         visibility.materials[strip] = -1

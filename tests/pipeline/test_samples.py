@@ -56,7 +56,7 @@ def assert_same(entries, start, n_row, word, edges, depth_mask):
     for way in (merge, as_plain(merge, over="ignore")):
         array = np.array(entries, np.int64)
         way(
-            array, np.uint64(start), np.uint64(PITCH), n_row, tuple(np.uint64(w % 2**64) for w in word),
+            array, np.int64(start), np.int64(PITCH), n_row, tuple(np.uint64(w % 2**64) for w in word),
             tuple(np.int64(e) for e in edges), np.int64(depth_mask),
         )  # fmt: skip
         assert array.tolist() == expected
@@ -114,7 +114,7 @@ def test_spans_of_any_length_are_merged_as_plain_python_does_and_nothing_beside_
         expected[start + k] = new if new < entries[start + k] & mask else entries[start + k]
     for way in (fill, as_plain(fill, over="ignore")):
         array = np.array(entries, np.int64)
-        first, end = np.uint64(start), np.uint64(start + n)
+        first, end = np.int64(start), np.int64(start + n)
         way(array, first, end, np.uint64(entry % 2**64), np.uint64(step % 2**64), np.int64(mask))
         assert array.tolist() == expected
 
@@ -142,12 +142,12 @@ WAYS = {"vectors": evaluate, "plain": as_plain(evaluate, over="ignore", invalid=
 ID_BIT, N_RECORD, UNIT_SHIFT = 24, 40, 4
 RECORD_MASK = (1 << 24) - 2  # as in the pipeline: bit 0 says whether a record is exact
 START, STRIDE, START_BEHIND, WEIGHTS = 5, 160, 3, 5 + 10 * 160
-PLACES = tuple(np.uint64(place) for place in (START, STRIDE, WEIGHTS, START_BEHIND))
+PLACES = tuple(np.int64(place) for place in (START, STRIDE, WEIGHTS, START_BEHIND))
 
 
 def group_of(numbers, column):
     """A PlaneGroup with the types that kernels take."""
-    return PlaneGroup(numbers, np.int64(RECORD_MASK), np.uint64(UNIT_SHIFT - 1), np.uint64(column))
+    return PlaneGroup(numbers, np.int64(RECORD_MASK), np.int64(UNIT_SHIFT - 1), np.int64(column))
 
 
 def random_records(rng, n_unit):
@@ -225,7 +225,7 @@ def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant
     entries = np.full(8, 1 << ID_BIT, np.int64)
     out = np.zeros(40, np.float32)
     out[32:40] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
-    places = tuple(np.uint64(place) for place in (0, 8, 32, 0))
+    places = tuple(np.int64(place) for place in (0, 8, 32, 0))
     WAYS[way](VALUES, entries, group_of(numbers, 4), (np.int64(0), np.int64(0)), out, places, out.copy())
     found = out[:32].reshape(4, 8)
     assert not differences(found[0], 0.25) and not differences(found[2], 0.25) and not differences(found[3], 0.5)

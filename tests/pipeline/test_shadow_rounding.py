@@ -97,9 +97,9 @@ def count_roundings(rng, dtype, is_perspective, distance, side):
         some = rows[start : start + int(n)]
         for k, quantity in enumerate(GIVEN):
             batch[quantity : quantity + len(some)] = some[:, k]
-        lookup.move_points(batch, rounded, np.uint64(len(some)))
+        lookup.move_points(batch, rounded, len(some))
         view = lookup.read_view(rounded, 0)._replace(slack=dtype(0), position_rounding=dtype(0), normal_error=dtype(0))
-        lookup.compute_limits(batch, view, SIZE, FILTER >> 1, np.uint64(0), np.uint64(len(some)))
+        lookup.compute_limits(batch, view, SIZE, FILTER >> 1, 0, len(some))
         for k in range(len(some)):
             limit = float(batch[lookup.LIMIT + k])
             texel = int(lookup.index_of(batch[lookup.TEXEL_IDX + k]))

@@ -279,7 +279,7 @@ def test_a_sample_does_not_depend_on_its_neighbours():
 
 
 FETCH, BLEND, MIX = range(3)
-OUT = np.uint64(12 * BATCH_SIZE)
+OUT = 12 * BATCH_SIZE
 
 
 @kernel
@@ -294,7 +294,7 @@ def read(form, texels, batch, rows, n, out):
 
 
 WAYS = {"vectors": read, "plain": getattr(read, "py_func", read)}
-ROWS = tuple(np.uint64(k * BATCH_SIZE) for k in range(9))
+ROWS = tuple(k * BATCH_SIZE for k in range(9))
 
 
 def a_batch(rng, n_texel):
@@ -331,7 +331,7 @@ def test_texels_are_read_and_blended_as_plain_python_does(way):
         expected = {FETCH: texels[rows.view(np.int32)[0]].T, BLEND: finer, MIX: mixed(finer, coarser, rows[8])}
         for form, colors in expected.items():
             batch = given.copy()
-            WAYS[way](form, texels.ravel(), batch, ROWS, np.uint64(n), OUT)
+            WAYS[way](form, texels.ravel(), batch, ROWS, n, OUT)
             out = batch.reshape(16, -1)[12:]
             assert out[:, :n].tobytes() == colors[:, :n].tobytes(), f"loop {form}, {n} samples"
             out[:, : -(-n // 4) * 4] = 7
