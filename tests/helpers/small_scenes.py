@@ -180,3 +180,7 @@ def mixed() -> dict[str, rz.Scene]:
         "without perspective": scene_of(plain, papered, camera=rz.Camera.orthographic((2.5, 2.0, 3.5), height=4.0)),
         "three models": scene_of(plain, papered, cube(reflection="blinn"), cube(reflection="oren-nayar")),
     }
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or list(drawn()))
