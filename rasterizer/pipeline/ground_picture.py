@@ -111,7 +111,7 @@ def opacity_at(ground, x, y):
     row = (planes[1, 0] * x + planes[1, 1] * y + planes[1, 2]) / w + 0.5
     if not (limits[0, 0] < column < limits[0, 1] and limits[1, 0] < row < limits[1, 1]):
         return np.float32(0)
-    left, top = column, row
+    left, top = np.int64(column), np.int64(row)
     share_x, share_y = np.float32(column - left), np.float32(row - top)
     upper, lower = shadow[top], shadow[top + 1]
     right = left + 1
