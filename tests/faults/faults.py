@@ -264,8 +264,8 @@ FAULTS = (
     Fault(
         "transparency: the furthest layer is composited first, as if it were in front",
         "pipeline/a_buffer.py",
-        "entries[index(i - gap)] > entry:",
-        "entries[index(i - gap)] < entry:",
+        "entries[i - gap] > entry:",
+        "entries[i - gap] < entry:",
         "pipeline pictures",
     ),
     Fault(

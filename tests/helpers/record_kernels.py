@@ -74,7 +74,7 @@ def other_pictures() -> list[Make]:
         for name in table()
         for shading, tolerance in product(SHADINGS, TOLERANCES)
     ]
-    found += [lambda make=make: (make(), {}) for make in (large_obj, large_stl, large_parts)]
+    found += [lambda make=make: (make(), {}) for make in (large_obj, large_stl, large_ply, large_parts)]
     found.append(lambda: (scene_of(cube(opacity=0.5)), {"ground": True}))
     return found + [lambda number=number: of_campaign(number) for number in range(N_CASE)]
 
@@ -156,6 +156,17 @@ def large_stl() -> rz.Scene:
     corners = rng.normal(size=(6_000, 3, 3))
     body = "".join(facet.format("".join(f"vertex {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in each)) for each in corners)
     return rz.load(f"solid s\n{body}endsolid s\n".encode(), format="stl")
+
+
+def large_ply() -> rz.Scene:
+    """The scene of a PLY file in ASCII that compiled code reads."""
+    rng = np.random.default_rng(4)
+    n = 200_000  # numbers of more than four megabytes
+    head = f"ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 20000\nproperty list uchar int vertex_indices\nend_header\n"
+    lines = [f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in rng.normal(size=(n, 3))]
+    lines += [f"3 {a} {b} {c}" for a, b, c in rng.integers(0, n, (20_000, 3))]
+    return rz.load((head + "\n".join(lines) + "\n").encode(), format="ply")
 
 
 def large_parts() -> rz.Scene:
