@@ -134,6 +134,7 @@ def surfaces() -> dict[int, rz.Scene]:
     lights = [
         [rz.AmbientLight(0.1), sun, rz.PointLight(far_away, 0.5, (1, 0.1, 0)), spot, replace(spot, falloff=2.0)],
         [replace(sun, shadow=shadow), rz.PointLight((0, 0, 1), 0.5, shadow=shadow)],
+        [replace(sun, shadow=shadow)],  # float32 will do beside surfaces that need float64
     ]
     camera = rz.Camera.perspective((0, 0, 5))
     return dict(enumerate(rz.Scene(each, lamps, camera) for each in meshes for lamps in lights))
