@@ -56,9 +56,3 @@ def cross(a, b):
 def length(a):
     """Return |a|; squares must neither over- nor underflow."""
     return np.sqrt(dot(a, a))
-
-
-@helper
-def largest_component(a):
-    """Return the largest absolute value of the components."""
-    return max(abs(a[0]), abs(a[1]), abs(a[2]))

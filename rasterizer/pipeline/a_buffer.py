@@ -337,7 +337,7 @@ def show_layer(number, layer, entries, a_buffer, min_transmittance):
         first_row = layer.first_row + np.int64(strip << STRIP_SHIFT)
         for row in range(first_row, min(first_row + (1 << STRIP_SHIFT), layer.end_row) if left < right else first_row):
             start = (row - layer.first_row) * visibility.pitch + left
-            end = start + (right - left)
+            end = start + right - left
             for k in range(end, end + LANES):
                 visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
             shown, sample = visibility.entries[start:end], a_buffer.columns[row] + left

@@ -192,13 +192,13 @@ def write_value_group(planes, target, k, first, n, block):
     """
     write_planes(planes, target, k, first, n, block)
     fourth, zero = target + (PLANE_GROUP - 1), np.float32(0)
-    planes[fourth], planes[fourth + PLANE_GROUP], planes[fourth + (2 * PLANE_GROUP)] = zero, zero, zero
+    planes[fourth], planes[fourth + PLANE_GROUP], planes[fourth + 2 * PLANE_GROUP] = zero, zero, zero
     source = s.ATTRIBUTE + first * s.NEXT_PLANE + k
     for attribute in range(n):
         row = source + attribute * s.NEXT_PLANE
         a0, a1, a2 = block.reals[row], block.reals[row + s.NEXT], block.reals[row + s.NEXT + s.NEXT]
-        planes[target + (3 * PLANE_GROUP) + attribute] = np.float32(min(a0, a1, a2))
-        planes[target + (4 * PLANE_GROUP) + attribute] = np.float32(max(a0, a1, a2))
+        planes[target + 3 * PLANE_GROUP + attribute] = np.float32(min(a0, a1, a2))
+        planes[target + 4 * PLANE_GROUP + attribute] = np.float32(max(a0, a1, a2))
 
 
 @helper

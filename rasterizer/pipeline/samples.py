@@ -86,7 +86,7 @@ def values_of_planes(numbers, plane, across, down):
 def value_beside(numbers, plane, across, down):
     """Return the value of one plane, see `values_of_planes`."""
     value = numbers[plane] + across * numbers[plane + PLANE_GROUP]
-    return value + down * numbers[plane + (2 * PLANE_GROUP)]
+    return value + down * numbers[plane + 2 * PLANE_GROUP]
 
 
 @helper
@@ -157,7 +157,7 @@ def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behi
 @helper
 def group_behind(group):
     """Return the group of planes that stands right behind another one."""
-    return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + (3 * PLANE_GROUP))
+    return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + 3 * PLANE_GROUP)
 
 
 @spelled_out("build_slopes_of_row")

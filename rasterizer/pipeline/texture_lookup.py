@@ -19,9 +19,9 @@ from .textures import FILTER_NEAREST, FILTER_TRILINEAR, ONE, ZERO, halved, level
 
 # In place of the planes: the texels up left and down left of the sample (whole numbers), and how far it lies to the
 # right of the left ones and below the upper ones; all four of the next mip level, too; its fraction.
-TOP, BOTTOM, RIGHT, DOWN = (FIRST_OF_LOOKUP + (BATCH_SIZE * k) for k in range(4))
+TOP, BOTTOM, RIGHT, DOWN = (FIRST_OF_LOOKUP + BATCH_SIZE * k for k in range(4))
 NEXT_MIP_LEVEL = BATCH_SIZE * 4
-LEVEL_FRACTION = FIRST_OF_LOOKUP + (BATCH_SIZE * 8)
+LEVEL_FRACTION = FIRST_OF_LOOKUP + BATCH_SIZE * 8
 TEXEL_ROWS = TOP, BOTTOM, RIGHT, DOWN
 MIP_LEVEL_ROWS = (*TEXEL_ROWS, *(row + NEXT_MIP_LEVEL for row in TEXEL_ROWS), LEVEL_FRACTION)
 

@@ -36,7 +36,7 @@ from .texture_lookup import read_texels
 from .textures import FILTER_TRILINEAR, Textures, texture_of
 from .visibility import CLEAR, IS_ID, next_stretch, record_of, stretch_of, strip_of
 
-RED, GREEN, BLUE, ALPHA = (TEXEL + (BATCH_SIZE * k) for k in range(4))  # rows of the batch of Texturing
+RED, GREEN, BLUE, ALPHA = (TEXEL + BATCH_SIZE * k for k in range(4))  # rows of the batch of Texturing
 
 
 class Texturing(NamedTuple):

@@ -205,7 +205,7 @@ def clear(visibility, n_row):
         left, right = visibility.left[strip], visibility.right[strip]
         if left < right:
             start = row * visibility.pitch
-            for k in range(start + left, start + (right + PADDING)):
+            for k in range(start + left, start + right + PADDING):
                 entries[k] = CLEAR
     forget(visibility)
 

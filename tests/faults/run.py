@@ -30,7 +30,7 @@ KEPT = ROOT / "bench" / "results" / "faults.csv"
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "*.egg-info")
 NO_TESTS = 5  # pytest's exit code where nothing was collected
 CAMPAIGN = "tests/pictures/test_campaign.py"
-N_SCENE = 25  # random scenes, at first
+N_SCENE = 40  # random scenes, at first: of fewer it is chance how many are lit in float32, which a test asks for
 # What takes itself for a frozen program compiles in its own process, which is quicker for a kernel or two at a time.
 FROZEN = "import sys; sys.frozen = True; import pytest; sys.exit(pytest.main())"
 _printing = threading.Lock()

@@ -50,8 +50,7 @@ def check_cases(indices, most_lights) -> None:
         if outcome.faults:
             faults.append(report(case, outcome))
     assert not faults, told(faults)
-    is_enough = n_case < DEFAULT_RUN // 2 or n_single >= MIN_SINGLE * n_case  # few scenes may happen to need float64
-    assert is_enough, f"{n_single} of {n_case} pictures in float32 < {MIN_SINGLE:.0%}"
+    assert n_single >= MIN_SINGLE * n_case, f"{n_single} of {n_case} pictures in float32 < {MIN_SINGLE:.0%}"
     assert n_step <= 0.002 * n_compared, f"{n_step} of {n_compared} pixels left out, next to a step"
 
 
