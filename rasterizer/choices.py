@@ -46,7 +46,7 @@ EDGE_TYPES: tuple[str, ...] = get_args(EdgeType)
 
 # --- what a store of compiled kernels is made for -----------------------------------------------------------
 
-ProcessorLevel = Literal["generic", "x86-64-v2", "x86-64-v3", "x86-64-v4"]
+ProcessorLevel = Literal["generic", "x86-64-v2", "x86-64-v3"]
 
 PROCESSOR_LEVELS: tuple[str, ...] = get_args(ProcessorLevel)
 

@@ -3,10 +3,10 @@
     object entry(tuple arguments, int64 table[])
 
 It stands in the same object code as the kernel and needs nothing but Python's C interface, so that a kernel from the
-store is called without numba. It compares every argument with the table (signatures.Table): its class, and of an array
-the dtype, the number of axes, the layout and the alignment. Where one differs it returns NotImplemented, and nothing
-has been called. Else it calls the kernel without the GIL and returns what that returns: None, a bool, a number, or a
-tuple of these.
+store is called without numba. It compares every argument with the table (signatures.ArgumentTypes): its class, and of
+an array the dtype, the number of axes, the layout and the alignment. Where one differs it returns NotImplemented, and
+nothing has been called. Else it calls the kernel without the GIL and returns what that returns: None, a bool, a number,
+or a tuple of these.
 
 The arrays it hands over have no owner that numba knows of, and kernels count no references: the caller holds the
 arguments for the whole call.
@@ -19,9 +19,9 @@ from numba import types
 from numba.core import cgutils
 
 from . import signatures as layouts
+from .machine_code import ENTRY
 from .signatures import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 
-NAME = "entry"
 _LONG, _INT, _BYTE, _REAL = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.DoubleType()
 _OBJECT = _BYTE.as_pointer()
 _FUNCTIONS = {
@@ -61,7 +61,7 @@ def build_entry_point(context, module, fndesc) -> None:
     Raises Unsupported where the result is of a type that no entry point is made for.
     """
     callee = context.declare_function(module, fndesc)
-    function = ir.Function(module, ir.FunctionType(_OBJECT, [_OBJECT, _LONG.as_pointer()]), NAME)
+    function = ir.Function(module, ir.FunctionType(_OBJECT, [_OBJECT, _LONG.as_pointer()]), ENTRY)
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     reader = _Reader(context, builder, function)
     arguments = reader.read_items(function.args[0], fndesc.argtypes)
@@ -82,7 +82,7 @@ def build_entry_point(context, module, fndesc) -> None:
 def build_batch_entry_point(context, module, fndesc) -> None:
     """Add the entry point of a batch function to a module: void entry(void *batch, int64 n, void *coefficients)."""
     callee = context.declare_function(module, fndesc)
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_LONG, _LONG, _LONG]), NAME)
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_LONG, _LONG, _LONG]), ENTRY)
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     arguments = [
         builder.inttoptr(value, context.get_value_type(numba_type)) if isinstance(numba_type, types.CPointer) else value

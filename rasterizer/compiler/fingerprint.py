@@ -32,8 +32,7 @@ CODE_SETTINGS = (
 # Source: x86-64 psABI, "Micro-Architecture Levels". LLVM calls "generic" what is the least of any architecture.
 _V2 = ("cx16", "popcnt", "sahf", "sse3", "ssse3", "sse4.1", "sse4.2")
 _V3 = (*_V2, "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
-_V4 = (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
-PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2, ()), strict=True))
+PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V3, _V2, ()), strict=True))
 
 # What Linux calls otherwise than LLVM.
 _OF_LINUX = {"abm": "lzcnt", "bmi1": "bmi", "lahf_lm": "sahf", "pni": "sse3", "sse4_1": "sse4.1", "sse4_2": "sse4.2"}

@@ -1,7 +1,7 @@
 """What the package uses of numba beyond what numba's manual promises; loaded only where something is compiled.
 
 Each of these may change in any version without notice. All were seen to work in the versions fingerprint.SEEN, which
-setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the version that is installed.
+are those that setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the version that is installed.
 
     name in numba (0.61 to 0.68)                       used for
     -------------------------------------------------- -----------------------------------------------------------
@@ -30,14 +30,11 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
     core.errors.NumbaError                             what is left to numba
     core.cgutils; typed pointers of llvmlite.ir        vector instructions (pipeline/intrinsics.py)
-
-In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
 """
 
 import contextvars
 import gc
 import importlib
-import logging
 import os
 from collections.abc import Callable
 from ctypes import CDLL, pythonapi
@@ -46,13 +43,18 @@ import numba
 import numba.extending
 import numpy as np
 from llvmlite import ir
+from llvmlite.binding import Linkage
 from numba import types
+from numba.core import cgutils, codegen, compiler_machinery
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.errors import NumbaError
+from numba.core.registry import cpu_target
 
-from .fingerprint import SEEN, is_seen
-from .machine_code import Code
+from . import entry_points
+from .machine_code import ENTRY
+from .short_passes import ShortLowering, ShortPassManager, Struct
 from .signatures import class_of
 
-IS_SEEN = is_seen(numba.__version__)
 _DOCUMENTED = {"nogil": True, "error_model": "numpy"}
 _OPTIONS = _DOCUMENTED | {"_nrt": False}
 _SYSTEM = CDLL(None if os.name == "posix" else "ucrtbase")  # the process, with the C library in it
@@ -61,29 +63,10 @@ _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 # A call that isn't inlined pushes every field of the structures that are passed.
 _INLINED = {"error_model": "numpy", "forceinline": True}
 
-_log = logging.getLogger("rasterizer")
-
-if IS_SEEN:
-    from llvmlite.binding import Linkage
-    from numba.core import cgutils, codegen, compiler_machinery
-    from numba.core.compiler import CompilerBase, DefaultPassBuilder
-    from numba.core.errors import NumbaError
-    from numba.core.registry import cpu_target
-
-    from . import entry_points
-    from .short_passes import ShortLowering, ShortPassManager, Struct
-
 
 class NotStandalone(Exception):
     """A kernel whose machine code can't be used without numba, and why."""
 
-
-if not IS_SEEN:
-    _log.warning(
-        "numba %s is not among the versions that rasterizer was tried with, %d.%d to %d.%d: "
-        "compiled kernels are not kept on disk, so that every run begins with compiling",
-        numba.__version__, *SEEN[0], *SEEN[1],
-    )  # fmt: skip
 
 # ---------------------------------------------------------------- what numba compiles when it meets a name in a kernel
 
@@ -100,7 +83,7 @@ def is_counting() -> bool:
 
 def compile_helper(function: Callable, is_inlined: bool = True):
     """Return a function that kernels call, as numba has it; inlined wherever it is called, or wherever LLVM likes."""
-    if not IS_SEEN or is_counting():
+    if is_counting():
         return numba.njit(**_DOCUMENTED)(function)
     return numba.njit(forceinline=is_inlined, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
 
@@ -112,36 +95,17 @@ def compile_choice(function: Callable, choose: Callable):
     def chosen(*arguments):  # one for callers that count references, and one for others
         return function(*arguments)
 
-    options = _INLINED if not IS_SEEN or is_counting() else _OPTIONS | _UNWRAPPED | {"forceinline": True}
-    if options is not _INLINED:
-        options["pipeline_class"] = HelperCompiler
+    options = _INLINED
+    if not is_counting():
+        options = _OPTIONS | _UNWRAPPED | {"forceinline": True, "pipeline_class": HelperCompiler}
     numba.extending.overload(chosen, jit_options=options)(choose)
-    return as_callee(chosen)
+    return chosen
 
 
 def compile_intrinsic(function: Callable, name: str):
     """Return a function whose instructions are written by another one (kernels.spelled_out)."""
-    if not IS_SEEN:
-        return numba.njit(**_DOCUMENTED)(function)
     module = importlib.import_module(f"{function.__module__.rpartition('.')[0]}.intrinsics")
     return numba.extending.intrinsic(getattr(module, name))
-
-
-def as_callee(function: Callable):
-    """Return a function that numba knows in a form that has a type of its own in every version."""
-    if IS_SEEN:
-        return function
-    return numba.njit(**_DOCUMENTED)(lambda *arguments: function(*arguments))
-
-
-def compile_array_maker():
-    """Return what makes an array of a typed pointer and a shape."""
-    return numba.extending.intrinsic(build_array) if IS_SEEN else as_callee(numba.carray)
-
-
-def compile_caller():
-    """Return what calls a batch function by its address; it needs nothing that manuals don't describe."""
-    return as_callee(numba.extending.intrinsic(build_call))
 
 
 def compile_by_numba(function: Callable):
@@ -156,8 +120,6 @@ def compile_callback(function: Callable, dtype):
 
 def type_of(thing):
     """Return numba's type of something that it has compiled."""
-    if not IS_SEEN:
-        return numba.typeof(thing)
     context = cpu_target.typing_context
     context.refresh()
     return context.resolve_value_type(thing)
@@ -166,6 +128,7 @@ def type_of(thing):
 # ---------------------------------------------------------------- arrays and calls by address
 
 
+@numba.extending.intrinsic
 def build_array(typing_context, pointer, shape):
     """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
     numba_type = types.Array(pointer.dtype, len(shape), "C")
@@ -187,6 +150,7 @@ def build_array(typing_context, pointer, shape):
     return numba_type(pointer, shape), generate
 
 
+@numba.extending.intrinsic
 def build_call(typing_context, address, batch, n, coefficients):
     """Build `kernels.call_batch_function`: a call through a pointer to a function."""
     signature = types.void(types.intp, types.intp, types.intp, types.intp)
@@ -203,29 +167,20 @@ def build_call(typing_context, address, batch, n, coefficients):
 # ---------------------------------------------------------------- object code
 
 
-def compile_kernel(function: Callable, signature: tuple) -> Code:
-    """Compile a kernel for a signature (signatures.py) to object code with an entry point.
+def compile_signature(function: Callable, signature: tuple) -> bytes:
+    """Compile a kernel for a signature (signatures.py), or a batch function for ("batch function", dtype).
 
-    Raises NotStandalone where its code would need numba's runtime: it allocates, raises or prints; and where a class of
+    Returns
+    -------
+    bytes, as machine_code.py loads them
+
+    Raises NotStandalone where the code would need numba's runtime: it allocates, raises or prints; and where a class of
     the signature is not found by its name.
     """
-    argument_types = tuple(type_of_part(part) for part in signature)
-    return _compile(function, argument_types, KernelCompiler)
-
-
-def compile_batch_function(function: Callable, dtype) -> Code:
-    """Compile `function(batch, n, coefficients)` to object code with an entry point; raises as `compile_kernel`."""
-    return _compile(function, tuple(_batch_signature(dtype).args), BatchFunctionCompiler)
-
-
-def compile_signature(function: Callable, signature: tuple) -> Code:
-    """Compile a kernel, or a batch function, whose signature is ("batch function", dtype)."""
     if signature[:1] == ("batch function",):
-        return compile_batch_function(function, signature[1])
-    return compile_kernel(function, signature)
-
-
-def _compile(function, argument_types, pipeline) -> Code:
+        argument_types, pipeline = _batch_signature(signature[1]).args, BatchFunctionCompiler
+    else:
+        argument_types, pipeline = tuple(map(type_of_part, signature)), KernelCompiler
     dispatcher = numba.njit(pipeline_class=pipeline, **_UNWRAPPED, **_OPTIONS)(function)
     was_collecting = gc.isenabled()
     token = _counts.set(False)
@@ -247,7 +202,7 @@ def _compile(function, argument_types, pipeline) -> Code:
     strange = [name for name in library.undefined if not _is_of_system(name)]
     if strange:
         raise NotStandalone(f"it calls {', '.join(strange)}")
-    return Code(library.object_code, library.undefined)
+    return " ".join(library.undefined).encode() + b"\n" + library.object_code
 
 
 def _is_of_system(name: str) -> bool:
@@ -279,141 +234,149 @@ def type_of_part(part):
     return Struct(argument_types, found) if type(numba_type) is types.NamedTuple else numba_type
 
 
-if IS_SEEN:
+class HelperLibrary(codegen.JITCodeLibrary):
+    """The instructions of a helper, as they are written: they are optimised where they are inlined."""
 
-    class HelperLibrary(codegen.JITCodeLibrary):
-        """The instructions of a helper, as they are written: they are optimised where they are inlined."""
+    def finalize(self):
+        """Leave what it calls to the kernel, where each helper is needed once."""
+        self._finalized = True
 
-        def finalize(self):
-            """Leave what it calls to the kernel, where each helper is needed once."""
-            self._finalized = True
+    def _optimize_functions(self, ll_module):
+        ll_module.data_layout = self._codegen._data_layout
 
-        def _optimize_functions(self, ll_module):
-            ll_module.data_layout = self._codegen._data_layout
+    def _get_module_for_linking(self):
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.external:
+                function.linkage = Linkage.linkonce_odr
+        return self._final_module
 
-        def _get_module_for_linking(self):
-            for function in self._final_module.functions:
-                if not function.is_declaration and function.linkage == Linkage.external:
-                    function.linkage = Linkage.linkonce_odr
-            return self._final_module
 
-    class KernelLibrary(HelperLibrary):
-        """The instructions of a kernel, which become an object file; nothing is loaded into this process.
+class KernelLibrary(HelperLibrary):
+    """The instructions of a kernel, which become an object file; nothing is loaded into this process.
 
-        object_code : the content of the file · undefined : the functions that it calls and doesn't hold
-        """
+    object_code : the content of the file · undefined : the functions that it calls and doesn't hold
+    """
 
-        object_code, undefined = b"", ()
+    object_code, undefined = b"", ()
 
-        def finalize(self):
-            """Put all that it calls into one module, and make object code of it."""
-            reached = {}  # in the order in which they are met
-            waiting = [*self._linking_libraries]
-            while waiting:
-                library = waiting.pop(0)
-                if library not in reached:
-                    reached[library] = True
-                    waiting += library._linking_libraries if isinstance(library, HelperLibrary) else ()
-            self._linking_libraries = [*reached]
-            codegen.JITCodeLibrary.finalize(self)
+    def finalize(self):
+        """Put all that it calls into one module, and make object code of it."""
+        reached = {}  # in the order in which they are met
+        waiting = [*self._linking_libraries]
+        while waiting:
+            library = waiting.pop(0)
+            if library not in reached:
+                reached[library] = True
+                waiting += library._linking_libraries if isinstance(library, HelperLibrary) else ()
+        self._linking_libraries = [*reached]
+        codegen.JITCodeLibrary.finalize(self)
 
-        def _optimize_final_module(self):
-            # Nothing but the entry point is called from elsewhere.
-            for function in self._final_module.functions:
-                if not function.is_declaration and function.name != entry_points.NAME:
-                    function.linkage = Linkage.internal
-            # Numba's cheap run before this one is for counting references, which kernels don't.
-            made = self._codegen._module_pass_manager()
-            if isinstance(made, tuple):
-                manager, builder = made
-                manager.run(self._final_module, builder)
-            else:  # before numba 0.62
-                made.run(self._final_module)
+    def _optimize_final_module(self):
+        # Nothing but the entry point is called from elsewhere.
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.name != ENTRY:
+                function.linkage = Linkage.internal
+        # Numba's cheap run before this one is for counting references, which kernels don't.
+        made = self._codegen._module_pass_manager()
+        if isinstance(made, tuple):
+            manager, builder = made
+            manager.run(self._final_module, builder)
+        else:  # before numba 0.62
+            made.run(self._final_module)
 
-        def _finalize_final_module(self):
-            self._finalize_dynamic_globals()
-            self._finalized = True
-            functions = self._final_module.functions
-            names = {f.name for f in functions if f.is_declaration and not f.name.startswith("llvm.")}
-            self.undefined = tuple(sorted(names))
-            self.object_code = self._codegen._tm.emit_object(self._final_module)
+    def _finalize_final_module(self):
+        self._finalize_dynamic_globals()
+        self._finalized = True
+        functions = self._final_module.functions
+        names = {f.name for f in functions if f.is_declaration and not f.name.startswith("llvm.")}
+        self.undefined = tuple(sorted(names))
+        self.object_code = self._codegen._tm.emit_object(self._final_module)
 
-    _register = compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
 
-    @_register
-    class _BeginHelper(compiler_machinery.LoweringPass):
-        """Before instructions are written: say into what."""
+_register = compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
 
-        _name, library = "rasterizer_begin_helper", HelperLibrary
 
-        def __init__(self):
-            super().__init__()
+@_register
+class _BeginHelper(compiler_machinery.LoweringPass):
+    """Before instructions are written: say into what."""
 
-        def run_pass(self, state):
-            state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
-            state.flags.no_compile = True  # no entry for Python
-            return True
+    _name, library = "rasterizer_begin_helper", HelperLibrary
 
-    @_register
-    class _BeginKernel(_BeginHelper):
-        _name, library = "rasterizer_begin_kernel", KernelLibrary
+    def __init__(self):
+        super().__init__()
 
-    @_register
-    class _FinishHelper(compiler_machinery.LoweringPass):
-        """After instructions were written: make the function known to kernels that call it."""
+    def run_pass(self, state):
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True  # no entry for Python
+        return True
 
-        _name = "rasterizer_finish_helper"
 
-        def __init__(self):
-            super().__init__()
+@_register
+class _BeginKernel(_BeginHelper):
+    _name, library = "rasterizer_begin_kernel", KernelLibrary
 
-        def run_pass(self, state):
-            lowered, context = state["cr"], state.targetctx
-            self.add_entry_point(context, state.library, lowered.fndesc)
-            state.library._ensure_finalized()
-            token = object().__reduce__  # numba wants a built-in function; it is never called
-            context.insert_user_function(token, lowered.fndesc, [state.library])
-            state["cr"] = lowered._replace(cfunc=token)
-            return True
 
-        def add_entry_point(self, context, library, fndesc):
-            """Helpers have none."""
+@_register
+class _FinishHelper(compiler_machinery.LoweringPass):
+    """After instructions were written: make the function known to kernels that call it."""
 
-    @_register
-    class _FinishKernel(_FinishHelper):
-        _name = "rasterizer_finish_kernel"
-        build = staticmethod(entry_points.build_entry_point)
+    _name = "rasterizer_finish_helper"
 
-        def add_entry_point(self, context, library, fndesc):
-            module = library.create_ir_module("entry")
-            self.build(context, module, fndesc)
-            library.add_ir_module(module)
+    def __init__(self):
+        super().__init__()
 
-    @_register
-    class _FinishBatchFunction(_FinishKernel):
-        _name = "rasterizer_finish_batch_function"
-        build = staticmethod(entry_points.build_batch_entry_point)
+    def run_pass(self, state):
+        lowered, context = state["cr"], state.targetctx
+        self.add_entry_point(context, state.library, lowered.fndesc)
+        state.library._ensure_finalized()
+        token = object().__reduce__  # numba wants a built-in function; it is never called
+        context.insert_user_function(token, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=token)
+        return True
 
-    class HelperCompiler(CompilerBase):
-        """Numba's pipeline, but for where the instructions go."""
+    def add_entry_point(self, context, library, fndesc):
+        """Helpers have none."""
 
-        begin, finish = _BeginHelper, _FinishHelper
 
-        def define_pipelines(self):
-            """Return the one pipeline."""
-            pipeline = ShortPassManager(DefaultPassBuilder.define_nopython_pipeline(self.state))
-            lowering = [step for step, _ in pipeline.passes].index(ShortLowering)
-            pipeline.passes.insert(lowering, (self.begin, "choose where instructions go"))
-            pipeline.add_pass_after(self.finish, ShortLowering)
-            pipeline.finalize()
-            return [pipeline]
+@_register
+class _FinishKernel(_FinishHelper):
+    _name = "rasterizer_finish_kernel"
+    build = staticmethod(entry_points.build_entry_point)
 
-    class KernelCompiler(HelperCompiler):
-        """For kernels, with an entry point."""
+    def add_entry_point(self, context, library, fndesc):
+        module = library.create_ir_module("entry")
+        self.build(context, module, fndesc)
+        library.add_ir_module(module)
 
-        begin, finish = _BeginKernel, _FinishKernel
 
-    class BatchFunctionCompiler(HelperCompiler):
-        """For batch functions, with theirs."""
+@_register
+class _FinishBatchFunction(_FinishKernel):
+    _name = "rasterizer_finish_batch_function"
+    build = staticmethod(entry_points.build_batch_entry_point)
 
-        begin, finish = _BeginKernel, _FinishBatchFunction
+
+class HelperCompiler(CompilerBase):
+    """Numba's pipeline, but for where the instructions go."""
+
+    begin, finish = _BeginHelper, _FinishHelper
+
+    def define_pipelines(self):
+        """Return the one pipeline."""
+        pipeline = ShortPassManager(DefaultPassBuilder.define_nopython_pipeline(self.state))
+        lowering = [step for step, _ in pipeline.passes].index(ShortLowering)
+        pipeline.passes.insert(lowering, (self.begin, "choose where instructions go"))
+        pipeline.add_pass_after(self.finish, ShortLowering)
+        pipeline.finalize()
+        return [pipeline]
+
+
+class KernelCompiler(HelperCompiler):
+    """For kernels, with an entry point."""
+
+    begin, finish = _BeginKernel, _FinishKernel
+
+
+class BatchFunctionCompiler(HelperCompiler):
+    """For batch functions, with theirs."""
+
+    begin, finish = _BeginKernel, _FinishBatchFunction

@@ -19,7 +19,7 @@ from time import perf_counter
 from ..cores import n_core
 from ..errors import RasterizerError, counted
 from ..processes import Died, Failed, Job, ProcessPool
-from .store import Store, title_of
+from .store import Store
 
 _log = logging.getLogger("rasterizer")
 
@@ -119,8 +119,6 @@ def compile_job(job: tuple[str, str, tuple, str], _shared: None, kept: dict) -> 
     sys.modules.setdefault("scipy.linalg", None)
     from . import internals
 
-    if not internals.IS_SEEN:
-        raise RuntimeError(f"numba {internals.numba.__version__} was not tried")
     function = getattr(importlib.import_module(module), name)
     function = getattr(function, "py_func", function)
-    store.keep(title_of(function), signature, internals.compile_signature(function, signature).as_bytes())
+    store.keep(function, signature, internals.compile_signature(function, signature))

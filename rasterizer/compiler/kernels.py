@@ -7,9 +7,8 @@ their address.
 
 Nothing here loads the compiler. A kernel's machine code comes from the store (store.py), for each signature
 (signatures.py) that it is called with, and is called through its entry point (entry_points.py). Only where the store
-has none is it compiled (internals.py) and kept. Where anything about that goes wrong, `numba.njit` compiles the kernel
-and calls it: slower to begin with, never broken, with the same results. RASTER_STORE=off in the environment asks for
-that.
+has none is it compiled (internals.py) and kept. A kernel that makes no such code is compiled by `numba.njit`, which
+calls it: slower to begin with, with the same results. RASTER_STORE=off in the environment asks for that.
 
 From Python every helper is the plain function that stands in its source. With NUMBA_DISABLE_JIT=1 kernels are, too: a
 debugger steps through them, and a small picture takes seconds.
@@ -27,9 +26,9 @@ import numpy as np
 
 from ..locks import LOCK, cached_property
 from . import fingerprint
-from .machine_code import Code, LoadedCode
-from .signatures import Table, plain, signature_of
-from .store import Store, title_of
+from .machine_code import LoadedCode
+from .signatures import ArgumentTypes
+from .store import Store, is_own, title_of
 
 Job = tuple[Callable, tuple]  # a kernel that is compiled: its plain function, and a signature
 
@@ -40,7 +39,10 @@ _log = logging.getLogger("rasterizer")
 
 
 def _internals():
-    """Load the compiler."""
+    """Load the compiler; ImportError where it is of a version that was not tried, as it is used beyond its manual."""
+    version, (first, last) = fingerprint.numba_version(), fingerprint.SEEN
+    if not fingerprint.is_seen(version):
+        raise ImportError(f"kernels are compiled by numba {first[0]}.{first[1]} to {last[0]}.{last[1]}, not {version}")
     from . import internals
 
     return internals
@@ -66,14 +68,13 @@ class Kernel:
     def __init__(self, function: Callable):
         functools.update_wrapper(self, function)
         self.py_func = function
-        self._entries = []  # (entry point, address of a table) of the types of arguments met so far
-        self._known = {}  # (signature, numbers of a table) -> (entry, the table)
+        self._entries = []  # (entry point, address of a table, its ArgumentTypes) of the types of arguments met so far
         self._loaded = {}  # signature -> (entry point, its LoadedCode)
         self._by_numba = None  # what numba made of it, where it has no entry points
 
     def __call__(self, *arguments):
         """Run the loop."""
-        for entry_point, table in self._entries:
+        for entry_point, table, _ in self._entries:
             result = entry_point(arguments, table)
             if result is not NotImplemented:
                 return result
@@ -94,39 +95,30 @@ class Kernel:
         return Helper(self.py_func, lambda: _internals().compile_helper(self.py_func, is_inlined=False))
 
     def _call_first(self, arguments):
-        """Call the kernel with arguments of types that were not met before, or not as the last ones."""
-        arguments = plain(arguments)
-        signature, table = signature_of(arguments), Table(arguments)
-        key = signature, table.numbers
+        """Call the kernel with arguments of types that were not met before."""
+        types = ArgumentTypes(arguments)
         with LOCK:
-            if key not in self._known and self._by_numba is None:
-                entry_point = self._find_entry_point(signature)
+            if types.signature not in self._loaded and self._by_numba is None:
+                loaded = load(self.py_func, types.signature) if STORE.is_used else None
+                if loaded is None:
+                    self._by_numba = _internals().compile_by_numba(self.py_func)
                 # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
-                if entry_point is not None and key not in self._known:
-                    self._known[key] = (entry_point, table.address), table
-                    self._entries.append(self._known[key][0])
-            entry, _ = self._known.get(key, (None, None))
-        result = entry[0](arguments, entry[1]) if entry else NotImplemented
-        if result is not NotImplemented:
-            return result
+                elif types.signature not in self._loaded:
+                    self._loaded[types.signature] = _ENTRY_POINT(loaded.address), loaded
+            entry_point, _ = self._loaded.get(types.signature, (None, None))
+        if entry_point is not None:
+            result = entry_point(arguments, types.address)
+            if result is not NotImplemented:
+                self._entries.append((entry_point, types.address, types))
+                return result
         if self._by_numba is None:  # the signature tells of more than the entry point can read
-            _log.info("kernel %s is left to numba: its entry point doesn't know %s", title_of(self.py_func), signature)
+            title, known = title_of(self.py_func), types.signature
+            _log.info("kernel %s is left to numba: its entry point doesn't know %s", title, known)
             self._by_numba = _internals().compile_by_numba(self.py_func)
         return self._by_numba(*arguments)
 
-    def _find_entry_point(self, signature: tuple):
-        """Return the entry point for a signature; None where numba calls the kernel from now on."""
-        if signature not in self._loaded:
-            loaded = load(self.py_func, signature) if STORE.is_used else None
-            if signature in self._loaded or self._by_numba is not None:
-                # Likewise, it may be loaded by now.
-                return self._loaded.get(signature, (None,))[0]
-            if loaded is None:
-                self._by_numba = _internals().compile_by_numba(self.py_func)
-                return None
-            entry_point = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(loaded.address)
-            self._loaded[signature] = entry_point, loaded
-        return self._loaded[signature][0]
+
+_ENTRY_POINT = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)
 
 
 def load(function: Callable, signature: tuple) -> LoadedCode | None:
@@ -134,41 +126,25 @@ def load(function: Callable, signature: tuple) -> LoadedCode | None:
 
     None where neither is possible: the log says why.
     """
-    loaded = _load_stored(function, signature)
-    if loaded is None and _ahead.get() is not None:
+    code = STORE.find(function, signature)
+    if code is None and _ahead.get() is not None:
         _compile_ahead((function, signature))
-        loaded = _load_stored(function, signature)
-    return loaded or _load_compiled(function, signature)
-
-
-def _load_stored(function, signature):
-    for code in STORE.find(title_of(function), signature) if is_own(function) else ():
+        code = STORE.find(function, signature)
+    if code is not None:
         try:
-            return LoadedCode(Code.of_bytes(code), "entry")
-        except (LookupError, RuntimeError, ValueError) as fault:
+            return LoadedCode(code)
+        except (LookupError, RuntimeError) as fault:
             _log.info("kernel %s can't be loaded and is compiled again (%s)", title_of(function), fault)
-    return None
-
-
-def _load_compiled(function, signature):
     internals = _internals()
-    if not internals.IS_SEEN:
-        return None
     if notice := _notice.get():
         notice(function.__name__, 0, 1)
     try:
         code = internals.compile_signature(function, signature)
-        if is_own(function):
-            STORE.keep(title_of(function), signature, code.as_bytes())
-        return LoadedCode(code, "entry")
-    except (internals.NotStandalone, LookupError, RuntimeError, ValueError) as reason:
+        STORE.keep(function, signature, code)
+        return LoadedCode(code)
+    except (internals.NotStandalone, LookupError, RuntimeError) as reason:
         _log.info("kernel %s is left to numba: %s", title_of(function), reason)
         return None
-
-
-def is_own(function: Callable) -> bool:
-    """Tell whether a function is of this package: the store's key tells of no other sources."""
-    return function.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 # ---------------------------------------------------------------- many at once
@@ -215,7 +191,7 @@ def missing_in(store: Store, listed: Iterable[Job]) -> list[Job]:
     return [
         (function, signature)
         for function, signature in dict.fromkeys(listed)
-        if is_own(function) and not any(store.find(title_of(function), signature))
+        if is_own(function) and store.find(function, signature) is None
     ]
 
 
@@ -318,8 +294,8 @@ def call_batch_function(address, batch, n, coefficients):
 
 
 if IS_COMPILING:
-    as_array = Helper(as_array, lambda: _internals().compile_array_maker(), is_one=True)
-    call_batch_function = Helper(call_batch_function, lambda: _internals().compile_caller(), is_one=True)
+    as_array = Helper(as_array, lambda: _internals().build_array, is_one=True)
+    call_batch_function = Helper(call_batch_function, lambda: _internals().build_call, is_one=True)
 
 
 # ---------------------------------------------------------------- functions that are called by their address

@@ -10,8 +10,8 @@
 One machine code serves all arguments with the same signature. Whether an array may be written to is no part of it:
 kernels write to their outputs only.
 
-An entry point (entry_points.py) finds out whether it is called with such arguments: it compares them with a `Table`,
-and reads them where they stand in memory.
+An entry point (entry_points.py) finds out whether it is called with such arguments: it compares them with a table, and
+reads them where they stand in memory.
 """
 
 import ctypes
@@ -21,40 +21,61 @@ import numpy as np
 
 MIN_INT, MAX_INT = -(2**63), 2**63 - 1
 _PLAIN = {int: "int64", float: "float64", bool: "bool", type(None): "none"}
+_NUMBERS = "?fd" + np.typecodes["AllInteger"]  # the dtypes of which kernels take numbers
+
+# The first entries of a table, the same in every one: objects that an entry point needs.
+COMMON = np.ndarray, NotImplemented, None, RuntimeError
+NDARRAY, NOT_IMPLEMENTED, NONE, ERROR = range(len(COMMON))
 
 
-def signature_of(arguments: tuple) -> tuple:
-    """Return the signature of a kernel's arguments.
+class ArgumentTypes:
+    """Of what types some arguments of a kernel are.
 
-    Raises TypeError for what kernels don't take: other objects, arrays of other than numbers, and arrays that are not
-    aligned or not in the machine's order of bytes; OverflowError for an int that has more than 64 bits.
+    signature : tuple, a part of each argument
+    numbers : list of int, the table that an entry point compares arguments with, see entry_points.py: addresses of the
+        objects COMMON, then, for every part of the signature in order, what tells that an argument is of this type. Of
+        an array that is the number of its dtype, of anything else the address of its class; after a tuple's class come
+        its items. Classes have other addresses in every process: so the table is made from the first arguments met.
+    address : int, of the table in memory, as long as this lives
+
+    Raises TypeError for what kernels don't take: other objects, arrays of a subclass or of other than numbers, and
+    arrays that are not aligned or not in the machine's order of bytes; OverflowError for an int that has more than 64
+    bits.
     """
-    return tuple(_part_of(argument) for argument in arguments)
 
+    def __init__(self, arguments: tuple):
+        self._classes = []  # kept, so that no address is used again
+        self.numbers = list(map(id, COMMON))
+        self.signature = tuple(map(self._note, arguments))
+        self._memory = (ctypes.c_int64 * len(self.numbers))(*self.numbers)
+        self.address = ctypes.addressof(self._memory)
 
-def _part_of(value):
-    cls = type(value)
-    if cls in _PLAIN:
-        if cls is int and not MIN_INT <= value <= MAX_INT:
-            raise OverflowError(f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64")
-        return _PLAIN[cls]
-    if isinstance(value, tuple):
-        name = "" if cls is tuple else f"{cls.__module__}:{cls.__qualname__}"
-        return ("tuple", name, tuple(_part_of(item) for item in value))
-    if isinstance(value, np.generic) and _is_number(value.dtype):
-        return value.dtype.name
-    if isinstance(value, np.ndarray):
-        flags, dtype = value.flags, value.dtype
-        if _is_number(dtype) and dtype.isnative and flags.aligned:
+    def _note(self, value):
+        """Append what tells of one argument's type to the table, and return its part of the signature."""
+        cls = type(value)
+        if cls is np.ndarray:
+            flags, dtype = value.flags, value.dtype
+            if dtype.char not in _NUMBERS or not (dtype.isnative and flags.aligned):
+                raise TypeError(
+                    f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}"
+                )
+            self.numbers.append(dtype.num)
             layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
             return ("array", dtype.name, value.ndim, layout)
-        raise TypeError(f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}")
-    raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {cls.__name__}")
-
-
-def _is_number(dtype) -> bool:
-    """Tell whether kernels take numbers of a dtype: bool, integers, float32 and float64."""
-    return dtype.kind in "biu" or dtype.char in "fd"
+        self._classes.append(cls)
+        self.numbers.append(id(cls))
+        if cls in _PLAIN:
+            if cls is int and not MIN_INT <= value <= MAX_INT:
+                raise OverflowError(
+                    f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64"
+                )
+            return _PLAIN[cls]
+        if isinstance(value, tuple):
+            name = "" if cls is tuple else f"{cls.__module__}:{cls.__qualname__}"
+            return ("tuple", name, tuple(map(self._note, value)))
+        if isinstance(value, np.generic) and value.dtype.char in _NUMBERS:
+            return value.dtype.name
+        raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {cls.__name__}")
 
 
 def class_of(name: str) -> type:
@@ -68,49 +89,6 @@ def class_of(name: str) -> type:
     for step in path.split("."):
         found = getattr(found, step)
     return found
-
-
-# ---------------------------------------------------------------- what an entry point compares arguments with
-
-# The first entries of a table, the same in every one: objects that an entry point needs.
-COMMON = np.ndarray, NotImplemented, None, RuntimeError
-NDARRAY, NOT_IMPLEMENTED, NONE, ERROR = range(len(COMMON))
-
-
-class Table:
-    """The table that an entry point compares its arguments with, see entry_points.py: addresses of the objects COMMON,
-    then, for every part of the signature in order, what tells that an argument is of this type.
-
-    Of an array that is the number of its dtype, of anything else the address of its class; after a tuple's class come
-    its items. Classes have other addresses in every process: so the table is made from the first arguments met.
-    """
-
-    def __init__(self, arguments: tuple):
-        self._classes = []  # kept, so that no address is used again
-        numbers = [id(thing) for thing in COMMON]
-        for argument in arguments:
-            self._append(argument, numbers)
-        self.numbers = tuple(numbers)
-        self._memory = (ctypes.c_int64 * len(numbers))(*numbers)
-        self.address = ctypes.addressof(self._memory)
-
-    def _append(self, value, numbers: list) -> None:
-        if type(value) is np.ndarray:
-            numbers.append(value.dtype.num)
-            return
-        self._classes.append(type(value))
-        numbers.append(id(type(value)))
-        if isinstance(value, tuple):
-            for item in value:
-                self._append(item, numbers)
-
-
-def plain(value):
-    """Return an argument with arrays of subclasses, such as memory maps, as plain arrays."""
-    if isinstance(value, tuple):
-        items = [plain(item) for item in value]
-        return value._make(items) if hasattr(value, "_fields") else tuple(items)
-    return value.view(np.ndarray) if isinstance(value, np.ndarray) else value
 
 
 # ---------------------------------------------------------------- where things stand in objects

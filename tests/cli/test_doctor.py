@@ -34,7 +34,6 @@ def test_a_store_is_measured_and_cleared(folder):
     """In processes of their own: where the store is, is known when the program begins."""
     own = folder / "store" / f"{store.PREFIX}{'0' * 16}"
     own.mkdir(parents=True, mode=0o700)
-    (own / store.MARKER).write_bytes(store.MARK)
     (own / f"x{store.SUFFIX}").write_bytes(b"12345")
     (folder / "store" / "mine.txt").write_text("not the program's")
     (folder / "store" / f"{store.PREFIX}mine").mkdir()

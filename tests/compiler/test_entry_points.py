@@ -11,7 +11,7 @@ import pytest
 from helpers.stores import EntryPoint, Other, Pair, bits_of
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.compiler.signatures import Table, signature_of
+from rasterizer.compiler.signatures import ArgumentTypes
 
 DTYPES = [np.dtype(f"{kind}{size}") for kind in "iu" for size in (1, 2, 4, 8)]
 DTYPES += [np.dtype("?"), np.dtype("f4"), np.dtype("f8"), np.dtype("q"), np.dtype("Q")]
@@ -123,7 +123,8 @@ def by_python(function, values):
 
 def tell_apart(values) -> tuple:
     """What decides whether an entry point takes arguments."""
-    return signature_of(values), Table(values).numbers
+    types = ArgumentTypes(values)
+    return types.signature, types.numbers
 
 
 @pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.nightly) for k in range(4, 60))])
@@ -142,7 +143,7 @@ def test_random_arguments_arrive_as_they_are_and_others_never(seed):
             assert bits_of(found) == bits_of(by_python(function, values)), source_of(kinds)
         else:
             n_other += 1
-            assert found is NotImplemented, f"took {signature_of(values)}, compiled for {own[0]}"
+            assert found is NotImplemented, f"took {tell_apart(values)[0]}, compiled for {own[0]}"
     assert 120 < n_other < len(many) - 1, f"{n_other} of {len(many)} were of another kind"
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from helpers.raster import ROOT
 from rasterizer.compiler import internals, kernels
 from rasterizer.compiler.machine_code import LoadedCode
-from rasterizer.compiler.signatures import Table, signature_of
+from rasterizer.compiler.signatures import ArgumentTypes
 from rasterizer.compiler.store import FORMAT
 
 # The kernel and the batch function of the package that take the least time to compile.
@@ -50,12 +50,12 @@ class EntryPoint:
     """The entry point of a kernel for arguments like `examples`, called without what a Kernel does around it."""
 
     def __init__(self, function, examples):
-        self._loaded = LoadedCode(internals.compile_kernel(function, signature_of(examples)), "entry")
-        self._table = Table(examples)
+        self._types = ArgumentTypes(examples)
+        self._loaded = LoadedCode(internals.compile_signature(function, self._types.signature))
         self._call = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(self._loaded.address)
 
     def __call__(self, *arguments):
-        return self._call(arguments, self._table.address)
+        return self._call(arguments, self._types.address)
 
 
 def kernels_with(monkeypatch, **variables):
@@ -98,6 +98,11 @@ def split_file(content: bytes) -> tuple[bytes, bytes]:
     rest = content[len(FORMAT) + 32 :]
     size = int.from_bytes(rest[:4], "little")
     return rest[4 : 4 + size], rest[4 + size :]
+
+
+def names_in(code: bytes) -> set[str]:
+    """Return what looks like names in the object file of a code."""
+    return {name.decode() for name in re.findall(rb"[!-~]{3,}(?=\0)", code.partition(b"\n")[2])}
 
 
 def bits_of(value):
