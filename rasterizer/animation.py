@@ -20,7 +20,7 @@ from .keywords import divided, takes_words
 from .look import Look
 from .options import Options
 from .renderer import Renderer, render
-from .scene.validate import is_whole, number
+from .scene.validate import number, text, whole
 from .viewpoint import Viewpoint
 
 if TYPE_CHECKING:
@@ -55,12 +55,8 @@ class Animation:
         if len(sizes) != 1:
             found = "none" if not sizes else " and ".join(f"{width}x{height}" for width, height in sizes[:3])
             raise SceneError(f"an animation needs frames of one size; given {found}")
-        self.seconds: float = number(seconds, "the seconds of an animation")
-        if not 1e-3 <= self.seconds <= 1e6:
-            raise SceneError(f"the seconds of an animation must be within 0.001..1000000; given {shown(seconds)}")
-        if not is_whole(loop, 0, _MAX_LOOPS):
-            raise SceneError(f"loop must be within 0..{_MAX_LOOPS}, 0 = again and again; given {shown(loop)}")
-        self.loop: int = int(loop)
+        self.seconds: float = number(seconds, "the seconds of an animation", low=1e-3, high=1e6)
+        self.loop: int = whole(loop, "loop", 0, _MAX_LOOPS, ", 0 = again and again")
 
     def __repr__(self) -> str:
         height, width = self.frames[0].shape[:2]
@@ -81,9 +77,8 @@ class Animation:
         SceneError : a format that is unknown, or can't hold this many pixels or frames a second
         OutputError : a library that is missing
         """
-        if not isinstance(format, str):
-            raise SceneError(f"format must be text; given {shown(format)}")
-        suffix = f".{format.lower().lstrip('.')}" if format else ""
+        name = text(format, "format").lower().lstrip(".")
+        suffix = f".{name}" if name else ""
         return encode_animation(self.frames, suffix, Timing(self.seconds, self.loop))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -138,8 +133,7 @@ def turntable(
     """
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
-    if not is_whole(n_frame, 1, _MAX_FRAMES):
-        raise SceneError(f"n_frame must be within 1..{_MAX_FRAMES}; given {shown(n_frame)}")
+    n_frame = whole(n_frame, "n_frame", 1, _MAX_FRAMES)
     side, others = divided(words, Viewpoint)
     viewpoint, others = viewpoint_of(side), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]

@@ -1,17 +1,12 @@
 """How many processors this process may use, and threads to use them with: kernels release the GIL, so plain Python
 threads run them side by side. Nothing but the standard library is imported.
-
-A thread waits for calls in a queue. An executor of `concurrent.futures` would do, but a call through it takes
-longer, and it would have to be imported.
 """
 
 import os
 import threading
-import weakref
+from collections import deque
 from collections.abc import Callable, Iterable
 from contextvars import copy_context
-from functools import partial
-from queue import SimpleQueue
 from typing import Any, TypeVar
 
 _T = TypeVar("_T")
@@ -38,113 +33,70 @@ class Workers:
         from .locks import renew_in_child  # a command line's help has no need of it
 
         self.n_thread = n_thread
-        self._start()
+        self.renew()
         renew_in_child(self)
+
+    def renew(self) -> None:
+        """Begin with a lock that is free and without threads, which are started when they are needed."""
+        self.lock, self._helpers = threading.RLock(), None
 
     def __enter__(self) -> "Workers":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def close(self, *_: object) -> None:
+        """End the threads; what is mapped afterwards is done on the caller's."""
+        self.n_thread = 1
+        if self._helpers is not None:
+            self._helpers.shutdown()
 
-    def renew(self) -> None:
-        """Start anew, in a forked process."""
-        self._end.detach()
-        self._start()
-
-    def _start(self) -> None:
-        self.lock = threading.RLock()
-        self._calls, self._helpers = SimpleQueue(), []  # the threads, but for the caller's, are started when needed
-        self._end = weakref.finalize(self, self._calls.put, None)
+    __exit__ = close
 
     def ranges(self, n: int, min_part: int = MIN_PART) -> list[tuple[int, int]]:
         """Divide range(n) into parts that are worth a thread each, `min_part` or more, in order; at least one part."""
         n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // min_part))
-        cuts = [n * k // n_part for k in range(n_part + 1)]
-        return list(zip(cuts[:-1], cuts[1:], strict=True))
+        return [(n * k // n_part, n * (k + 1) // n_part) for k in range(n_part)]
 
     def map(self, function: Callable[[Any], _T], items: Iterable[Any]) -> list[_T]:
         """Call `function` with every item, on the threads where there is more than one; results in the items' order.
 
         Every thread takes the next item when it is done with one, in the caller's context. The caller's begins at once,
         while others are still waking. They take no further item when one has failed; what is raised here then, when all
-        have stopped, is what the first item raises that fails.
+        have stopped, is what the first item raises that fails. Where no more threads can be started, those there are do
+        it all.
         """
         items = list(items)
         n_helper = min(self.n_thread, len(items)) - 1
         if n_helper < 1:
-            return [function(item) for item in items]
-        self._hire(n_helper)
-        results, numbers, failures = [None] * len(items), iter(range(len(items))), []
+            return list(map(function, items))
+        results, numbers, failures = [None] * len(items), iter(range(len(items))), {}
 
         def work() -> None:
             for number in numbers:  # a range's iterator hands every number to one thread only
-                if any(failed < number for failed, _ in failures):
-                    return
                 try:
                     results[number] = function(items[number])
                 except BaseException as fault:  # noqa: BLE001  raised where `map` was called
-                    failures.append((number, fault))
+                    failures[number] = fault
+                    deque(numbers, 0)  # nobody takes another one
 
-        calls = [_Call(partial(copy_context().run, work)) for _ in range(n_helper)]
+        if self._helpers is None:
+            from concurrent.futures import ThreadPoolExecutor
+
+            self._helpers = ThreadPoolExecutor(self.n_thread - 1)
+        helpers, shares = self._helpers, []
         try:
-            for call in calls:
-                self._calls.put(call)
+            try:
+                for _ in range(n_helper):
+                    shares.append(helpers.submit(copy_context().run, work))
+            except RuntimeError:  # the process may have no more of them, or is ending
+                self.n_thread = 1 + len(shares)
             work()
-            for call in calls:
-                call.settle()
-        except BaseException as fault:  # Ctrl-C: nobody may go on drawing into what the caller has given up
-            failures.append((-1, fault))
-            for call in calls:
-                call.settle()
+            for share in shares:
+                share.cancel() or share.result()  # one that nobody has begun isn't waited for
+        except BaseException:  # Ctrl-C: nobody may go on drawing into what the caller has given up
+            deque(numbers, 0)
+            self._helpers = None
+            helpers.shutdown()
             raise
         if failures:
-            raise min(failures, key=lambda failure: (isinstance(failure[1], Exception), failure[0]))[1]
+            raise failures[min(failures, key=lambda number: (isinstance(failures[number], Exception), number))]
         return results
-
-    def _hire(self, n: int) -> None:
-        """Start threads, so that there are at least `n`; where no more can be started, those there are do it all."""
-        while len(self._helpers) < n:
-            helper = threading.Thread(target=_serve, args=(self._calls,), daemon=True)
-            try:
-                helper.start()
-            except RuntimeError:  # the process may have no more of them, or is ending
-                return
-            self._helpers.append(helper)
-
-    def close(self) -> None:
-        """End the threads; what is mapped afterwards is done on the caller's."""
-        self._end()
-        for helper in self._helpers:
-            helper.join()
-
-
-class _Call:
-    """One helper's share of a `map`: made by a helper, or taken back by the caller, whoever comes first."""
-
-    def __init__(self, work: Callable[[], None]) -> None:
-        self._work, self._comers = work, []
-        self._is_running = threading.Lock()
-        self._is_running.acquire()
-
-    def make(self) -> None:
-        """Do the work, unless it was taken back."""
-        self._comers.append("helper")
-        if self._comers[0] == "helper":
-            self._work()
-            self._is_running.release()
-
-    def settle(self) -> None:
-        """Take the call back if no helper has begun, else wait until it is made; may be called again, after Ctrl-C."""
-        self._comers.append("caller")
-        if self._comers[0] == "helper":
-            with self._is_running:
-                pass
-
-
-def _serve(calls: SimpleQueue) -> None:
-    """Make the calls that come, until None does."""
-    while (call := calls.get()) is not None:
-        call.make()
-        del call  # it holds what is drawn
-    calls.put(None)  # for the next one

@@ -10,6 +10,8 @@ import os
 import sys
 import threading
 import weakref
+from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, Protocol, TypeVar
 
 
@@ -20,38 +22,19 @@ class Renewed(Protocol):
         """Make them anew, in a process that was just forked."""
 
 
+LOCK = threading.RLock()  # who loads or compiles a kernel
 _renewed: "weakref.WeakSet[Renewed]" = weakref.WeakSet()
 renew_in_child = _renewed.add
 
 
 def _renew_all() -> None:
+    LOCK._at_fork_reinit()  # type: ignore[attr-defined]  # as the standard library does with its own
     for each in _renewed:
         each.renew()
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_renew_all)
-
-
-class KernelLock:
-    """A lock that its holder may take again, and that nobody holds in a forked process."""
-
-    def __init__(self) -> None:
-        self.renew()
-        renew_in_child(self)
-
-    def renew(self) -> None:
-        """Begin with a lock that is free."""
-        self._lock = threading.RLock()
-
-    def __enter__(self) -> None:
-        self._lock.acquire()
-
-    def __exit__(self, *_: object) -> None:
-        self._lock.release()
-
-
-LOCK = KernelLock()  # who loads or compiles a kernel
 
 
 if sys.version_info >= (3, 12):
@@ -66,9 +49,6 @@ else:
         a kernel for that would wait for LOCK, while the thread that has LOCK waits for such a value.
         """
 
-        def __get__(self, instance: Any, owner: Any = None) -> Any:
-            """Compute the value, and keep it in the object."""
-            if instance is None:
-                return self
-            value = instance.__dict__[self.attrname] = self.func(instance)
-            return value
+        def __init__(self, function: Callable[[Any], _T]) -> None:
+            super().__init__(function)
+            self.lock: Any = nullcontext()

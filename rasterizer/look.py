@@ -25,7 +25,7 @@ from .scene.lights import (
 from .scene.material import Material, named_fields
 from .scene.mesh import MAX_SUBDIVISIONS, Mesh, checked_crease_angle
 from .scene.scene import DepthCue, Scene, checked_cue
-from .scene.validate import choice, whole
+from .scene.validate import choice, store, whole
 
 if TYPE_CHECKING:
     from .scene.color import ColorLike
@@ -65,12 +65,12 @@ class Look:
 
     def __post_init__(self) -> None:
         if self.preset is not None:
-            choice(self.preset, tuple(PRESETS), "preset")
+            choice(self.preset, PRESETS, "preset")
         if not isinstance(self.shadows, (bool, Shadow)):
             raise SceneError(f"shadows must be True, False or a Shadow; given {shown(self.shadows)}")
         checked_crease_angle(self.crease_angle)
-        object.__setattr__(self, "subdivide", whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS))
-        object.__setattr__(self, "material", self._material_fields())
+        subdivide = whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS)
+        store(self, subdivide=subdivide, material=self._material_fields())
 
     @property
     def reading(self) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """What a caller may choose about a picture; every default stands here, once."""
 
 import math
-import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,7 +22,7 @@ from .choices import (
 from .cores import n_core
 from .errors import SceneError, shown
 from .keywords import checked_fields
-from .scene.validate import is_whole, number
+from .scene.validate import choice, flag, is_whole, number, several, store, whole
 
 if TYPE_CHECKING:
     from .keywords import Unpack
@@ -113,26 +112,34 @@ class Options:
         def __init__(self, *, size: int | Sequence[int] = ..., **options: "Unpack[OptionWords]") -> None: ...
 
     def __post_init__(self) -> None:
-        _check_choice("shading", self.shading, SHADINGS)
-        _check_choice("cull", self.cull, CULLS)
-        _check_choice("color_range", self.color_range, COLOR_RANGES)
-        object.__setattr__(self, "outputs", _checked_outputs(self.outputs))
-        object.__setattr__(self, "samples", _checked_samples(self.samples))
-        object.__setattr__(self, "size", self._checked_size())
-        object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
-        object.__setattr__(self, "exposure", _checked_exposure(self.exposure))
-        object.__setattr__(
-            self, "spectral", _checked_count("spectral", self.spectral, MIN_WAVES, MAX_WAVES, " samples")
-        )
-        object.__setattr__(self, "threads", _checked_count("threads", self.threads, 1, MAX_THREADS))
-
         from .scene.color import linear_rgb
 
-        object.__setattr__(self, "edges", _checked_edges(self.edges))
-        object.__setattr__(self, "edge_color", linear_rgb(self.edge_color, "the edges' color"))
-        object.__setattr__(self, "edge_width", _checked_width(self.edge_width))
-        if not isinstance(self.ground, bool):
-            raise SceneError(f"ground must be True or False; given {shown(self.ground)}")
+        choice(self.shading, SHADINGS, "shading")
+        choice(self.cull, CULLS, "cull")
+        choice(self.color_range, COLOR_RANGES, "color_range")
+        outputs = several(self.outputs, OUTPUTS, "outputs")
+        if not outputs:
+            raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
+        if not is_whole(self.samples) or self.samples not in SAMPLES:
+            raise SceneError(f"samples must be one of {', '.join(map(str, SAMPLES))}; given {shown(self.samples)}")
+        store(self, outputs=outputs, samples=int(self.samples))
+        store(self, size=self._checked_size())
+        edges = several(self.edges, EDGE_TYPES, "edges")
+        *every, word_for_all = EDGE_TYPES
+        stops = number(self.exposure, "exposure", low=-MAX_STOPS, high=MAX_STOPS, unit=" stops")
+        store(
+            self,
+            tolerance=number(self.tolerance, "tolerance", low=0),
+            exposure=stops,
+            edges=tuple(every) if word_for_all in edges else tuple(filter(edges.__contains__, every)),
+            edge_color=linear_rgb(self.edge_color, "the edges' color"),
+            edge_width=number(self.edge_width, "edge_width", above=0, high=MAX_WIDTH, unit=" px"),
+            ground=flag(self.ground, "ground"),
+        )
+        if self.spectral is not None:
+            store(self, spectral=whole(self.spectral, "spectral", MIN_WAVES, MAX_WAVES, " samples, or None"))
+        if self.threads is not None:
+            store(self, threads=whole(self.threads, "threads", 1, MAX_THREADS, ", or None"))
 
     def _checked_size(self) -> tuple[int, int]:
         """Return the size as two ints; a number alone makes a square."""
@@ -161,76 +168,3 @@ class Options:
     def n_thread(self) -> int:
         """The number of threads asked for, or that the process may use."""
         return n_core() if self.threads is None else self.threads
-
-
-def _check_choice(name: str, value: object, legal: tuple) -> None:
-    """Refuse a value that isn't one of the legal words."""
-    if not isinstance(value, str) or value not in legal:
-        raise SceneError(f"{name} must be one of {', '.join(map(str, legal))}; given {shown(value)}")
-
-
-def _checked_outputs(outputs: object) -> tuple:
-    """Return the names of outputs as a tuple; a name alone is one."""
-    try:
-        names = (outputs,) if isinstance(outputs, str) else tuple(outputs)  # type: ignore[arg-type]
-    except TypeError:
-        raise SceneError(f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(outputs)}") from None
-    if not names:
-        raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
-    for name in names:
-        _check_choice("outputs", name, OUTPUTS)
-    return names
-
-
-def _checked_samples(samples: object) -> Samples:
-    """Return the samples a pixel as an int."""
-    try:
-        value = number(samples, "samples")
-    except SceneError:
-        value = 0.0
-    if value not in SAMPLES:
-        raise SceneError(f"samples must be one of {', '.join(map(str, SAMPLES))}; given {shown(samples)}")
-    return int(value)  # type: ignore[return-value]
-
-
-def _checked_count(name: str, value: object, low: int, high: int, unit: str = "") -> int | None:
-    """Return a whole number as an int, None as it is."""
-    if value is not None and not is_whole(value, low, high):
-        raise SceneError(f"{name} must be {low} to {high}{unit}, or None; given {shown(value)}")
-    return None if value is None else operator.index(value)  # type: ignore[arg-type]
-
-
-def _checked_edges(edges: object) -> tuple:
-    """Return the types of edges as a tuple; one alone is a tuple of it, None is none."""
-    try:
-        names = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
-    except TypeError:
-        raise SceneError(f"edges must be one or several of {', '.join(EDGE_TYPES)}; given {shown(edges)}") from None
-    for name in names:
-        _check_choice("edges", name, EDGE_TYPES)
-    every = tuple(name for name in EDGE_TYPES if name != "all")
-    return every if "all" in names else tuple(name for name in every if name in names)
-
-
-def _checked_width(width: object) -> float:
-    """Return the width of edges as a float."""
-    value = number(width, "edge_width")
-    if not 0.0 < value <= MAX_WIDTH:
-        raise SceneError(f"edge_width must be above 0 to {MAX_WIDTH} px; given {shown(width)}")
-    return value
-
-
-def _checked_tolerance(tolerance: object) -> float:
-    """Return the tolerance as a float of at least 0."""
-    value = number(tolerance, "tolerance")
-    if value < 0.0:
-        raise SceneError(f"tolerance must be a number from 0 upwards; given {shown(tolerance)}")
-    return value
-
-
-def _checked_exposure(exposure: object) -> float:
-    """Return the exposure as a float; beyond 64 stops nothing is told apart."""
-    value = number(exposure, "exposure")
-    if not -MAX_STOPS <= value <= MAX_STOPS:
-        raise SceneError(f"exposure must be a number within -{MAX_STOPS}..{MAX_STOPS} stops; given {shown(exposure)}")
-    return value

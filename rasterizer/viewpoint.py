@@ -15,7 +15,7 @@ from .choices import AXES, AZIMUTH, ELEVATION, FOV, VIEWS, ViewName
 from .errors import SceneError, shown
 from .keywords import checked_fields
 from .scene.camera import Camera, middle_on_axis, pivot_of, turned_cameras
-from .scene.validate import number
+from .scene.validate import flag, number, store
 
 if TYPE_CHECKING:
     from .scene.arrays import VectorLike
@@ -54,9 +54,7 @@ class Viewpoint:
         if isinstance(camera, (str, os.PathLike)) and camera not in ("file", "frame"):
             raise TypeError(f"the camera in {camera} must be read first, see io/camera_file.py")
         if isinstance(camera, Viewpoint):
-            found = vars(camera) | {"zoom": camera.zoom * self.zoom}
-            for name, value in found.items():
-                object.__setattr__(self, name, value)
+            store(self, **vars(camera) | {"zoom": camera.zoom * self.zoom})
 
     @property
     def of_file(self) -> Literal["file"] | None:
@@ -171,10 +169,8 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
     is_pair = view.shape == (2,) if isinstance(view, np.ndarray) else isinstance(view, (tuple, list)) and len(view) == 2
     if not (view is None or is_pair or (isinstance(view, str) and view in VIEWS)):
         raise SceneError(f"{mark}view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {shown(view)}")
-    if number(words["zoom"], f"{mark}zoom") <= 0.0:
-        raise SceneError(f"{mark}zoom must be above 0; given {words['zoom']:g}")
-    if not isinstance(words["ortho"], (bool, np.bool_)):
-        raise SceneError(f"{mark}ortho must be True or False; given {shown(words['ortho'])}")
+    number(words["zoom"], f"{mark}zoom", above=0)
+    flag(words["ortho"], f"{mark}ortho")
     given = words_given(words)
     if given and camera is not None and not (isinstance(camera, str) and camera == "frame"):
         others = ", ".join(mark + name for name in given)

@@ -79,8 +79,8 @@ def _describe(model, arguments, messages) -> dict:
     """Load a model, and return what is known of it: a record that JSON can say."""
     from ..analysis.mesh_topology import compute_topology
     from ..io.loader import load
+    from ..scene.framing import guess_up
     from ..scene.lights import light_type_of
-    from ..scene.up_axis import guess_up
     from .models import noted_warnings, source_of
 
     start = perf_counter()

@@ -230,7 +230,7 @@ def _tell_up(model, scene, messages) -> None:
     """Say where the shape of a model says that another axis points upwards."""
     import numpy as np
 
-    from ..scene.up_axis import guess_up
+    from ..scene.framing import guess_up
 
     offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in scene.meshes])
     step = scene.n_face // _MAX_LOOKED_AT + 1

@@ -13,8 +13,7 @@ computes normals that are given as 0, and subdivides; `io` reads and writes scen
     texture             Texture, with its mipmaps
     lights              the types of light, their shadows, and ready-made sets
     camera              Camera: view, projection, OpenCV, one that goes round, and random ones
-    framing             the smallest view that shows every vertex
-    up_axis             which axis of a model points upwards, by its shape
+    framing             the smallest view that shows every vertex; which axis of a model points upwards, by its shape
     random_numbers      random numbers by a seed, the same everywhere
     color               what a person writes becomes linear RGB
     spectrum            Spectrum, with the standard observer and daylight

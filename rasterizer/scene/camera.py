@@ -32,7 +32,6 @@ from .arrays import VectorLike, real_array
 from .random_numbers import VIEW, checked_range, elevation_at, uniform_numbers, within
 from .validate import choice, number, picture_size, position3, store, unit3, value_class
 
-_MIN_FOV = 1e-6  # degrees: a hair in 10 km
 _MAX_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
 
 
@@ -142,11 +141,53 @@ class Camera:
     def __post_init__(self) -> None:
         position = position3(self.position, "the camera's position")
         target = position3(self.target, "the camera's target")
-        up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
-        store(self, position=position, target=target, up=unit3(up, "the camera's up"))
+        up = AXES[choice(self.up, AXES, "the camera's up")] if isinstance(self.up, str) else self.up
         if position == target:
             raise SceneError(f"the camera's position and target must differ; given {position} for both")
-        store(self, **(_checked_lens(self) | _checked_depths(self)))
+        store(self, position=position, target=target, up=unit3(up, "the camera's up"))
+        store(self, skew=number(self.skew, "the camera's skew"))
+        if self.aspect is not None:
+            store(self, aspect=framing.checked_aspect(self.aspect))
+        if self.intrinsics is not None:
+            self._check_intrinsics()
+        elif self.size is not None:
+            raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
+        elif self.skew != 0.0:
+            raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(self.skew)} without any")
+        if (self.fov is None) == (self.height is None):
+            given = f"given fov={shown(self.fov)}, height={shown(self.height)}"
+            raise SceneError(f"a camera needs either fov (perspective) or height (orthographic); {given}")
+        if self.height is None:
+            store(self, fov=framing.checked_fov(self.fov))
+        else:
+            store(self, height=number(self.height, "the camera's height", above=0, unit=" scene units"))
+        legal: Any = {"above": 0, "unit": " with perspective"} if self.is_perspective else {}
+        for field in ("near", "far"):
+            if getattr(self, field) is not None:
+                store(self, **{field: number(getattr(self, field), f"the camera's {field}", **legal)})
+        if self.near is not None and self.far is not None and self.near >= self.far:
+            raise SceneError(f"the camera's near must be below its far; given near={self.near}, far={self.far}")
+
+    def _check_intrinsics(self) -> None:
+        """Check the OpenCV intrinsics, their size and the range of skew; derive the field of view."""
+        given: Any = self.intrinsics
+        try:
+            values = tuple(given)
+        except TypeError:
+            values = ()
+        if len(values) != 4:
+            raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {shown(given)}")
+        fx, fy, cx, cy = (number(value, "each of the camera's intrinsics (fx, fy, cx, cy)") for value in values)
+        if fx <= 0.0 or fy <= 0.0:
+            legal = "above 0 pixels"
+            raise SceneError(f"the camera's focal lengths fx, fy must be {legal}; given {shown(fx)}, {shown(fy)}")
+        if abs(self.skew) > _MAX_SKEW * fx:
+            legal = f"at most {_MAX_SKEW:g} times its fx, {shown(fx)} pixels"
+            raise SceneError(f"the camera's skew must be {legal}; given {shown(self.skew)}")
+        if self.aspect is not None:
+            raise SceneError(f"a camera with intrinsics has the aspect of their size; given aspect={self.aspect}")
+        size = picture_size(self.size)
+        store(self, intrinsics=(fx, fy, cx, cy), size=size, fov=math.degrees(2.0 * math.atan(0.5 * size[1] / fy)))
 
     @property
     def is_perspective(self) -> bool:
@@ -242,8 +283,8 @@ class Camera:
         Source: derivation at `rasterizer.scene.framing.fit_perspective`.
         """
         axes = framing.orbit_axes(azimuth, elevation, framing.up_axis(subject, up))
-        lens = framing.checked_lens(_fov_unless(orthographic, fov), margin, aspect, size)
-        cloud = framing.Cloud(subject, axes)
+        lens = framing.checked_lens(orthographic, fov, margin, aspect, size)
+        cloud = framing.Cloud(framing.point_sets(subject), axes)
         eye, target, height = lens.fit(cloud)
         return cls(position=cloud.to_world(eye), target=cloud.to_world(target), up=axes[1], fov=lens.fov, height=height)
 
@@ -284,9 +325,9 @@ class Camera:
         Source: derivation at `rasterizer.scene.framing.SweptCloud`.
         """
         axis = framing.up_axis(subject, up)
-        lens = framing.checked_lens(_fov_unless(orthographic, fov), margin, aspect, size)
+        lens = framing.checked_lens(orthographic, fov, margin, aspect, size)
         all_axes = [framing.orbit_axes(a, elevation, axis) for a in framing.checked_azimuths(azimuths)]
-        cloud = framing.SweptCloud(subject, all_axes[0], AXES[axis])
+        cloud = framing.SweptCloud(framing.point_sets(subject), all_axes[0], AXES[axis])
         eye, target, height = lens.fit(cloud)
         target = cloud.seen_of_axis(eye, target)
         places = [(cloud.to_world(eye, axes), cloud.to_world(target, axes), axes[1]) for axes in all_axes]
@@ -326,7 +367,8 @@ class Camera:
         SceneError : a value that is not legal, no points, points that are not finite
         """
         elevations, rolls = checked_range(elevation, "elevation", -90, 90), checked_range(roll, "roll", -360, 360)
-        fovs, distances = checked_range(fov, "fov", _MIN_FOV, 180), checked_range(distance, "distance", 1e-3, 1e3)
+        fovs = checked_range(fov, "fov", framing.MIN_FOV, 180)
+        distances = checked_range(distance, "distance", 1e-3, 1e3)
         numbers = uniform_numbers(seed, VIEW, 5)
         camera = cls.framing(
             subject, 360.0 * numbers[0], elevation_at(elevations, numbers[1]), within(fovs, numbers[2]), up, margin,
@@ -364,7 +406,13 @@ class Camera:
         ------
         SceneError : a value that is not legal, a matrix that scales, mirrors or isn't affine
         """
-        rotation, eye = _read_pose(pose, frame)
+        choice(frame, POSE_FRAMES, "the pose's frame")
+        matrix = _checked_matrix(pose, (4, 4), "the pose")
+        if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
+            raise SceneError(f"the pose's last row must be (0, 0, 0, 1); given {shown(matrix[3].tolist())}")
+        rotation, eye = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)"), matrix[:3, 3]
+        if frame == "opencv":
+            rotation = rotation * (1.0, -1.0, -1.0)
         return cls.look_at(eye, _target(eye, -rotation[:, 2]), rotation[:, 1], fov, height, near, far)
 
     @property
@@ -401,19 +449,15 @@ class Camera:
         ------
         SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
         """
-        (fx, fy, cx, cy, skew), R, t = _read_calibration(K, R, t)
-        size = picture_size(size)
+        K, R, t = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R"), _checked_matrix(t, (3,), "t")
+        (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+        ideal = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
+            raise SceneError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; given {shown(K.tolist())}")
+        R = _nearest_rotation(R, "R")
         eye = -R.T @ t
-        return cls(
-            position=eye,
-            target=_target(eye, R[2]),
-            up=-R[1],
-            near=near,
-            far=far,
-            intrinsics=(fx, fy, cx, cy),
-            size=size,
-            skew=skew,
-        )
+        lens = {"intrinsics": (fx, fy, cx, cy), "size": size, "skew": skew}
+        return cls(position=eye, target=_target(eye, R[2]), up=-R[1], near=near, far=far, **lens)
 
     def to_opencv(self, size: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return K (3, 3), R (3, 3), t (3,), float64, as OpenCV writes this camera for pictures of `size`
@@ -541,159 +585,11 @@ def aimed(camera: Camera, bounds: NDArray[np.float64]) -> Camera:
 # --- what a camera is given, checked -------------------------------------------------------------------------
 
 
-def _checked_lens(camera: Camera) -> dict[str, Any]:
-    """Return the fields of a camera's lens, checked: `fov` or `height`, `aspect`, and `intrinsics` with `skew` and
-    `size`."""
-    fields: dict[str, Any] = {}
-    fov = camera.fov
-    if camera.aspect is not None:
-        fields = {"aspect": framing.checked_aspect(camera.aspect)}
-    if camera.intrinsics is not None and camera.aspect is not None:
-        raise SceneError(f"a camera with intrinsics has the aspect of their size; given aspect={shown(camera.aspect)}")
-    if camera.intrinsics is not None:
-        fields = _checked_intrinsics(camera)
-        fov = fields["fov"]
-    elif camera.size is not None:
-        raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
-    elif number(camera.skew, "the camera's skew") != 0.0:
-        raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(camera.skew)} without any")
-    else:
-        fields["skew"] = 0.0
-    if (fov is None) == (camera.height is None):
-        raise SceneError(
-            "a camera needs either fov (perspective) or height (orthographic); "
-            f"given fov={shown(fov)}, height={shown(camera.height)}"
-        )
-    if fov is not None:
-        return fields | {"fov": _checked_fov(fov)}
-    height = number(camera.height, "the camera's height")
-    if height <= 0.0:
-        raise SceneError(f"the camera's height must be above 0 scene units; given {shown(camera.height)}")
-    return fields | {"height": height}
-
-
-def _checked_intrinsics(camera: Camera) -> dict[str, Any]:
-    """Check the OpenCV intrinsics, skew and the size that they belong to, and derive the field of view."""
-    given: Any = camera.intrinsics
-    try:
-        values = tuple(given)
-    except TypeError:
-        values = ()
-    if len(values) != 4:
-        raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {shown(given)}")
-    fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
-    if fx <= 0.0 or fy <= 0.0:
-        raise SceneError(f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}")
-    skew = number(camera.skew, "the camera's skew")
-    if abs(skew) > _MAX_SKEW * fx:
-        raise SceneError(
-            f"the camera's skew must be at most {_MAX_SKEW:g} times its fx, {shown(fx)} pixels; "
-            f"given {shown(camera.skew)}"
-        )
-    width, height = picture_size(camera.size)
-    fov = math.degrees(2.0 * math.atan(0.5 * height / fy))
-    return {"intrinsics": (fx, fy, cx, cy), "skew": skew, "size": (width, height), "fov": fov}
-
-
-def _checked_depths(camera: Camera) -> dict[str, float]:
-    """Return near and far, where given, checked."""
-    depths: dict[str, float] = {}
-    for field in ("near", "far"):
-        given = getattr(camera, field)
-        if given is not None:
-            depths[field] = number(given, f"the camera's {field}")
-            if depths[field] <= 0.0 and camera.is_perspective:
-                raise SceneError(
-                    f"the {field} of a perspective camera must be above 0 scene units; given {shown(given)}"
-                )
-    if len(depths) == 2 and depths["near"] >= depths["far"]:
-        raise SceneError(f"the camera's near must be below its far; given near={camera.near}, far={camera.far}")
-    return depths
-
-
-def _fov_unless(orthographic: object, fov: object) -> float | None:
-    """Return the field of view, or None for a camera without perspective."""
-    if not isinstance(orthographic, (bool, np.bool_)):
-        raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
-    return None if orthographic else _checked_fov(fov)
-
-
-def _checked_fov(fov: object) -> float:
-    """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
-    value = number(fov, "the camera's fov")
-    if not _MIN_FOV <= value < 180.0:
-        raise SceneError(
-            f"the camera's fov must be between 0 and 180 degrees, {_MIN_FOV:g} at least; given {shown(fov)}"
-        )
-    return value
-
-
-# --- where a camera is, as others write it -------------------------------------------------------------------
-
-
-def _read_calibration(
-    K: ArrayLike, R: ArrayLike, t: ArrayLike
-) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64], NDArray[np.float64]]:
-    """Check a calibration x_cam = R x_world + t, in a frame with x right, y down, z forward.
-
-    Parameters
-    ----------
-    K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels
-    R : (3, 3) rotation from world to camera
-    t : (3,) or (3, 1), scene units
-
-    Returns
-    -------
-    (fx, fy, cx, cy, skew) in pixels, the rotation (3, 3) nearest to R, and t (3,)
-
-    Raises
-    ------
-    SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
-    """
-    K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
-    t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
-    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
-    ideal = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
-        raise SceneError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; given {shown(K.tolist())}")
-    return (fx, fy, cx, cy, skew), _nearest_rotation(R, "R"), t
-
-
-def _read_pose(pose: ArrayLike, frame: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check a pose: x_world = R x_cam + eye.
-
-    Parameters
-    ----------
-    pose : (4, 4) world-from-camera
-    frame : "opengl" (x right, y up, looking down -z) or "opencv" (x right, y down, looking down +z)
-
-    Returns
-    -------
-    the rotation (3, 3) nearest to R, from the frame of "opengl", and the eye (3,), scene units
-
-    Raises
-    ------
-    SceneError : another shape, values that are not finite, a matrix that isn't affine, scales or mirrors
-    """
-    choice(frame, POSE_FRAMES, "the pose's frame")
-    matrix = _checked_matrix(pose, (4, 4), "the pose")
-    if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
-        raise SceneError(f"the pose's last row must be (0, 0, 0, 1); given {shown(matrix[3].tolist())}")
-    rotation = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)")
-    return rotation * (1.0, -1.0, -1.0) if frame == "opencv" else rotation, matrix[:3, 3]
-
-
-def _is_column(value: Any) -> bool:
-    """Tell whether a value is (3, 1), as OpenCV writes vectors."""
-    try:
-        return [len(each) for each in value] == [1, 1, 1]
-    except TypeError:
-        return False
-
-
 def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Return a finite float64 array of the given shape."""
+    """Return a finite float64 array of the given shape; a vector may be a column, as OpenCV writes it."""
     matrix = real_array(value)
+    if matrix is not None and matrix.shape == (*shape, 1) and len(shape) == 1:
+        matrix = matrix[:, 0]
     if matrix is None or matrix.shape != shape or not np.isfinite(matrix).all():
         raise SceneError(f"{what} must be finite numbers of the shape {shape}; given {shown(value)}")
     return matrix.astype(np.float64)

@@ -45,26 +45,19 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
         return _rgb_of_text(color, what)
     if isinstance(color, tuple) and hasattr(color, "wavelengths"):
         return color  # a Spectrum: its module imports this one
-    is_sequence = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0
-    if is_sequence:
-        _check_no_bytes(color, what)
-        rgb = vector3(color, what)
+    given: Any = color
+    if not hasattr(given, "__len__") or getattr(given, "ndim", 1) == 0:
+        rgb = (number(given, f"{what} (a grey, three linear numbers, or a hex or CSS colour)"),) * 3
     else:
-        rgb = (number(color, f"{what} (a grey, three linear numbers, or a hex or CSS colour)"),) * 3
+        rgb = vector3(given, what)
+        # No surface reflects 255 times what it gets.
+        if max(rgb) > 1.0 and min(rgb) >= 0.0 and all(map(is_whole, given)):
+            text = "#{:02x}{:02x}{:02x}".format(*map(int, rgb)) if max(rgb) <= 255.0 else "#rrggbb"
+            hint = f'sRGB is written "{text}" or rz.srgb(...), linear light divided by 255, or 2.0 where that is meant'
+            raise SceneError(f"{what} must be linear, 1 is white; given whole numbers, {shown(color)}: {hint}")
     if min(rgb) < 0.0:
         raise SceneError(f"{what} must not be negative; given {shown(color)}")
     return rgb
-
-
-def _check_no_bytes(color: Any, what: str) -> None:
-    """Refuse three whole numbers, one above 1: no surface reflects 255 times what it gets."""
-    channels = list(color)
-    if len(channels) == 3 and all(is_whole(channel, 0) for channel in channels) and max(channels) > 1:
-        text = "#" + "".join(f"{int(channel):02x}" for channel in channels) if max(channels) <= 255 else "#rrggbb"
-        hint = (
-            f'sRGB is written "{text}" or rz.srgb(...), linear light divided by 255, or 2.0 where more than 1 is meant'
-        )
-        raise SceneError(f"{what} must be linear, 1 is white; given whole numbers, {shown(color)}: {hint}")
 
 
 def srgb(colors: ArrayLike) -> NDArray[np.float64]:

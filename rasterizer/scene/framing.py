@@ -1,4 +1,5 @@
-"""The smallest view that shows every vertex: where the eye must stand for a given viewing direction.
+"""The smallest view that shows every vertex: where the eye must stand for a given viewing direction; and, at the end,
+which axis of a model points upwards.
 
     in:  points (world), viewing direction, picture's shape     out: eye, target (camera's axes), height of the view
 
@@ -21,8 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES
 from ..cores import Workers, n_core
 from ..errors import SceneError, shown
-from ..locks import cached_property
-from .validate import choice, is_whole, number, picture_size
+from .validate import choice, flag, is_whole, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -30,10 +30,10 @@ Array: TypeAlias = NDArray[np.float64]
 # up × front, +x wherever up leaves x free, else the y-up arrangement rolled about z.
 _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
 _SIDE = {"x": "-y", "-x": "y"} | dict.fromkeys(("y", "z", "-y", "-z"), "x")
+MIN_FOV = 1e-6  # degrees: a hair in 10 km
 _ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
 _FIRST, _MAX_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
-_FEW = 8 * _CHUNK  # points that are copied once for all that is asked of them
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
 
 
@@ -52,32 +52,32 @@ class Lens(NamedTuple):
         return *fit_perspective(cloud, self.aspect * slope, slope), None
 
 
-def checked_lens(fov: float | None, margin: object, aspect: object, size: Any) -> Lens:
+def checked_lens(orthographic: object, fov: object, margin: object, aspect: object, size: Any) -> Lens:
     """Return the lens for a margin and a shape, or a size, of the picture; SceneError where they are not legal."""
-    margin = number(margin, "the margin")
-    if not 0.0 <= margin < 0.5:
-        raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
+    angle = None if flag(orthographic, "orthographic") else checked_fov(fov)
+    margin = number(margin, "the margin", low=0, below=0.5, unit=" of the picture")
     if size is not None:
         if aspect is not None:
             raise SceneError(f"a picture's shape is its size or its aspect; given {shown(size)} and {shown(aspect)}")
         width, height = picture_size((size, size) if is_whole(size) else size)
         aspect = width / height
-    return Lens(fov, _ASPECT if aspect is None else checked_aspect(aspect), 1.0 - 2.0 * margin)
+    return Lens(angle, _ASPECT if aspect is None else checked_aspect(aspect), 1.0 - 2.0 * margin)
+
+
+def checked_fov(fov: object) -> float:
+    """Return a field of view, degrees; SceneError for what is none."""
+    return number(fov, "the camera's fov", low=MIN_FOV, below=180, unit=" degrees")
 
 
 def checked_aspect(aspect: object) -> float:
     """Return the width / height of a picture; SceneError for what is none."""
-    value = number(aspect, "the aspect (width / height)")
-    if not 1.0 / _MAX_ASPECT <= value <= _MAX_ASPECT:
-        legal = f"above 0, and within 1/{_MAX_ASPECT:g}..{_MAX_ASPECT:g}"
-        raise SceneError(f"the aspect (width / height) must be {legal}; given {value}")
-    return value
+    return number(aspect, "the aspect (width / height)", low=1.0 / _MAX_ASPECT, high=_MAX_ASPECT)
 
 
 def up_axis(subject: Any, up: object) -> str:
     """Return the axis that points upwards: the one given, else a scene's own, else y; SceneError for no axis."""
     own = getattr(subject, "up", None) if hasattr(subject, "meshes") else None
-    return choice((own or "y") if up is None else up, tuple(AXES), "up")
+    return choice((own or "y") if up is None else up, AXES, "up")
 
 
 def checked_azimuths(azimuths: Any) -> list[float]:
@@ -102,11 +102,8 @@ def orbit_axes(azimuth: float, elevation: float, up: str) -> Array:
     elevation is outside -90..90.
     """
     cos_az, sin_az = cos_sin(number(azimuth, "the azimuth"))
-    elevation = number(elevation, "the elevation")
-    if not -90.0 <= elevation <= 90.0:
-        raise SceneError(f"the elevation must be within -90..90 degrees; given {elevation!r}")
-    cos_el, sin_el = cos_sin(elevation)
-    pole, front, side = (np.array(AXES[axis]) for axis in (up, _FRONT[up], _SIDE[up]))
+    cos_el, sin_el = cos_sin(number(elevation, "the elevation", low=-90, high=90, unit=" degrees"))
+    pole, front, side = np.array([AXES[up], AXES[_FRONT[up]], AXES[_SIDE[up]]])
     outward = cos_az * front + sin_az * side
     right = cos_az * side - sin_az * front
     axes = np.stack([right, cos_el * pole - sin_el * outward, -(cos_el * outward + sin_el * pole)])
@@ -214,9 +211,9 @@ class Cloud:
         resolve
     """
 
-    def __init__(self, subject: Any, axes: Array) -> None:
-        self._sets, self._axes = _point_sets(subject), axes
-        self._origin = self._chosen_origin()
+    def __init__(self, sets: list[NDArray[Any]], axes: Array, origin: Array | None = None) -> None:
+        self._sets, self._axes, self._workers = sets, axes, Workers(n_core())
+        self._origin = sets[0][0].astype(np.float64) if origin is None else origin
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
         if not np.isfinite(self.extremes).all():
             raise SceneError("the points to be framed must be finite; some are not")
@@ -224,47 +221,26 @@ class Cloud:
         self.middle = 0.5 * (self.low + self.high)
         self.size = math.dist(self.low, self.high) or max(1.0, 1e-6 * float(np.abs(self._origin).max()))
 
-    def _chosen_origin(self) -> Array:
-        return self._sets[0][0].astype(np.float64)
-
     def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
+        directions_world = directions @ self._axes
+
+        def search(points: NDArray[Any]) -> tuple[Array, Array]:
+            """Return how far the furthest of some points are along the directions, (k,), and these, (k, 3)."""
+            columns = np.array(points.T, np.float64, order="C")  # numpy's loops over columns are long
+            columns -= self._origin[:, None]
+            scores = directions_world @ columns
+            where = scores.argmax(axis=1)
+            return scores[np.arange(len(scores)), where], columns.T[where]
+
+        chunks = [points[i : i + _CHUNK] for points in self._sets for i in range(0, len(points), _CHUNK)]
         with np.errstate(invalid="ignore"):  # of points that aren't finite, which are refused
-            reached, found = map(np.array, zip(*self._farthest_of_chunks(directions @ self._axes), strict=True))
+            reached, found = map(np.array, zip(*self._workers.map(search, chunks), strict=True))
             return found[reached.argmax(axis=0), np.arange(len(directions))] @ self._axes.T
-
-    def _farthest_of_chunks(self, directions: Array) -> list[tuple[Array, Array]]:
-        """Return of each chunk how far its furthest points are along directions in world space, and these."""
-        if self._few:
-            return [_farthest_column(local, directions) for local in self._few]
-        with Workers(n_core()) as workers:
-            return workers.map(lambda chunk: _farthest_column(self._columns(chunk), directions), self._chunks())
-
-    @cached_property
-    def _few(self) -> list[Array]:
-        """The columns of a subject with few points; none of others, whose copies would leave the caches."""
-        is_few = sum(map(len, self._sets)) <= _FEW
-        return [self._columns(chunk) for chunk in self._chunks()] if is_few else []
-
-    def _chunks(self) -> list[NDArray[Any]]:
-        return [points[i : i + _CHUNK] for points in self._sets for i in range(0, len(points), _CHUNK)]
-
-    def _columns(self, points: NDArray[Any]) -> Array:
-        """Return points relative to the origin, (3, n): numpy's loops over columns are long."""
-        local = np.array(points.T, np.float64, order="C")
-        local -= self._origin[:, None]
-        return local
 
     def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
         """Return a point given along the camera's axes, or along other ones (3, 3), in world coordinates."""
         return self._origin + np.asarray(p_local) @ (self._axes if axes is None else axes)
-
-
-def _farthest_column(columns: Array, directions: Array) -> tuple[Array, Array]:
-    """Return how far the furthest of some points (3, n) are along directions (k, 3), (k,), and these, (k, 3)."""
-    scores = directions @ columns
-    where = scores.argmax(axis=1)
-    return scores[np.arange(len(scores)), where], columns.T[where]
 
 
 class SweptCloud(Cloud):
@@ -276,22 +252,17 @@ class SweptCloud(Cloud):
     angle. They look the same from every azimuth: one fit serves all cameras of an orbit.
     """
 
-    def __init__(self, subject: Any, axes: Array, pole: ArrayLike) -> None:
-        self._pole = np.asarray(pole)
-        super().__init__(subject, axes)
-
-    def _chosen_origin(self) -> Array:
-        """The middle of the subject's box, world space; and from there heights and distances from the axis, (n,) each,
-        set by set."""
-        low = np.min([points.min(axis=0) for points in self._sets], axis=0).astype(np.float64)
-        high = np.max([points.max(axis=0) for points in self._sets], axis=0)
+    def __init__(self, sets: list[NDArray[Any]], axes: Array, pole: ArrayLike) -> None:
+        low = np.min([points.min(axis=0) for points in sets], axis=0).astype(np.float64)
+        high = np.max([points.max(axis=0) for points in sets], axis=0)
         middle = 0.5 * low + 0.5 * high
-        self._circles = []
-        for points in self._sets:
+        self._pole = np.asarray(pole)
+        self._circles = []  # heights above the middle and distances from the axis, (n,) each, set by set
+        for points in sets:
             local = points - middle
             heights = local @ self._pole
             self._circles.append((heights, np.linalg.norm(local - heights[:, None] * self._pole, axis=1)))
-        return middle
+        super().__init__(sets, axes, middle)
 
     def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) of the circles that is furthest along each direction (k, 3)."""
@@ -319,7 +290,7 @@ class SweptCloud(Cloud):
         return met if met[2] > eye[2] else target
 
 
-def _point_sets(subject: Any) -> list[NDArray[Any]]:
+def point_sets(subject: Any) -> list[NDArray[Any]]:
     """Return the points to be framed as a list of (n, 3) arrays that are not empty."""
     if hasattr(subject, "meshes"):
         return [mesh.used_vertices for mesh in subject.meshes]
@@ -364,3 +335,45 @@ def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
     x, y, z = np.asarray(axis, np.float64)
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return cos * np.eye(3) + sin * across + (1.0 - cos) * np.outer((x, y, z), (x, y, z))
+
+
+# --- which axis of a model points upwards --------------------------------------------------------------------
+
+_NEAR = 1e-3  # of the extent: what lies within it of the lowest point stands on the ground
+_LEVEL = 0.99  # cosine: such faces lie level, within 8 degrees
+_EVIDENCE = 0.02  # share of the area that has to lie on the ground before it says what is down
+
+
+def guess_up(points: Array, faces: NDArray[Any], bounds: Array) -> tuple[str | None, str]:
+    """Guess which axis of a model points upwards: things stand on a level base.
+
+    Parameters
+    ----------
+    points : (n_vertex, 3) float64
+    faces : (n_face, 3) integers, all or some
+    bounds : (2, 3) float64, lowest and highest corner of the box round the model
+
+    Returns
+    -------
+    "y", "z", "-y" or "-z", or None where nothing tells; and the reason, a text
+
+    The evidence for an axis is the area of the faces that lie level at its lowest end and face down, less that of those
+    at its other end that face up: a box has as much of either, and says nothing.
+    """
+    corners, (low, high) = points[faces], bounds
+    names, shares = ("y", "z", "-y", "-z"), np.zeros(4)
+    with np.errstate(all="ignore"):
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(normals, axis=1)
+        for k, name in enumerate(names):
+            axis, sign = "xyz".index(name[-1]), sum(AXES[name])
+            bottom = low[axis] if sign > 0 else high[axis]
+            is_base = (np.abs(corners[:, :, axis] - bottom) <= _NEAR * (high - low).max()).all(axis=1)
+            is_base &= high[axis] - low[axis] > _NEAR * (high - low).max()  # a flat thing lies on either side
+            is_base &= -sign * normals[:, axis] >= _LEVEL * areas
+            shares[k] = areas[is_base].sum() / areas.sum()
+        evidence = shares - np.roll(shares, 2)  # that of the opposite axis
+    best = int(evidence.argmax())
+    if not evidence[best] >= _EVIDENCE:
+        return None, "no level base tells"
+    return names[best], f"{100.0 * shares[best]:.0f} % of the area is a level base"

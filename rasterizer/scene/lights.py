@@ -16,16 +16,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_args, get_origin, get_type_hints
 
-import numpy as np
-
 from ..choices import ATTACHMENTS, AXES, Attachment, Axis
 from ..errors import SceneError, shown
 from ..keywords import checked_keywords
+from ..vectors import dot
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
 from .framing import orbit_axes
 from .random_numbers import LIGHTS, checked_range, elevation_at, uniform_numbers, within
-from .validate import choice, is_whole, number, position3, store, unit3, value_class, vector3
+from .validate import choice, flag, is_whole, number, position3, store, unit3, value_class, vector3, whole
 
 MAX_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 _MAX_SHADOWED = 4096  # of them cast shadows: each is a picture or six
@@ -64,16 +63,10 @@ class Shadow:
     filter: int = 1
 
     def __post_init__(self) -> None:
-        for field, article, low, high, step in (
-            ("size", "a whole", 16, _MAX_TEXELS, 1),
-            ("filter", "an odd", 1, _MAX_TAPS, 2),
-        ):
-            value = getattr(self, field)
-            if not (is_whole(value, low, high) and (value - low) % step == 0):
-                raise SceneError(
-                    f"the shadow's {field} must be {article} number within {low}..{high}; given {shown(value)}"
-                )
-            store(self, **{field: int(value)})
+        if not (is_whole(self.filter, 1, _MAX_TAPS) and self.filter % 2 == 1):
+            legal = f"an odd number within 1..{_MAX_TAPS}"
+            raise SceneError(f"the shadow's filter must be {legal}; given {shown(self.filter)}")
+        store(self, size=whole(self.size, "the shadow's size", 16, _MAX_TEXELS), filter=int(self.filter))
 
 
 @value_class
@@ -120,13 +113,13 @@ class DirectionalLight:
     shadow: Shadow | bool | None = None
 
     def __post_init__(self) -> None:
+        choice(self.attached, ATTACHMENTS, "the directional light's attached")
         store(
             self,
             direction=unit3(self.direction, "the directional light's direction"),
             color=linear_rgb(self.color, "the directional light's color"),
+            shadow=checked_shadow(self.shadow, "the directional light's"),
         )
-        choice(self.attached, ATTACHMENTS, "the directional light's attached")
-        store(self, shadow=checked_shadow(self.shadow, "the directional light's"))
 
 
 @value_class
@@ -212,28 +205,17 @@ class SpotLight:
     falloff: float = 1.0
 
     def __post_init__(self) -> None:
+        outer = number(self.outer, "the spot light's outer angle", above=0, high=90, unit=" degrees")
+        inner = 0.8 * outer if self.inner is None else self.inner
         store(
             self,
             position=position3(self.position, "the spot light's position"),
             direction=unit3(self.direction, "the spot light's direction"),
+            inner=number(inner, "the spot light's inner angle", low=0, high=outer, unit=" degrees, the outer one"),
+            outer=outer,
+            exponent=number(self.exponent, "the spot light's exponent", low=0),
+            falloff=number(self.falloff, "the spot light's falloff", above=0),
         )
-        outer = number(self.outer, "the spot light's outer angle")
-        if not 0.0 < outer <= 90.0:
-            raise SceneError(
-                f"the spot light's outer angle must be above 0 and at most 90 degrees; given {shown(self.outer)}"
-            )
-        inner = 0.8 * outer if self.inner is None else number(self.inner, "the spot light's inner angle")
-        if not 0.0 <= inner <= outer:
-            raise SceneError(
-                f"the spot light's inner angle must be within 0..outer = {outer:g} degrees; given {shown(self.inner)}"
-            )
-        exponent = number(self.exponent, "the spot light's exponent")
-        if exponent < 0.0:
-            raise SceneError(f"the spot light's exponent must be at least 0; given {shown(self.exponent)}")
-        falloff = number(self.falloff, "the spot light's falloff")
-        if falloff <= 0.0:
-            raise SceneError(f"the spot light's falloff must be above 0; given {shown(self.falloff)}")
-        store(self, inner=inner, outer=outer, exponent=exponent, falloff=falloff)
         _check_positional(self, "the spot light's")
 
 
@@ -274,16 +256,17 @@ class AreaLight:
         for ends in ((0, 1), (1, 0), (1, 1)):
             end = [c + ends[0] * u + ends[1] * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)]
             position3(end, "each corner of the area light")
-        u, v = (
-            unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v"))
-        )
+        u, v = unit3(self.edge_u, "the area light's edge_u"), unit3(self.edge_v, "the area light's edge_v")
         # Unit vectors whose cosine is 1 to float64 rounding are parallel.
-        if abs(sum(a * b for a, b in zip(u, v, strict=True))) >= 1.0 - 1e-15:
-            raise SceneError(
-                "the area light's edge_u and edge_v must not be parallel; "
-                f"given {shown(self.edge_u)} and {shown(self.edge_v)}"
-            )
-        store(self, resolution=_cells(self.resolution))
+        if abs(dot(u, v)) >= 1.0 - 1e-15:
+            both = f"{shown(self.edge_u)} and {shown(self.edge_v)}"
+            raise SceneError(f"the area light's edge_u and edge_v must not be parallel; given {both}")
+        given: Any = self.resolution
+        cells = tuple(given) if hasattr(given, "__len__") else ()
+        if len(cells) != 2 or not all(is_whole(n, 1, _MAX_CELLS) for n in cells):
+            legal = f"two whole numbers from 1 to {_MAX_CELLS}"
+            raise SceneError(f"the area light's resolution must be {legal}; given {shown(given)}")
+        store(self, resolution=(int(cells[0]), int(cells[1])))
         _check_positional(self, "the area light's")
 
     @property
@@ -356,29 +339,21 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
         if type(light) not in LIGHT_TYPES.values():
             ready = "; ready-made ones are made by studio(), headlight() and tabletop()" * isinstance(light, str)
             raise SceneError(f"lights must be of {_legal_lights()}; given {shown(light)} at {i}{ready}")
-    _check_count(lights)
+    counts = [getattr(light, "n_cell", 1) for light in lights]
+    shadowed = [count for count, light in zip(counts, lights, strict=True) if getattr(light, "shadow", None)]
+    for n, limit, which in (
+        (sum(counts), MAX_LIGHTS, "lights"), (sum(shadowed), _MAX_SHADOWED, "lights that cast shadows"),
+    ):  # fmt: skip
+        if n > limit:
+            legal = f"{limit} {which} at most, the cells of area lights counted one by one"
+            hint = "choose fewer, or a smaller resolution of area lights"
+            raise SceneError(f"a scene may have {legal}; given {n}: {hint}")
     return lights
 
 
 def _legal_lights() -> str:
     """List the classes of lights that are known."""
     return ", ".join(cls.__name__ for cls in LIGHT_TYPES.values())
-
-
-def _check_count(lights: Iterable) -> None:
-    """Raise SceneError where lights are more than MAX_LIGHTS, or those that cast shadows more than _MAX_SHADOWED."""
-    counts = [(getattr(light, "n_cell", 1), light) for light in lights]
-    n_light = sum(count for count, _ in counts)
-    n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None))
-    for count, limit, which in (
-        (n_light, MAX_LIGHTS, "lights"),
-        (n_shadowed, _MAX_SHADOWED, "lights that cast shadows"),
-    ):
-        if count > limit:
-            raise SceneError(
-                f"a scene may have {limit} {which} at most, the cells of area lights counted one by one; given {count}"
-                ": choose fewer, or a smaller resolution of area lights"
-            )
 
 
 # --- ready-made lights: neutral, attached to the camera, so that every view of a model is lit alike ----------
@@ -446,7 +421,7 @@ def random_lights(
     low, high = (int(end) for end in checked_range(n, "n", 0, _MAX_RANDOM))
     elevations = checked_range(elevation, "elevation", -90, 90)
     intensities, ambients = checked_range(intensity, "intensity", 0, 1e6), checked_range(ambient, "ambient", 0, 1e6)
-    choice(up, tuple(AXES), "up")
+    choice(up, AXES, "up")
     first, second, *numbers = uniform_numbers(seed, LIGHTS, 2 + 3 * _MAX_RANDOM)
     found: list[Light] = [AmbientLight(within(ambients, first))]
     for k in range(low + int(second * (high - low + 1))):
@@ -471,18 +446,17 @@ PRESETS = {"studio": studio, "headlight": headlight, "tabletop": tabletop}
 
 def with_shadows(lights: Iterable[Any], shadow: Shadow) -> tuple[Any, ...]:
     """Return lights of which all that can cast a shadow: `shadow`, but where they have or refuse one themselves."""
-    has_none = ((getattr(light, "shadow", shadow) is None, light) for light in lights)
-    return tuple(replace(light, shadow=shadow) if is_without else light for is_without, light in has_none)
+    return tuple(
+        replace(light, shadow=shadow) if getattr(light, "shadow", shadow) is None else light for light in lights
+    )
 
 
 def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
     """Return lights whose shadows, where they cast any, have other fields."""
-
-    def changed(light: Any) -> Any:
-        shadow = getattr(light, "shadow", None)
-        return replace(light, shadow=replace(shadow, **fields)) if shadow else light
-
-    return tuple(map(changed, lights))
+    return tuple(
+        replace(light, shadow=replace(light.shadow, **fields)) if getattr(light, "shadow", None) else light
+        for light in lights
+    )
 
 
 def without_shadows(lights: Iterable[Any]) -> tuple[Any, ...]:
@@ -584,32 +558,13 @@ def checked_shadow(shadow: Any, whose: str) -> Shadow | Literal[False] | None:
     return shadow
 
 
-def _cells(resolution: Any) -> tuple[int, int]:
-    """The numbers of cells along both edges of an area light."""
-    try:
-        m, n = resolution
-    except (TypeError, ValueError):
-        m = n = None
-    if not (is_whole(m, 1, _MAX_CELLS) and is_whole(n, 1, _MAX_CELLS)):
-        raise SceneError(
-            f"the area light's resolution must be two whole numbers from 1 to {_MAX_CELLS}; given {shown(resolution)}"
-        )
-    return int(m), int(n)
-
-
 def _check_positional(light: Any, whose: str) -> None:
     """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
     store(light, color=linear_rgb(light.color, f"{whose} color"), attenuation=_attenuation(light.attenuation, whose))
     choice(light.attached, ATTACHMENTS, f"{whose} attached")
-    if not isinstance(light.amplify, (bool, np.bool_, int)):
-        raise SceneError(f"{whose} amplify must be True or False; given {shown(light.amplify)}")
-    store(light, amplify=bool(light.amplify))
+    store(light, amplify=flag(light.amplify, f"{whose} amplify"), shadow=checked_shadow(light.shadow, whose))
     if light.range is not None:
-        light_range = number(light.range, f"{whose} range")
-        if light_range <= 0.0:
-            raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
-        store(light, range=light_range)
-    store(light, shadow=checked_shadow(light.shadow, whose))
+        store(light, range=number(light.range, f"{whose} range", above=0, unit=", or None"))
 
 
 def _attenuation(value: Any, whose: str) -> tuple[float, float, float]:

@@ -29,7 +29,7 @@ from ..errors import SceneError, cut, shown
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
 from .texture import Texture, TextureLike
-from .validate import choice, number, store, unit3, value_class
+from .validate import choice, flag, number, store, text, unit3, value_class
 
 MAX_LEVELS = 256
 
@@ -154,80 +154,62 @@ class Material:
     FOLLOWS = {"ambient": "diffuse"}  # what a field is where it isn't given
 
     def __post_init__(self) -> None:
-        for field in ("diffuse", "specular", "emissive", "ambient"):
-            value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
-            store(self, **{field: linear_rgb(value, f"the material's {field}")})
-        shininess = number(self.shininess, "the material's shininess")
-        if shininess <= 0.0:
-            raise SceneError(f"the material's shininess must be above 0; given {self.shininess!r}")
-        store(self, shininess=shininess)
-        opacity = number(self.opacity, "the material's opacity")
-        if not 0.0 <= opacity <= 1.0:
-            raise SceneError(f"the material's opacity must be within 0..1; given {self.opacity!r}")
-        store(self, opacity=opacity)
-        if self.texture is not None and not isinstance(self.texture, Texture):
-            store(self, texture=Texture(self.texture))
-        if self.metallic_roughness is not None and not isinstance(self.metallic_roughness, Texture):
-            store(self, metallic_roughness=Texture.of_numbers(self.metallic_roughness))
-        choice(self.reflection, tuple(REFLECTION_MODELS), "the material's reflection")
-        self._check_model()
-        if not isinstance(self.name, str):
-            raise SceneError(f"the material's name must be text; given {shown(self.name)}")
-
-    def _check_model(self) -> None:
-        """Check and normalise the fields that only some of the reflection models read."""
+        diffuse = linear_rgb(self.diffuse, "the material's diffuse")
+        model = REFLECTION_MODELS[choice(self.reflection, REFLECTION_MODELS, "the material's reflection")]
         choice(self.distribution, DISTRIBUTIONS, "the material's distribution")
-        store(self, roughness=self._checked_roughness())
+        levels = number(self.levels, "the material's levels", low=1, high=MAX_LEVELS)
+        if levels != int(levels):
+            raise SceneError(f"the material's levels must be whole; given {shown(self.levels)}")
+        store(
+            self,
+            diffuse=diffuse,
+            ambient=diffuse if self.ambient is None else linear_rgb(self.ambient, "the material's ambient"),
+            specular=linear_rgb(self.specular, "the material's specular"),
+            emissive=linear_rgb(self.emissive, "the material's emissive"),
+            metal=None if self.metal is None else linear_rgb(self.metal, "the material's metal"),
+            shininess=number(self.shininess, "the material's shininess", above=0),
+            opacity=number(self.opacity, "the material's opacity", low=0, high=1),
+            roughness=self._checked_roughness(model),
+            fresnel=_checked_fresnel(self.fresnel),
+            metallic=number(self.metallic, "the material's metallic", low=0, high=1),
+            normalized=flag(self.normalized, "the material's normalized"),
+            levels=int(levels),
+        )
+        text(self.name, "the material's name")
         if not isinstance(self.tangent, str):
             store(self, tangent=unit3(self.tangent, "the material's tangent"))
         elif self.tangent != "u":
-            raise SceneError(
-                f"the material's tangent must be 'u' or three numbers, an axis; given {shown(self.tangent)}"
-            )
-        store(self, fresnel=_checked_fresnel(self.fresnel))
-        self._check_metal()
-        if not isinstance(self.normalized, (bool, np.bool_)):
-            raise SceneError(f"the material's normalized must be True or False; given {shown(self.normalized)}")
-        store(self, normalized=bool(self.normalized))
-        levels = number(self.levels, "the material's levels")
-        if levels != int(levels) or not 1 <= levels <= MAX_LEVELS:
-            raise SceneError(f"the material's levels must be whole, within 1..{MAX_LEVELS}; given {self.levels!r}")
-        store(self, levels=int(levels))
+            legal = "'u' or three numbers, an axis"
+            raise SceneError(f"the material's tangent must be {legal}; given {shown(self.tangent)}")
+        if self.texture is not None and not isinstance(self.texture, Texture):
+            store(self, texture=Texture(self.texture))
+        if self.metallic_roughness is not None:
+            self._check_metallic_roughness(model)
 
-    def _check_metal(self) -> None:
-        """Check how much of the surface is metal, and the texture that says where."""
-        metallic, model = number(self.metallic, "the material's metallic"), REFLECTION_MODELS[self.reflection]
-        if not 0.0 <= metallic <= 1.0:
-            raise SceneError(f"the material's metallic must be within 0..1; given {self.metallic!r}")
-        store(self, metallic=metallic)
-        if self.metal is not None:
-            store(self, metal=linear_rgb(self.metal, "the material's metal"))
-        if self.metallic_roughness is None:
-            return
-        numbers: Any = self.metallic_roughness
+    def _check_metallic_roughness(self, model: ReflectionModel) -> None:
+        """Check the texture that says where the surface is metal, and how rough it is."""
+        given: Any = self.metallic_roughness
+        numbers = given if isinstance(given, Texture) else Texture.of_numbers(given)
         if numbers.encoded is None and numbers.image[..., 1:3].max() > 1.0:
             raise SceneError("the material's metallic_roughness must have green and blue within 0..1")
         if model.is_metallic and (self.distribution != model.brushed or isinstance(self.roughness, tuple)):
             what = f"{self.reflection!r} takes it with {model.brushed!r} and one roughness"
             raise SceneError(f"the material must have no metallic_roughness: {what}")
-        if self.texture is None:
-            store(self, texture=Texture(np.ones((1, 1, 3)), "bilinear"))
+        white = Texture(np.ones((1, 1, 3)), "bilinear") if self.texture is None else self.texture
+        store(self, metallic_roughness=numbers, texture=white)
 
-    def _checked_roughness(self) -> float | tuple[float, ...]:
+    def _checked_roughness(self, model: ReflectionModel) -> float | tuple[float, float]:
         """Return the roughness as a float, or as two that differ."""
-        is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and getattr(self.roughness, "ndim", 1) == 1
-        given: Any = self.roughness if is_pair else (self.roughness,)
-        values = tuple(given)
-        model = REFLECTION_MODELS[self.reflection]
-        if is_pair and (len(values) != 2 or self.distribution != model.brushed):
+        what, given = "the material's roughness", self.roughness
+        unit = f" for {self.reflection!r}"
+        if not isinstance(given, (tuple, list, np.ndarray)) or getattr(given, "ndim", 1) != 1:
+            return number(given, what, low=model.min_roughness, high=1, unit=unit)
+        if len(given) != 2 or self.distribution != model.brushed:
             pairs = [f"{word!r} with {m.brushed!r}" for word, m in REFLECTION_MODELS.items() if m.brushed is not None]
-            what = f"one number, or two (along the tangent and across it) for {' or '.join(pairs)}"
-            raise SceneError(f"the material's roughness must be {what}; given {shown(self.roughness)}")
-        values = tuple(number(value, "the material's roughness") for value in values)
-        if not all(model.min_roughness <= value <= 1.0 for value in values):
-            what = f"within {model.min_roughness:g}..1 for {self.reflection!r}"
-            raise SceneError(f"the material's roughness must be {what}; given {self.roughness!r}")
-        return values[0] if len(set(values)) == 1 else values
+            legal = f"one number, or two (along the tangent and across it) for {' or '.join(pairs)}"
+            raise SceneError(f"{what} must be {legal}; given {shown(given)}")
+        along, across = (number(each, what, low=model.min_roughness, high=1, unit=unit) for each in given)
+        return along if along == across else (along, across)
 
     @property
     def is_anisotropic(self) -> bool:

@@ -11,6 +11,7 @@ from ..choices import AXES, Axis
 from ..errors import SceneError, counted, shown
 from ..keywords import checked_fields
 from ..locks import cached_property
+from .arrays import fixed
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
 from .lights import Light, checked_lights, light_type_of, studio
@@ -45,13 +46,12 @@ class DepthCue:
     color: ColorLike = 0.0
 
     def __post_init__(self) -> None:
-        scale = number(self.scale, "the depth cue's scale")
-        if scale <= 0.0:
-            raise SceneError(f"the depth cue's scale must be above 0; given {shown(self.scale)}")
-        start = number(self.start, "the depth cue's start")
-        if start < 0.0:
-            raise SceneError(f"the depth cue's start must be at least 0; given {shown(self.start)}")
-        store(self, scale=scale, start=start, color=linear_rgb(self.color, "the depth cue's color"))
+        store(
+            self,
+            scale=number(self.scale, "the depth cue's scale", above=0),
+            start=number(self.start, "the depth cue's start", low=0),
+            color=linear_rgb(self.color, "the depth cue's color"),
+        )
 
 
 def checked_cue(cue: DepthCue | float | None) -> DepthCue | None:
@@ -112,17 +112,13 @@ class Scene:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        store(
-            self,
-            meshes=_checked_meshes(self.meshes),
-            lights=studio() if self.lights is None else checked_lights(self.lights),
-        )
+        lights = studio() if self.lights is None else checked_lights(self.lights)
+        store(self, meshes=_checked_meshes(self.meshes), lights=lights, depth_cue=checked_cue(self.depth_cue))
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
             store(self, background=linear_rgb(self.background, "the background"))
-        store(self, depth_cue=checked_cue(self.depth_cue))
-        choice(self.up, tuple(AXES), "the scene's up")
+        choice(self.up, AXES, "the scene's up")
 
     def __repr__(self) -> str:
         lights = ", ".join(map(light_type_of, self.lights)) or "none"
@@ -143,17 +139,13 @@ class Scene:
     @cached_property
     def face_offsets(self) -> NDArray[np.int64]:
         """(n_mesh + 1,) int64: face f of mesh m has the index face_offsets[m] + f in the scene."""
-        offsets = np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
-        offsets.flags.writeable = False
-        return offsets
+        return fixed(np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64))
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Lowest and highest corner (2, 3) float64 of the box round all used vertices, scene units."""
         corners = np.stack([mesh.bounds for mesh in self.meshes])
-        bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
-        bounds.flags.writeable = False
-        return bounds
+        return fixed(np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)]))
 
     def framed(self, aspect: float) -> Camera:
         """Return a perspective camera that shows the whole scene from the default side.
@@ -172,8 +164,7 @@ class Scene:
         ------
         SceneError : another aspect
         """
-        aspect = number(aspect, "the aspect (width / height)")
-        if aspect not in self._framed:
+        if number(aspect, "the aspect (width / height)") not in self._framed:
             self._framed[aspect] = Camera.framing(self, up=self.up, aspect=aspect)
         return self._framed[aspect]
 
@@ -198,12 +189,11 @@ class Scene:
         return self.framed(width / height)
 
 
-def _checked_meshes(meshes: object) -> tuple[Mesh, ...]:
+def _checked_meshes(meshes: Any) -> tuple[Mesh, ...]:
     """Return one or many meshes as a tuple."""
-    if is_one_mesh(meshes):
-        meshes = (meshes,)
+    meshes = (meshes,) if is_one_mesh(meshes) else meshes
     try:
-        result = tuple(Mesh.from_any(mesh) for mesh in meshes)  # type: ignore[attr-defined]
+        result = tuple(map(Mesh.from_any, meshes))
     except TypeError:
         raise SceneError(f"meshes must be a mesh or a sequence of meshes; given {shown(meshes)}") from None
     if not result:

@@ -224,11 +224,7 @@ class Spectrum(tuple[float, float, float]):
 
         Source: Planck 1900, Verh. Dtsch. Phys. Ges. 2, 237-245: power ~ λ^-5 / (exp(h c / λ k T) - 1).
         """
-        temperature = number(kelvin, "the black body's temperature")
-        if temperature < _MIN_KELVIN:
-            raise SceneError(
-                f"the black body's temperature must be at least {_MIN_KELVIN:g} kelvin; given {shown(kelvin)}"
-            )
+        temperature = number(kelvin, "the black body's temperature", low=_MIN_KELVIN, unit=" kelvin")
         exponent = _C2 / WAVELENGTHS / temperature
         # In logarithms, log(e^x - 1) = x + log(1 - e^-x), as e^x overflows for a cold body.
         log_power = -5.0 * np.log(WAVELENGTHS) - exponent - np.log(-np.expm1(-exponent))
@@ -261,10 +257,7 @@ class Spectrum(tuple[float, float, float]):
 
     def scaled(self, factor: float) -> "Spectrum":
         """Return the spectrum times `factor`, at least 0 (else SceneError): a brighter or darker one."""
-        value = number(factor, "the spectrum's factor")
-        if value < 0.0:
-            raise SceneError(f"the spectrum's factor must be at least 0; given {shown(factor)}")
-        return _spectrum(self._wavelengths, self._values * value, type(self))
+        return _spectrum(self._wavelengths, self._values * number(factor, "the spectrum's factor", low=0), type(self))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, tuple):

@@ -30,7 +30,7 @@ from ..keywords import checked_fields
 from ..locks import cached_property
 from .arrays import KeepsArrays, fixed, kept, plain_array
 from .color import LINEAR_OF_BYTE
-from .validate import choice, store
+from .validate import choice, store, text
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -107,8 +107,7 @@ class Texture(KeepsArrays):
         if not isinstance(wrap, (tuple, list)) or len(wrap) != 2:
             raise SceneError(f"the texture's wrap must be one word, or two for u and v; given {shown(self.wrap)}")
         store(self, wrap=tuple(choice(word, WRAPS, "the texture's wrap") for word in wrap))
-        if not isinstance(self.name, str):
-            raise SceneError(f"the texture's name must be text; given {shown(self.name)}")
+        text(self.name, "the texture's name")
         image: Any = self.image
         if isinstance(image, (str, os.PathLike)):
             store(self, name=self.name or os.fsdecode(image))

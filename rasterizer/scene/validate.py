@@ -23,10 +23,26 @@ UNIT_SLACK = 10 * 2.0**-53
 _MAX_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
 
 
-def number(value: object, what: str) -> float:
-    """Return `value` as a finite float; SceneError where it is none.
+def number(
+    value: object,
+    what: str,
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    high: float = math.inf,
+    below: float = math.inf,
+    unit: str = "",
+) -> float:
+    """Return `value` as a finite float; SceneError where it is none, or one that is not legal.
 
-    Booleans, text and masked values are no numbers. `what` names the value in the message.
+    Booleans, text and masked values are no numbers.
+
+    Parameters
+    ----------
+    what : names the value in the message
+    low, high : the least and the largest that are legal
+    above, below : what a legal one is above and below
+    unit : text, follows the limits in the message
     """
     is_scalar = not isinstance(value, (str, bytes, bool)) and getattr(value, "ndim", 0) == 0
     # The kind of numpy's booleans is "b"; a masked value has a mask that is true.
@@ -36,9 +52,14 @@ def number(value: object, what: str) -> float:
         result = float(value) if is_scalar else math.nan  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         result = math.nan
-    if not math.isfinite(result):
-        raise SceneError(f"{what} must be a finite number; given {shown(value)}")
-    return result
+    if math.isfinite(result) and low <= result <= high and above < result < below:
+        return result
+    limits = {"at least": low, "above": above, "at most": high, "below": below}
+    legal = " and ".join(f"{word} {limit:g}" for word, limit in limits.items() if math.isfinite(limit))
+    if math.isfinite(high - low):
+        legal = f"within {low:g}..{high:g}"
+    legal = legal + unit if math.isfinite(result) else f"a finite number {legal}{unit}".rstrip()
+    raise SceneError(f"{what} must be {legal}; given {shown(value)}")
 
 
 def is_whole(value: object, low: float = -math.inf, high: float = math.inf) -> bool:
@@ -49,12 +70,26 @@ def is_whole(value: object, low: float = -math.inf, high: float = math.inf) -> b
         return False
 
 
-def whole(value: object, what: str, low: int, high: float = math.inf) -> int:
-    """Return `value` as an int within low..high; SceneError where it is anything else."""
+def whole(value: object, what: str, low: int, high: float = math.inf, unit: str = "") -> int:
+    """Return `value` as an int within low..high; SceneError where it is anything else, with the limits and `unit`."""
     if not is_whole(value, low, high):
         legal = f"from {low} upwards" if high == math.inf else f"within {low}..{high}"
-        raise SceneError(f"{what} must be a whole number {legal}; given {shown(value)}")
+        raise SceneError(f"{what} must be a whole number {legal}{unit}; given {shown(value)}")
     return operator.index(value)  # type: ignore[arg-type]
+
+
+def flag(value: object, what: str) -> bool:
+    """Return `value` as a bool, Python's or numpy's; SceneError where it is anything else."""
+    if not isinstance(value, bool) and type(value).__name__ not in ("bool_", "bool"):
+        raise SceneError(f"{what} must be True or False; given {shown(value)}")
+    return bool(value)
+
+
+def text(value: object, what: str) -> str:
+    """Return `value` where it is text; SceneError where it is anything else."""
+    if not isinstance(value, str):
+        raise SceneError(f"{what} must be text; given {shown(value)}")
+    return value
 
 
 def vector3(value: object, what: str) -> tuple[float, float, float]:
@@ -65,8 +100,8 @@ def vector3(value: object, what: str) -> tuple[float, float, float]:
         items = []
     if len(items) != 3:
         raise SceneError(f"{what} must be three finite numbers; given {shown(value)}")
-    x, y, z = (number(item, f"each of the three numbers of {what}") for item in items)
-    return x, y, z
+    each = f"each of the three numbers of {what}"
+    return number(items[0], each), number(items[1], each), number(items[2], each)
 
 
 def position3(value: object, what: str) -> tuple[float, float, float]:
@@ -98,21 +133,33 @@ def choice(value: object, legal: Collection[str], what: str) -> str:
     return value
 
 
+def several(value: object, legal: Collection[str], what: str) -> tuple[Any, ...]:
+    """Return words out of the `legal` ones as a tuple; one alone is a tuple of it, None of none. SceneError for
+    anything else."""
+    try:
+        words = () if value is None else (value,) if isinstance(value, str) else tuple(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise SceneError(f"{what} must be one or several of {', '.join(legal)}; given {shown(value)}") from None
+    for word in words:
+        choice(word, legal, what)
+    return words
+
+
 def picture_size(size: object) -> tuple[int, int]:
     """Return a picture's size as two ints of at least 1; whole floats are taken, too.
 
     Raises SceneError for anything else.
     """
-    width: Any = None
-    height: Any = None
+    given: Any = size
     try:
-        width, height = size  # type: ignore[misc]
-        is_size = int(width) == width and int(height) == height
+        width, height = given
+        sides = int(width), int(height)
+        is_size = sides == (width, height) and 1 <= min(sides) and max(sides) <= _MAX_PIXELS
     except (TypeError, ValueError, OverflowError):
         is_size = False
-    if not is_size or not (is_whole(int(width), 1, _MAX_PIXELS) and is_whole(int(height), 1, _MAX_PIXELS)):
+    if not is_size:
         raise SceneError(f"size must be (width, height), whole pixels of at least 1; given {shown(size)}")
-    return int(width), int(height)
+    return sides
 
 
 # --- what the frozen dataclasses of a scene have in common ---------------------------------------------------

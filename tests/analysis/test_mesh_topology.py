@@ -7,7 +7,7 @@ from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.analysis.mesh_topology import compute_topology, count_components
-from rasterizer.scene.up_axis import guess_up
+from rasterizer.scene.framing import guess_up
 
 TETRAHEDRON = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
 OUTWARDS = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])

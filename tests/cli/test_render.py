@@ -161,7 +161,7 @@ def test_usage(capsys):
         ("--tolerance -1", "tolerance must be"),
         ("--tolerance nan", "finite number"),
         ("--crease-angle 181", "the crease angle must be within 0..180 degrees; given 181"),
-        ("--fov 180", "fov must be between 0 and 180"),
+        ("--fov 180", "fov must be at least 1e-06 and below 180"),
         ("--elevation 91", "elevation"),
         ("--zoom 0", "--zoom"),
         ("--up w", "invalid choice: 'w'"),

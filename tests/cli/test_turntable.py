@@ -92,7 +92,7 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
         ("--elevation 95", "elevation must be within"),
         ("--zoom 0", "--zoom must be above 0"),
         ("--view top", "unrecognized arguments"),
-        ("--fov 200", "fov must be between"),
+        ("--fov 200", "fov must be at least 1e-06 and below 180"),
         ("--target 1,2,3", "--target needs --eye"),
         ("--eye 1,2,3 --azimuth 9", "can't be used with --view, --azimuth, --elevation or --margin"),
         ("--eye 1,2,3 --target 1,2,3", "position and target must differ"),

@@ -532,8 +532,8 @@ FAULTS = (
     Fault(
         "validation: a shadow's filter may be even",
         "scene/lights.py",
-        '("filter", "an odd", 1, _MAX_TAPS, 2)',
-        '("filter", "an odd", 1, _MAX_TAPS, 1)',
+        " and self.filter % 2 == 1",
+        "",
         "scene io cli",
     ),
     # Command line
@@ -1121,8 +1121,8 @@ HELD_OUT = (
     Fault(
         "shadows=True: lights that refuse a shadow cast one, too",
         "scene/lights.py",
-        'getattr(light, "shadow", shadow) is None, light)',
-        'not getattr(light, "shadow", shadow), light)',
+        'if getattr(light, "shadow", shadow) is None else light',
+        'if not getattr(light, "shadow", shadow) else light',
         "cli",
     ),
     Fault(
@@ -1135,8 +1135,8 @@ HELD_OUT = (
     Fault(
         "validation: an opacity below 0 is legal",
         "scene/material.py",
-        "if not 0.0 <= opacity <= 1.0:",
-        "if opacity > 1.0:",
+        "the material's opacity\", low=0, high=1)",
+        "the material's opacity\", high=1)",
         "scene io cli",
     ),
     Fault(

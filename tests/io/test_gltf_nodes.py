@@ -212,10 +212,10 @@ def test_broken_cameras_are_named():
         return {"type": "perspective", "perspective": lens}
 
     assert_refused(camera_of, [
-        (perspective(yfov=0, znear=1), "camera 0: the camera's fov must be between"),
-        (perspective(yfov=1, znear=0), "camera 0: the near of a perspective camera"),
+        (perspective(yfov=0, znear=1), "camera 0: the camera's fov must be at least"),
+        (perspective(yfov=1, znear=0), "camera 0: the camera.s near must be above 0"),
         (perspective(yfov=1, znear=2, zfar=1), "near must be below its far"),
-        (perspective(yfov=1, znear=1, aspectRatio=-1), r"camera 0: the aspect \(width / height\) must be above 0"),
+        (perspective(yfov=1, znear=1, aspectRatio=-1), r"camera 0: the aspect \(width / height\) must be within"),
         (perspective(znear=1), "camera 0: yfov is missing"),
         ({"type": "orthographic", "orthographic": {"ymag": 0, "znear": 0, "zfar": 1}}, "height must be above 0"),
         ({"type": "fisheye", "name": "eye"}, "'eye': its type must be perspective or orthographic; given 'fisheye'"),

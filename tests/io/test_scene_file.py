@@ -205,7 +205,7 @@ TABLES = [
     ({"options": {"shade": 1}}, r"options\.shade: unknown key: did you mean shading\?; legal are size"),
     ({"scene": 1}, "scene: scene: unknown key; legal are meshes, materials"),
     ({"camera": PLACE}, "camera: a camera needs either fov"),
-    ({"camera": PLACE | {"fov": 200}}, r"camera\.fov: the camera's fov must be between 0 and 180"),
+    ({"camera": PLACE | {"fov": 200}}, r"camera\.fov: the camera's fov must be at least 1e-06 and below 180"),
     ({"camera": PLACE | {"zoom": 2}}, r"camera\.zoom: unknown key; legal are position"),
     ({"camera": {"near": 1}}, "camera: position is missing, which goes with near"),
     ({"camera": {"target": [0, 0, 0]}}, r"camera\.target: target needs eye"),

@@ -205,10 +205,10 @@ def test_a_picture_with_edges_may_be_drawn_into_any_array():
 
 def test_what_is_no_edge_is_refused():
     for given, message in (
-        ({"edges": "outline"}, "edges must be one of wire, crease, silhouette, all; given 'outline'"),
+        ({"edges": "outline"}, "edges must be one of 'wire', 'crease', 'silhouette', 'all'; given 'outline'"),
         ({"edges": ("wire", 3)}, "edges must be one of"),
         ({"edges": 3}, "edges must be one or several of"),
-        ({"edge_width": 0}, "edge_width must be above 0 to 256 px; given 0"),
+        ({"edge_width": 0}, "edge_width must be above 0 and at most 256 px; given 0"),
         ({"edge_width": 257}, "edge_width must be above 0"),
         ({"edge_width": "thick"}, "edge_width"),
         ({"edge_color": "blurple"}, "blurple"),

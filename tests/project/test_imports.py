@@ -30,7 +30,8 @@ UNUSED = (
 FOREIGN = {
     "numba", "llvmlite.binding",
     "PIL", "trimesh", "tqdm", "OpenEXR", "av", "dask", "matplotlib", "tomllib", "json", "difflib", "asyncio",
-    "concurrent", "multiprocessing", "subprocess", "importlib.metadata", "inspect", "xml", "zipfile", "http", "ssl",
+    "concurrent.futures.process", "multiprocessing", "subprocess", "importlib.metadata", "inspect", "xml", "zipfile",
+    "http", "ssl",
 }  # fmt: skip
 
 

@@ -75,7 +75,7 @@ def test_illegal_values_name_the_light():
     ]
     assert_refused(point, cases, SceneError)
     assert_refused(directional, [({"attached": None}, "attached")], SceneError)
-    within = r"inner angle must be within 0\.\.outer = 30 degrees; given 40"
+    within = r"inner angle must be within 0\.\.30 degrees, the outer one; given 40"
     cases = [
         ({"direction": (0, 0, 0)}, "spot light's direction"), ({"position": (0, math.nan, 0)}, "spot light's position"),
         ({"inner": 40}, within), ({"inner": -1}, "inner"), ({"outer": 0}, "outer"), ({"outer": 91}, "outer"),
