@@ -41,7 +41,7 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 POINTS = 256  # of the light
 OPACITIES = 32  # that are told apart, each of which costs as much as all that is opaque
 MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
-MIN_FACES, PASS_FACES = 2**15, 2**15  # that are worth layers of their own; that are drawn into them in one go
+MIN_FACES = 2**15  # that are worth layers of their own
 DECODED = LINEAR_OF_BYTE.astype(np.float32)
 NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 
@@ -56,13 +56,6 @@ class Ground(NamedTuple):
     texel: float  # width of one
     shape: tuple[int, int]  # rows and columns of texels
     radius: float  # half the diagonal of the scene's box
-
-
-class Caster(NamedTuple):
-    """Triangles that throw a shadow."""
-
-    vertices: NDArray[np.float64]  # (n_vertex, 3), world space, scene units
-    faces: NDArray[np.uint32]  # (n_face, 3)
 
 
 class GroundShadow:
@@ -94,10 +87,9 @@ class GroundShadow:
         self.ground = _ground_under(scene, size)
         self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         if self.ground is not None:
-            self.opacity = np.float32(strength) * _hidden_share(scene, self.ground, points or POINTS, threads)
+            with Workers(Options(threads=threads).n_thread) as workers:
+                self.opacity = np.float32(strength) * _hidden_share(scene, self.ground, points or POINTS, workers)
         self._rimmed = np.pad(self.opacity, 1)  # no shadow beyond the last texel
-        used = (np.flatnonzero(self._rimmed.any(axis=axis)) for axis in (0, 1))
-        self._limits = np.array([(at[0] - 1.0, at[-1] + 1.0) if len(at) else (0.0, 0.0) for at in used])
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
         """Return points round the part of the shadow that a picture should show.
@@ -146,14 +138,10 @@ class GroundShadow:
             return
         planes = np.zeros((3, 3)) if planes is None else planes  # the ground is seen nowhere
         behind = np.array([0, 0, 0, 0] if background is None else [*background, 1], np.float32)
-        color, alpha = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
-        words = rgba.view(np.uint32)[..., 0]
-        ground = SeenGround(self._rimmed, self._limits, planes, *faded((width, height)))
-
-        def lay(rows: tuple[int, int]) -> None:
-            lay_under(ground, behind, DECODED, rows, words, color, alpha)
-
-        threads.map(lay, threads.ranges(height, -(-MIN_PART // width)))
+        linear = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
+        ground, words = SeenGround(self._rimmed, planes, *faded((width, height))), rgba.view(np.uint32)[..., 0]
+        parts = threads.ranges(height, -(-MIN_PART // width))
+        threads.map(lambda rows: lay_under(ground, behind, DECODED, rows, words, *linear), parts)
 
 
 def faded(size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -186,13 +174,13 @@ def _ground_under(scene: Scene, size: int) -> Ground | None:
 
 
 def _light_points(n: int) -> NDArray[np.float64]:
-    """Return points that share a disc evenly, (n, 2), along `right` and `front` from above the centre; its radius is 1.
+    """Return points that share a disc evenly, (2, n), along `right` and `front` from above the centre; its radius is 1.
 
     Source: Vogel 1979, "A better way to construct the sunflower head".
     """
     k = np.arange(n)
     away = np.sqrt((k + 0.5) / n)
-    return np.stack([away * np.cos(k * GOLDEN_ANGLE), away * np.sin(k * GOLDEN_ANGLE)], axis=1)
+    return np.stack([away * np.cos(k * GOLDEN_ANGLE), away * np.sin(k * GOLDEN_ANGLE)])
 
 
 def _opacity_of(material: Material) -> float:
@@ -201,7 +189,7 @@ def _opacity_of(material: Material) -> float:
     return 1.0 if material.is_opaque else round(OPACITIES * material.opacity * alpha) / OPACITIES
 
 
-def _hidden_share(scene: Scene, ground: Ground, n: int, threads: int | None) -> NDArray[np.float32]:
+def _hidden_share(scene: Scene, ground: Ground, n: int, workers: Workers) -> NDArray[np.float32]:
     """Return which share of the light of n points each texel doesn't get."""
     opacities = [np.array([_opacity_of(material) for material in mesh.palette]) for mesh in scene.meshes]
     hidden, top = np.zeros(ground.shape, np.float32), float(np.ptp(scene.bounds @ ground.up))
@@ -210,69 +198,60 @@ def _hidden_share(scene: Scene, ground: Ground, n: int, threads: int | None) -> 
         for mesh, of_palette in zip(scene.meshes, opacities, strict=True):
             material = 0 if mesh.face_material is None else mesh.face_material
             is_drawn = np.broadcast_to(of_palette[material] == opacity, mesh.n_face)
-            if is_drawn.any():
-                casters.append(Caster(mesh.vertices, mesh.faces if is_drawn.all() else mesh.faces[is_drawn]))
+            casters.append((mesh.vertices, mesh.faces if is_drawn.all() else mesh.faces[is_drawn]))
         sides = (None,) if opacity == 1.0 else (1, -1)
-        shares = [_count_hidden(casters, side, top, ground, n, threads) for side in sides]
+        shares = [_count_hidden(casters, side, top, ground, n, workers) for side in sides]
         once, twice = np.maximum.reduce(shares), np.minimum.reduce(shares)
         hidden += (1 - hidden) * np.float32(opacity) * (once + np.float32(1 - opacity) * twice)
     return hidden
 
 
 def _count_hidden(
-    casters: list[Caster], side: int | None, top: float, ground: Ground, n: int, threads: int | None
+    casters: list[tuple[NDArray, NDArray]], side: int | None, top: float, ground: Ground, n: int, workers: Workers
 ) -> NDArray[np.float32]:
     """Return which share of n points of the light each texel doesn't see, where all is opaque.
 
     Parameters
     ----------
+    casters : vertices (n_vertex, 3), world space, and faces (n_face, 3) of each mesh
     side : 1 or -1 = of the triangles that turn one or the other side to the light; None = of all
     top : height of the scene above the ground
     """
     height, radius = HEIGHT * ground.radius, SPREAD * HEIGHT * ground.radius / ground.texel
     columns, rows = ground.right / ground.texel, ground.front / ground.texel
     frame = np.array([ground.center, columns, rows, ground.up, (height, radius, 0.0)])
-    middle = (np.array(ground.shape[::-1], np.float32) - 1) / 2
-    workers = Workers(Options(threads=threads).n_thread)
-    n_part = max(min(workers.n_thread, sum(len(caster.faces) for caster in casters) // MIN_FACES), 1)
+    n_part = max(min(workers.n_thread, sum(len(faces) for _, faces in casters) // MIN_FACES), 1)
     parts = [bits.make_layers(ground.shape, top / (height - top) * radius) for _ in range(n_part)]
-    near = [np.empty((0, 9), np.float32)]
+    lights, near = _light_points(n), []
 
     def draw(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:
         points = np.empty((len(vertices), 3), np.float32)
         workers.map(lambda part: bits.project(vertices, frame, *part, points), workers.ranges(len(vertices)))
-        points[:, :2] += middle
+        points[:, :2] += (np.array(ground.shape[::-1], np.float32) - 1) / 2
         if side is not None:
             faces = faces[_areas(points, faces) * side > 0]
-        workers.map(lambda k: draw_part(points, faces, k), range(n_part))
-
-    def draw_part(points: NDArray[np.float32], faces: NDArray[np.uint32], k: int) -> None:
-        room, end = np.empty((2 * PASS_FACES, 9), np.float32), len(faces) * (k + 1) // n_part
-        for first in range(len(faces) * k // n_part, end, PASS_FACES):
-            n_near = bits.draw_layers(points, faces, first, min(first + PASS_FACES, end), parts[k], room)
-            near.append(room[:n_near].copy())  # in any order: a texel that is hidden twice is hidden
+        is_near, cuts = np.zeros(len(faces), np.bool_), [len(faces) * k // n_part for k in range(n_part + 1)]
+        workers.map(lambda k: bits.draw_layers(points, faces, *cuts[k : k + 2], parts[k], is_near), range(n_part))
+        near.append(points[faces[is_near]])
 
     def count(first: int) -> NDArray[np.uint8]:
-        lights = np.zeros((2, bits.CHUNK), np.float32)
-        n_light = min(n - first, bits.CHUNK)
-        lights[:, :n_light] = _light_points(n)[first : first + n_light].T
-        counts = np.empty(64 * layers.ground.size, np.uint8)
-        bits.count_hidden(layers, triangles, lights, n_light, bits.make_scratch(layers), counts)
-        return counts
+        some, size = np.ascontiguousarray(lights[:, first : first + bits.CHUNK]), layers.ground.size
+        n_light, sums = some.shape[1], np.zeros((bits.CHUNK.bit_length(), size), np.uint64)
+        masks = np.zeros((n_light, size + bits.PADDING), np.uint64)
+        bits.count_hidden(layers, triangles, some, np.empty(n_light, np.bool_), masks, sums)
+        return sum(np.unpackbits(plane.view(np.uint8), bitorder="little") << k for k, plane in enumerate(sums))
 
-    with workers:
-        for caster in casters:
-            draw(*caster)
-        layers, triangles = bits.join(parts), np.concatenate(near)
-        counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
+    for caster in casters:
+        draw(*caster)
+    layers, triangles = bits.join(parts), np.concatenate(near)
+    counts = sum(workers.map(count, range(0, n, bits.CHUNK)), np.uint32(0))
     return counts.reshape(ground.shape[0], -1)[:, : ground.shape[1]].astype(np.float32) / np.float32(n)
 
 
 def _areas(points: NDArray[np.float32], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
     """Return twice the signed areas of projected triangles, (n,)."""
-    a, b, c = (points[faces[:, k], :2].astype(np.float64) for k in range(3))
-    u, v = b - a, c - a
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    (ax, ay), (bx, by), (cx, cy) = (points[faces[:, k], :2].T.astype(np.float64) for k in range(3))
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:
@@ -281,28 +260,20 @@ def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDAr
     The ray through a pixel meets the ground in column first/third and row second/third of texels, before the camera
     where the third is above 0. None where the camera is not above the ground.
     """
-    view = camera.view()
-    eye, forward = view.eye, view.forward
-    projection = camera.projection(size)
+    view, projection = camera.view(), camera.projection(size)
     scale_x, scale_y, center_x, center_y, is_perspective, _ = projection
     right, up = projection.ray_axes(view)
-    # The ray as a linear function of (x, y, 1): its direction, or without perspective its origin.
     across = np.stack([right / scale_x, -up / scale_y, up * (center_y / scale_y) - right * (center_x / scale_x)])
-    height = float((eye - ground.center) @ ground.up)
-    sinks = float(-forward @ ground.up)
-    axes = np.stack([ground.right, ground.front]) / ground.texel
-    rows, columns = ground.shape
-    middle = np.array([columns / 2, rows / 2])
-    one = np.array([0.0, 0.0, 1.0])
-    if is_perspective:
-        if height <= 0.0:
-            return None
-        across[2] += forward
-        w = -across @ ground.up  # the ray sinks by so much, and meets the ground at height/w of its length
-        hits = axes @ (across * height).T + np.outer(axes @ (eye - ground.center) + middle, w)
-        return np.stack([hits[0], hits[1], w])
-    if sinks <= 0.0:
+    # The ray's origin and direction as linear functions of (x, y, 1), of which one is constant.
+    start, way = (np.outer([0.0, 0.0, 1.0], each) for each in (view.eye - ground.center, view.forward))
+    moved = way if is_perspective else start
+    moved += across
+    height, w = start @ ground.up, -way @ ground.up  # the ray sinks by w, and meets the ground at height/w of its way
+    if (height if is_perspective else w)[2] <= 0.0:
         return None
-    heights = across @ ground.up + height * one
-    hits = axes @ (across + np.outer(one, eye - ground.center) + np.outer(heights / sinks, forward)).T
-    return np.stack([hits[0] + middle[0] * one, hits[1] + middle[1] * one, one])
+    if is_perspective:
+        hits = np.outer(w, start[2]) + way * height[2]
+    else:
+        hits = start * w[2] + np.outer(height, way[2])
+    axes, (rows, columns) = np.stack([ground.right, ground.front]) / ground.texel, ground.shape
+    return np.stack([*(axes @ hits.T + np.outer((columns / 2, rows / 2), w)), w])

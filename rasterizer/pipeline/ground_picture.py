@@ -19,8 +19,6 @@ class SeenGround(NamedTuple):
 
     # (n + 2, m + 2) float32, opacity of the ground at n rows of m texels, with a rim of 0 round them
     shadow: np.ndarray
-    # (2, 2) float64: columns, and rows, of that array between which there is shadow, both exclusive
-    limits: np.ndarray
     # (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the ground in
     # column first/third and row second/third of texels, before the camera where the third is above 0.
     planes: np.ndarray
@@ -44,15 +42,12 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
     """
     has_linear, has_background = len(alpha) > 0, background[3] > 0
     for j in range(rows[0], rows[1]):
-        of_row, y = rgba[j], np.float64(j) + 0.5
-        first, end = seen_columns(ground, y, len(of_row))
-        for i in range(0 if has_background else first, len(of_row) if has_background else end):
+        of_row = rgba[j]
+        for i in range(len(of_row)):
             word = of_row[i]
             if not (word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)):
                 continue
-            dark = np.float32(0)
-            if first <= i < end:
-                dark = ground.along[j] * ground.across[i] * opacity_at(ground, np.float64(i) + 0.5, y)
+            dark = ground.along[j] * ground.across[i] * opacity_at(ground, np.float64(i) + 0.5, np.float64(j) + 0.5)
             if not has_background and dark == 0:
                 continue
             if word == 0 and not has_background:  # as below: most pixels are these
@@ -72,46 +67,18 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
 
 
 @helper
-def seen_columns(ground, y, width):
-    """Return the first and the end of the pixels of a row that may show shadow, one more on both sides for rounding:
-    the opacity begins with 0 there."""
-    planes, limits = ground.planes, ground.limits
-    step, start = planes[2, 0], 0.5 * planes[2, 0] + planes[2, 1] * y + planes[2, 2]
-    first, end = where_positive(step, start, 0.0, np.float64(width))
-    for axis in range(2):
-        a, b = planes[axis, 0], 0.5 * planes[axis, 0] + planes[axis, 1] * y + planes[axis, 2]
-        low, high = limits[axis, 0] - 0.5, limits[axis, 1] - 0.5
-        first, end = where_positive(a - low * step, b - low * start, first, end)
-        first, end = where_positive(high * step - a, high * start - b, first, end)
-    if not first < end:
-        return 0, 0
-    return max(first - 1.0, 0.0), min(end + 2.0, np.float64(width))
-
-
-@helper
-def where_positive(step, start, first, end):
-    """Return the part of first..end in which start + step·k is above 0."""
-    if step > 0.0:
-        return max(first, -start / step), end
-    if step < 0.0:
-        return first, min(end, -start / step)
-    return first, end if start > 0.0 else first
-
-
-@helper
 def opacity_at(ground, x, y):
     """Return the opacity of the ground that is seen at (x, y) of the picture, bilinearly between four texels; 0 where
     it isn't seen."""
-    shadow, planes, limits = ground.shadow, ground.planes, ground.limits
+    shadow, planes = ground.shadow, ground.planes
     w = planes[2, 0] * x + planes[2, 1] * y + planes[2, 2]
-    if not w > 0:
+    # From the centre of the rim's first texel, times w: where that isn't above 0, nothing lies between the limits.
+    column = planes[0, 0] * x + planes[0, 1] * y + planes[0, 2] + 0.5 * w
+    row = planes[1, 0] * x + planes[1, 1] * y + planes[1, 2] + 0.5 * w
+    if not (0.0 < column < (shadow.shape[1] - 1) * w and 0.0 < row < (shadow.shape[0] - 1) * w):
         return np.float32(0)
-    # From the centre of the rim's first texel.
-    column = (planes[0, 0] * x + planes[0, 1] * y + planes[0, 2]) / w + 0.5
-    row = (planes[1, 0] * x + planes[1, 1] * y + planes[1, 2]) / w + 0.5
-    if not (limits[0, 0] < column < limits[0, 1] and limits[1, 0] < row < limits[1, 1]):
-        return np.float32(0)
-    left, top = np.int64(column), np.int64(row)
+    column, row = column / w, row / w  # which may be rounded up to a limit
+    left, top = min(np.int64(column), shadow.shape[1] - 2), min(np.int64(row), shadow.shape[0] - 2)
     share_x, share_y = np.float32(column - left), np.float32(row - top)
     upper, lower = shadow[top], shadow[top + 1]
     right = left + 1
