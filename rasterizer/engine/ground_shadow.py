@@ -139,7 +139,8 @@ class GroundShadow:
         planes = np.zeros((3, 3)) if planes is None else planes  # the ground is seen nowhere
         behind = np.array([0, 0, 0, 0] if background is None else [*background, 1], np.float32)
         linear = (NO_COLOR, NO_ALPHA) if color is None or alpha is None else (color, alpha)
-        ground, words = SeenGround(self._rimmed, planes, *faded((width, height))), rgba.view(np.uint32)[..., 0]
+        columns = _seen_columns(planes, self.opacity.shape, (width, height))
+        ground, words = SeenGround(self._rimmed, planes, columns, *faded((width, height))), rgba.view(np.uint32)[..., 0]
         parts = threads.ranges(height, -(-MIN_PART // width))
         threads.map(lambda rows: lay_under(ground, behind, DECODED, rows, words, *linear), parts)
 
@@ -277,3 +278,17 @@ def _texel_planes(ground: Ground, camera: Camera, size: tuple[int, int]) -> NDAr
         hits = start * w[2] + np.outer(height, way[2])
     axes, (rows, columns) = np.stack([ground.right, ground.front]) / ground.texel, ground.shape
     return np.stack([*(axes @ hits.T + np.outer((columns / 2, rows / 2), w)), w])
+
+
+def _seen_columns(planes: NDArray[np.float64], shape: tuple[int, ...], size: tuple[int, int]) -> NDArray[np.int64]:
+    """Return the first and the end of the pixels of each row that may show texels, of which there are `shape`:
+    (height, 2); a pixel more on both sides for rounding."""
+    (width, height), (rows, columns) = size, shape
+    # Above 0 where a ray meets the ground before the camera; and not before, nor behind, its columns and rows.
+    inside = np.array([(0, 0, 1), (1, 0, 0.5), (-1, 0, columns + 0.5), (0, 1, 0.5), (0, -1, rows + 0.5)]) @ planes
+    step, start = inside[:, :1], inside[:, 1:2] * (np.arange(height) + 0.5) + inside[:, 2:] + 0.5 * inside[:, :1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = -start / step
+    furthest = np.where((step == 0.0) & (start <= 0.0), 0.0, width)
+    first, end = np.where(step > 0.0, ends, 0.0).max(axis=0), np.where(step < 0.0, ends, furthest).min(axis=0)
+    return np.stack([first - 1.0, end + 2.0], axis=1).clip(0.0, width).astype(np.int64)

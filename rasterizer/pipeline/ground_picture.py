@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, kernel
+from ..geometry.vectors import add, scale
 from .resolve import encode_alpha, encode_channel, pack_bytes
 
 LOWEST = np.float32(1e-30)  # alpha that colours are divided by
@@ -22,6 +23,7 @@ class SeenGround(NamedTuple):
     # (3, 3) float64, each a·x + b·y + c at the pixels' coordinates (x, y): the ray through a pixel meets the ground in
     # column first/third and row second/third of texels, before the camera where the third is above 0.
     planes: np.ndarray
+    columns: np.ndarray  # (height, 2) int64: first and end of the pixels of each row that may show shadow
     across: np.ndarray  # (width,) float32, what the opacity is multiplied by in each column
     along: np.ndarray  # (height,) float32, likewise in each row
 
@@ -42,12 +44,17 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
     """
     has_linear, has_background = len(alpha) > 0, background[3] > 0
     for j in range(rows[0], rows[1]):
-        of_row = rgba[j]
-        for i in range(len(of_row)):
+        of_row, y, steps = rgba[j], np.float64(j) + 0.5, vector_of_column(ground.planes, 0)
+        starts = add(scale(vector_of_column(ground.planes, 1), y), vector_of_column(ground.planes, 2))
+        first, end = ground.columns[j, 0], ground.columns[j, 1]
+        for i in range(0 if has_background else first, len(of_row) if has_background else end):
             word = of_row[i]
             if not (word < np.uint32(0xFF000000) or (has_linear and alpha[j, i] < 1)):
                 continue
-            dark = ground.along[j] * ground.across[i] * opacity_at(ground, np.float64(i) + 0.5, np.float64(j) + 0.5)
+            dark = np.float32(0)
+            if first <= i < end:
+                seen = opacity_at(ground.shadow, add(scale(steps, np.float64(i) + 0.5), starts))
+                dark = ground.along[j] * ground.across[i] * seen
             if not has_background and dark == 0:
                 continue
             if word == 0 and not has_background:  # as below: most pixels are these
@@ -67,14 +74,18 @@ def lay_under(ground, background, decoded, rows, rgba, color, alpha):
 
 
 @helper
-def opacity_at(ground, x, y):
-    """Return the opacity of the ground that is seen at (x, y) of the picture, bilinearly between four texels; 0 where
-    it isn't seen."""
-    shadow, planes = ground.shadow, ground.planes
-    w = planes[2, 0] * x + planes[2, 1] * y + planes[2, 2]
+def vector_of_column(planes, k):
+    """Return column k of a (3, 3) array."""
+    return planes[0, k], planes[1, k], planes[2, k]
+
+
+@helper
+def opacity_at(shadow, place):
+    """Return the opacity of the ground, bilinearly between four texels; 0 where it isn't seen. `place` is what the
+    planes are at a pixel."""
+    w = place[2]
     # From the centre of the rim's first texel, times w: where that isn't above 0, nothing lies between the limits.
-    column = planes[0, 0] * x + planes[0, 1] * y + planes[0, 2] + 0.5 * w
-    row = planes[1, 0] * x + planes[1, 1] * y + planes[1, 2] + 0.5 * w
+    column, row = place[0] + 0.5 * w, place[1] + 0.5 * w
     if not (0.0 < column < (shadow.shape[1] - 1) * w and 0.0 < row < (shadow.shape[0] - 1) * w):
         return np.float32(0)
     column, row = column / w, row / w  # which may be rounded up to a limit
@@ -94,13 +105,13 @@ def over(red, green, blue, alpha, opacity, background):
     shadow = (np.float32(1) - alpha) * opacity
     seen = background[3] * (np.float32(1) - alpha - shadow)
     total = alpha + shadow + seen
-    scale = np.float32(1) / max(total, LOWEST)
+    weight = np.float32(1) / max(total, LOWEST)
     if background[3] > 0:
-        total = scale = np.float32(1)
+        total = weight = np.float32(1)
     red, green, blue = red * alpha, green * alpha, blue * alpha
     return (
-        (red + seen * background[0]) * scale,
-        (green + seen * background[1]) * scale,
-        (blue + seen * background[2]) * scale,
+        (red + seen * background[0]) * weight,
+        (green + seen * background[1]) * weight,
+        (blue + seen * background[2]) * weight,
         total,
     )
