@@ -1,4 +1,4 @@
-"""Write rasterizer/words.py: what functions take as **words, as type checkers read it, of the fields of dataclasses.
+"""Write rasterizer/words.pyi: what functions take as **words, as type checkers read it, of the fields of dataclasses.
 
     python tests/project/make_words.py
 
@@ -17,7 +17,6 @@ from typing import Any, Literal, TypedDict
 
 '''
 CLASS = '''
-
 class {}, total=False):
     """{}"""
 '''
@@ -66,4 +65,4 @@ def text() -> str:
 
 
 if __name__ == "__main__":
-    (PACKAGE / "words.py").write_text(text(), encoding="utf-8")
+    (PACKAGE / "words.pyi").write_text(text(), encoding="utf-8")

@@ -42,7 +42,7 @@ def test_every_option_is_a_keyword_with_the_default_of_options():
 
 
 def test_what_type_checkers_read_of_the_words_is_made_of_the_fields():
-    assert (PACKAGE / "words.py").read_text(encoding="utf-8") == make_words.text(), "run tests/project/make_words.py"
+    assert (PACKAGE / "words.pyi").read_text(encoding="utf-8") == make_words.text(), "run tests/project/make_words.py"
 
 
 def test_one_tree_of_errors():

@@ -12,7 +12,6 @@ from .scene.lights import Light, Shadow
 from .scene.material import Material
 from .scene.scene import DepthCue
 
-
 class OptionWords(TypedDict, total=False):
     """Fields of `Options`."""
 
@@ -29,7 +28,6 @@ class OptionWords(TypedDict, total=False):
     edge_color: ColorLike
     edge_width: float
     ground: bool
-
 
 class LookWords(TypedDict, total=False):
     """Fields of `Look`."""
@@ -50,7 +48,6 @@ class LookWords(TypedDict, total=False):
     drop_bad_faces: bool
     allow_outside: bool
 
-
 class SideWords(TypedDict, total=False):
     """Fields of `Viewpoint`."""
 
@@ -64,16 +61,13 @@ class SideWords(TypedDict, total=False):
     eye: VectorLike | None
     target: VectorLike | None
 
-
 class ViewWords(SideWords, total=False):
     """All fields of `Viewpoint`."""
 
     camera: Camera | str | os.PathLike[str] | None
 
-
 class SceneWords(LookWords, OptionWords, total=False):
     """What `Renderer` takes."""
-
 
 class RenderWords(ViewWords, SceneWords, total=False):
     """What `render` takes."""
