@@ -4,7 +4,7 @@ A masked array is no array of numbers: its masked values would count.
 """
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias, TypeVar, overload
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +31,8 @@ def plain_array(values: ArrayLike) -> NDArray:
     TypeError, ValueError : no array, or a masked one, whose masked values would count
     SceneError : an array of another library that numpy can't read: one on a GPU, one that needs its gradient
     """
-    if is_masked(values):
+    # `np.ma` would say so, but takes as long to import as a small model.
+    if isinstance(values, np.ndarray) and np.any(getattr(values, "mask", False)):
         raise ValueError("masked values are no numbers")
     if isinstance(values, np.ndarray) or not (hasattr(values, "__array__") or hasattr(values, "__dlpack__")):
         array = np.asarray(values)
@@ -63,11 +64,6 @@ def real_array(values: Any) -> NDArray[Any] | None:
     return array if array.dtype.kind in "fiu" else None
 
 
-def is_masked(values: object) -> bool:
-    """Tell whether an array has masked values. `np.ma` would say so, but takes as long to import as a small model."""
-    return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
-
-
 def distinct(values: NDArray) -> NDArray:
     """Return the distinct ones of whole numbers (n,), ascending.
 
@@ -84,13 +80,7 @@ class _Owned(np.ndarray):
     """Marks memory that was taken over by `fixed`."""
 
 
-@overload
-def fixed(array: NDArray[_Scalar]) -> NDArray[_Scalar]: ...
-@overload
-def fixed(array: None) -> None: ...
-@overload
-def fixed(array: NDArray[_Scalar] | None) -> NDArray[_Scalar] | None: ...
-def fixed(array: NDArray | None) -> NDArray | None:
+def fixed(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made
     writable.
 
@@ -98,8 +88,8 @@ def fixed(array: NDArray | None) -> NDArray | None:
     Whoever calls this must hold the only reference that can write: an index changed afterwards would make kernels read
     anywhere.
     """
-    if array is None or is_fixed(array):
-        return None if array is None else np.ascontiguousarray(array)
+    if is_fixed(array):
+        return np.ascontiguousarray(array)
     return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())  # type: ignore[arg-type]
 
 
@@ -111,17 +101,15 @@ def is_fixed(array: NDArray) -> bool:
     return type(base) is memoryview and type(base.obj) is _Owned
 
 
-def kept(array: NDArray | None, given: object) -> NDArray | None:
+def kept(array: NDArray[_Scalar], given: object) -> NDArray[_Scalar]:
     """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's
     memory.
 
     An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
     """
-    if array is None or is_fixed(array):
-        return fixed(array)
     is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
     is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
-    return fixed(array if is_new else array.copy())
+    return fixed(array if is_new or is_fixed(array) else array.copy())
 
 
 class KeepsArrays:

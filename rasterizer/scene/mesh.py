@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES, WEIGHTINGS, Axis, Weighting
-from ..cores import Workers, n_core
 from ..errors import ModelError, SceneError, counted, shown
 from ..keywords import checked_fields
 from ..locks import cached_property
 from . import mesh_arrays
-from .arrays import KeepsArrays, VectorLike, fixed, kept, plain_array, real_array
+from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
 from .framing import rotation
+from .guests import arguments_of, is_guest
 from .material import Material
-from .validate import COORDINATE_LIMIT, choice, is_whole, number, position3, store, unit3, vector3
+from .validate import COORDINATE_LIMIT, choice, number, position3, store, text, unit3, vector3, whole
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 MAX_SUBDIVISIONS = 15  # the next makes 2^32 faces of one
@@ -93,7 +93,7 @@ class Mesh(KeepsArrays):
     ------
     ModelError : shapes and dtypes that don't fit, indices out of range, values that are not finite, no
         vertices, no faces, no face that has an area
-    SceneError : a material, crease angle or weighting that is not legal
+    SceneError : a material, crease angle, weighting or name that is not legal
 
     Warns
     -----
@@ -140,24 +140,20 @@ class Mesh(KeepsArrays):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        given = dict(self.__dict__)
-        store(self, crease_angle=checked_crease_angle(self.crease_angle))
+        given = dict(vars(self))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
+        text(self.name, "a mesh's name")
+        store(self, crease_angle=checked_crease_angle(self.crease_angle))
         store(self, materials=_checked_materials(self.material, self.materials))
         store(self, material=self.palette[0])
-        if not isinstance(self.name, str):
-            raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
         vertices = mesh_arrays.checked_vertices(self.vertices)
-        faces, polygons = mesh_arrays.triangulate(self.faces, vertices)
-        is_cut = polygons is not None
-        if self.polygons is not None:
-            if is_cut:
-                raise ModelError("polygons may be given only with triangles; these faces have more corners")
-            polygons = mesh_arrays.checked_ints(self.polygons, {len(faces)}, "polygons")
-        attributes = self._checked_attributes(len(vertices), faces, polygons if is_cut else None)
-        if (self.materials is None) != (attributes["face_material"] is None):
+        faces, cut_from = mesh_arrays.triangulate(self.faces, vertices)
+        attributes = self._checked_attributes(len(vertices), len(faces), cut_from)
+        polygons, face_material = attributes["polygons"], attributes["face_material"]
+        if (self.materials is None) != (face_material is None):
             raise ModelError("materials and face_material must be given together")
-        _check_polygon_materials(polygons, attributes["face_material"])
+        if polygons is not None and face_material is not None:
+            _check_polygon_materials(polygons, face_material)
         if self.uv is None and any(material.texture is not None for material in self.palette):
             raise ModelError("a mesh with a texture needs texture coordinates, uv")
         if self.uv is None and any(material.needs_uv for material in self.palette):
@@ -165,50 +161,59 @@ class Mesh(KeepsArrays):
             raise ModelError(f"{what} needs texture coordinates, uv; or give the material's tangent as an axis")
         vertices, keep = mesh_arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
         if keep is not None:
-            polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
-            faces, polygons = faces[keep], polygons[keep]
-            attributes |= {key: a[keep] for key, a in attributes.items() if a is not None and _is_per_face(key, a)}
-        mesh_arrays.check_area(vertices, faces)
-        attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
-        if self.crease_angle is None:
+            if polygons is None:
+                attributes["polygons"] = np.arange(len(faces), dtype=np.int32)
+            faces = faces[keep]
+            for key, array in attributes.items():
+                if array is not None and (key not in ("normals", "uv", "colors") or array.ndim == 3):
+                    attributes[key] = array[keep]
+        if not mesh_arrays.has_any_area(vertices, faces):
+            raise ModelError(f"every face has zero area: {len(faces)} faces, all of them points or lines")
+        attributes |= {"vertices": vertices, "faces": faces}
+        if attributes["normals"] is not None and self.crease_angle is None:
             attributes["normals"] = mesh_arrays.filled_normals(attributes, DEFAULT_CREASE_ANGLE, self.weighting)
-        store(self, **{key: kept(array, given[key]) for key, array in attributes.items()})
+        for key, array in attributes.items():
+            if array is not None:
+                store(self, **{key: kept(array, given[key])})
 
-    def _checked_attributes(
-        self, n_vertex: int, faces: NDArray[np.uint32], cut_from: NDArray[np.int32] | None
-    ) -> dict[str, NDArray | None]:
-        """Return what belongs to vertices, corners and faces, checked.
+    def _checked_attributes(self, n_vertex: int, n_face: int, cut_from: NDArray[np.int32] | None) -> dict[str, Any]:
+        """Return what belongs to vertices, corners and faces, checked; None of what there isn't.
 
+        Parameters
+        ----------
+        n_vertex, n_face : vertices and triangles
         cut_from : (n_face,) int32 polygon that each triangle was cut from; None where none was cut
         """
-        n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else plain_array(self.faces))
-        n_corner_face = n_face if cut_from is None else None
-
-        def per_vertex_or_corner(key: str, *widths: int) -> NDArray[np.float64] | None:
-            array = mesh_arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, widths, key)
-            return mesh_arrays.finite(array, self.drop_bad_faces, key)
-
-        def per_triangle(array: NDArray | None) -> NDArray | None:
-            return array[cut_from] if array is not None and len(array) != n_face else array
-
-        return {
-            "normals": mesh_arrays.unit_normals(per_vertex_or_corner("normals", 3)),
-            "uv": per_vertex_or_corner("uv", 2, 4),
-            "colors": mesh_arrays.checked_colors(self.colors, {n_vertex}, "colors", n_corner_face),
-            "face_colors": per_triangle(mesh_arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")),
-            "face_material": per_triangle(self._checked_face_material(n_face, n_given)),
-            "smoothing": per_triangle(mesh_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
-        }
-
-    def _checked_face_material(self, n_face: int, n_given: int) -> NDArray[np.int32] | None:
-        """Return the indices of materials, checked against their number."""
-        indices = mesh_arrays.checked_ints(self.face_material, {n_face, n_given}, "face_material")
-        n_material = len(self.palette)
-        if indices is not None and not (0 <= indices.min() and indices.max() < n_material):
-            raise ModelError(
-                f"face_material must be within 0..{n_material - 1}; given {indices.min()} to {indices.max()}"
+        found: dict[str, Any] = {"polygons": cut_from, "face_material": None, "normals": None}
+        counts = (n_face,) if cut_from is None else tuple(dict.fromkeys((n_face, int(cut_from[-1]) + 1)))
+        n_corner_face = n_face if cut_from is None else None  # whose corners are those of faces as given
+        if self.polygons is not None:
+            if cut_from is not None:
+                raise ModelError("polygons may be given only with triangles; these faces have more corners")
+            found["polygons"] = mesh_arrays.checked_ints(self.polygons, counts, "polygons")
+        if self.normals is not None:
+            normals = mesh_arrays.checked_floats(
+                self.normals, (n_vertex, n_corner_face), (3,), "normals", self.drop_bad_faces
             )
-        return indices
+            found["normals"] = mesh_arrays.unit_normals(normals)
+        if self.uv is not None:
+            counts_of_uv = n_vertex, n_corner_face
+            found["uv"] = mesh_arrays.checked_floats(self.uv, counts_of_uv, (2, 4), "uv", self.drop_bad_faces)
+        if self.colors is not None:
+            found["colors"] = mesh_arrays.checked_colors(self.colors, (n_vertex,), "colors", n_corner_face)
+        if self.face_colors is not None:
+            found["face_colors"] = mesh_arrays.checked_colors(self.face_colors, counts, "face_colors")
+        if self.smoothing is not None:
+            found["smoothing"] = mesh_arrays.checked_ints(self.smoothing, counts, "smoothing")
+        if self.face_material is not None:
+            found["face_material"] = indices = mesh_arrays.checked_ints(self.face_material, counts, "face_material")
+            if indices.max() >= len(self.palette):
+                given = f"given {indices.min()} to {indices.max()}"
+                raise ModelError(f"face_material must be within 0..{len(self.palette) - 1}; {given}")
+        for key in ("face_colors", "smoothing", "face_material"):
+            if cut_from is not None and found.get(key) is not None and len(found[key]) != n_face:
+                found[key] = found[key][cut_from]  # one a polygon was given
+        return found
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
@@ -262,19 +267,15 @@ class Mesh(KeepsArrays):
     def used_vertices(self) -> NDArray[np.float64]:
         """The vertices (n, 3) float64 that at least one face uses: `vertices` itself where all are used."""
         is_used = np.zeros(self.n_vertex, dtype=bool)
-
-        def flag(start: int) -> None:
+        for start in range(0, self.n_face, mesh_arrays.CHUNK):  # numpy would turn all indices into int64 at once
             is_used[self.faces[start : start + mesh_arrays.CHUNK].ravel()] = True
-
-        with Workers(n_core()) as workers:  # in chunks: numpy would turn all indices into int64 at once
-            workers.map(flag, range(0, self.n_face, mesh_arrays.CHUNK))
         return self.vertices if is_used.all() else fixed(self.vertices[is_used])
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
-        columns = self.used_vertices.T
-        return fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
+        x, y, z = self.used_vertices.T
+        return fixed(np.array([[x.min(), y.min(), z.min()], [x.max(), y.max(), z.max()]]))
 
     def transformed(self, matrix: ArrayLike) -> "Mesh":
         """Return a copy that is moved by an affine matrix.
@@ -335,7 +336,7 @@ class Mesh(KeepsArrays):
         SceneError : a value that is not legal
         ModelError : vertices that leave the legal range
         """
-        direction = AXES[choice(axis, tuple(AXES), "the axis")] if isinstance(axis, str) else unit3(axis, "the axis")
+        direction = AXES[choice(axis, AXES, "the axis")] if isinstance(axis, str) else unit3(axis, "the axis")
         return self.transformed(_about(rotation(direction, number(angle, "the angle")), about))
 
     def scaled(self, factor: float | VectorLike, about: VectorLike = (0, 0, 0)) -> "Mesh":
@@ -396,10 +397,8 @@ class Mesh(KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        if not is_whole(times, 0, MAX_SUBDIVISIONS):
-            legal = f"a mesh can be subdivided 0 to {MAX_SUBDIVISIONS} times, a whole number"
-            raise SceneError(f"{legal}; given {shown(times)}")
-        n_face, mesh = self.n_face * 4 ** int(times), self
+        times = whole(times, "how often a mesh is subdivided", 0, MAX_SUBDIVISIONS)
+        n_face, mesh = self.n_face * 4**times, self
         if n_face > MAX_FACES:
             legal = f"a mesh may have up to {MAX_FACES} faces"
             raise ModelError(f"{legal}; subdivided {times} times, its {self.n_face} would be {n_face}")
@@ -454,7 +453,7 @@ def is_one_mesh(source: object) -> bool:
     if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
         return True
     if not isinstance(source, (tuple, list)):
-        return _is_guest(source)
+        return is_guest(source)
     if len(source) != 2:
         return False
     points = source[0]
@@ -462,12 +461,6 @@ def is_one_mesh(source: object) -> bool:
         # its first item is a point, or the vertices of the first of two pairs
         return len(points) == 0 or np.size(points[0]) == 3
     return np.ndim(points) == 2 or (hasattr(points, "__dlpack__") and not hasattr(points, "ndim"))
-
-
-def _is_guest(source: object) -> bool:
-    from .guests import is_guest  # no file that is read needs it
-
-    return is_guest(source)
 
 
 def _is_trimesh_scene(source: object) -> bool:
@@ -493,9 +486,7 @@ def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
         return replace(source, **settings) if settings else source
     if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
         return Mesh(source.vertices, source.faces, **_trimesh_extras(source), **settings)
-    if not isinstance(source, tuple) and _is_guest(source):
-        from .guests import arguments_of
-
+    if not isinstance(source, tuple) and is_guest(source):
         return Mesh(**arguments_of(source) | settings)
     if isinstance(source, (tuple, list)) and len(source) == 2:
         return Mesh(source[0], source[1], **settings)
@@ -508,12 +499,7 @@ def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
 
 def checked_crease_angle(angle: object) -> float | None:
     """Return the crease angle as a float within 0..180 degrees, or None."""
-    if angle is None:
-        return None
-    value = number(angle, "the crease angle")
-    if not 0.0 <= value <= 180.0:
-        raise SceneError(f"the crease angle must be within 0..180 degrees; given {shown(angle)}")
-    return value
+    return None if angle is None else number(angle, "the crease angle", low=0, high=180, unit=" degrees")
 
 
 def _checked_materials(material: object, materials: Any) -> tuple[Material, ...] | None:
@@ -534,10 +520,8 @@ def _checked_materials(material: object, materials: Any) -> tuple[Material, ...]
     return materials
 
 
-def _check_polygon_materials(polygons: NDArray[np.int32] | None, face_material: NDArray[np.int32] | None) -> None:
+def _check_polygon_materials(polygons: NDArray[np.int32], face_material: NDArray[np.int32]) -> None:
     """Refuse polygons whose triangles have different materials: flat shading lights a polygon once."""
-    if polygons is None or face_material is None:
-        return
     order = np.lexsort((face_material, polygons))
     polygon, material = polygons[order], face_material[order]
     torn = np.flatnonzero((polygon[1:] == polygon[:-1]) & (material[1:] != material[:-1]))
@@ -545,11 +529,6 @@ def _check_polygon_materials(polygons: NDArray[np.int32] | None, face_material: 
         raise ModelError(
             f"the triangles of a polygon must have one material; those of polygon {polygon[torn[0]]} differ"
         )
-
-
-def _is_per_face(key: str, array: NDArray) -> bool:
-    """Tell whether an attribute has one entry a face: those of faces, and those of corners."""
-    return key in ("face_colors", "smoothing", "face_material") or array.ndim == 3
 
 
 def _trimesh_extras(source: Any) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..choices import Weighting
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..vectors import cross, dot
-from .arrays import is_masked, plain_array, real_array
+from .arrays import plain_array, real_array
 from .color import linear_from_srgb_bytes
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT, UNIT_SLACK
@@ -79,14 +79,14 @@ def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.u
 
 def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
     """Return all corners one after the other, any integer dtype, and how many each face has."""
-    if is_masked(faces):
-        raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}")
     try:
         array = plain_array(faces)
     except SceneError:
         raise
-    except ValueError:  # lists of several lengths
-        array = np.empty(0, dtype=object)
+    except ValueError:
+        if isinstance(faces, np.ndarray):
+            raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}") from None
+        array = np.empty(0, dtype=object)  # lists of several lengths
     if array.dtype == object:
         try:
             counts = np.array([len(face) for face in faces], dtype=np.int64)
@@ -118,13 +118,11 @@ def _check_range(corners: NDArray, counts: NDArray[np.int64], n_vertex: int) -> 
 
 def _as_real(values: Any, what: str) -> NDArray:
     """Return an array of a real dtype (bool is none, and objects aren't)."""
-    if is_masked(values):
-        raise ModelError(f"{what} must be numbers, none of them masked; given {shown(values)}")
     array = real_array(values)
     if array is None:
         # Of objects only the dtype, which may be cut off, tells that they aren't numbers.
         objects = "objects: " if isinstance(values, np.ndarray) and values.dtype.hasobject else ""
-        raise ModelError(f"{what} must be an array of numbers; given {objects}{shown(values)}")
+        raise ModelError(f"{what} must be an array of numbers, none of them masked; given {objects}{shown(values)}")
     return array
 
 
@@ -191,19 +189,11 @@ def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
     return False
 
 
-def check_area(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:
-    """Raise ModelError where every face has zero area."""
-    if not has_any_area(vertices, faces):
-        raise ModelError(f"every face has zero area: {len(faces)} faces, all of them points or lines")
-
-
-def checked_ints(values: Any, counts: set[int], what: str) -> NDArray[np.int32] | None:
+def checked_ints(values: Any, counts: tuple[int, ...], what: str) -> NDArray[np.int32]:
     """Return (n,) integers of at least 0 as int32, for one of the legal `counts`."""
-    if values is None:
-        return None
     array = _as_real(values, what)
     if array.ndim != 1 or len(array) not in counts or array.dtype.kind not in "iu":
-        n = " or ".join(map(str, sorted(counts)))
+        n = " or ".join(map(str, counts))
         raise ModelError(f"{what} must be integers of the shape ({n},); given {array.shape} {array.dtype}")
     if not (array.min() >= 0 and array.max() <= _INT32_MAX):
         raise ModelError(f"{what} must be within 0..{_INT32_MAX}; given {array.min()}..{array.max()}")
@@ -211,44 +201,42 @@ def checked_ints(values: Any, counts: set[int], what: str) -> NDArray[np.int32] 
 
 
 def checked_floats(
-    values: Any, n_vertex: int, n_face: int | None, widths: tuple[int, ...], what: str
-) -> NDArray[np.float64] | None:
-    """Return (n_vertex, width), or (n_face, 3, width) unless `n_face` is None, as float64, finite or not."""
-    if values is None:
-        return None
+    values: Any, counts: tuple[int, int | None], widths: tuple[int, ...], what: str, is_mended: bool
+) -> NDArray[np.float64]:
+    """Return (n_vertex, width), or (n_face, 3, width), as finite float64.
+
+    Parameters
+    ----------
+    counts : n_vertex and n_face; None for the latter where corners may have none
+    widths : those that are legal
+    is_mended : whether rows that are not finite become zero, instead of raising ModelError
+    """
     array = _as_real(values, what)
+    n_vertex, n_face = counts
     legal: list[tuple[int, ...]] = [(n_vertex, width) for width in widths]
     legal += [(n_face, 3, width) for width in widths if n_face is not None]
     if array.shape not in legal:
         hint = "" if n_face is not None else " (one a corner only with triangles)"
         raise ModelError(f"{what} must have the shape {' or '.join(map(str, legal))}{hint}; given {array.shape}")
-    return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def finite(array: NDArray[np.float64] | None, is_mended: bool, what: str) -> NDArray[np.float64] | None:
-    """Return a finite array: rows that are not become zero if `is_mended`, else raise ModelError."""
-    if array is None or not _has_bad(array):
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    if not _has_bad(array):
         return array
     is_bad = ~np.isfinite(array).all(axis=-1)
     if not is_mended:
         first = ", ".join(str(i) for i in np.argwhere(is_bad)[0])
         raise ModelError(f"{what} must be finite; {is_bad.sum()} of {is_bad.size} are not, the first is number {first}")
-    array = array.copy()
-    array[is_bad] = 0.0
-    return array
+    return np.where(is_bad[..., None], 0.0, array)
 
 
 def checked_colors(
-    values: Any, counts: set[int], what: str, n_corner_face: int | None = None
-) -> NDArray[np.float64] | None:
+    values: Any, counts: tuple[int, ...], what: str, n_corner_face: int | None = None
+) -> NDArray[np.float64]:
     """Return (n, 3 or 4), n one of the `counts`, or (n_corner_face, 3, 3 or 4) unless that is None, linear float64
     colours: uint8 is decoded, float is linear."""
-    if values is None:
-        return None
     array = _as_real(values, what)
     is_of_corners = n_corner_face is not None and array.ndim == 3 and array.shape[:2] == (n_corner_face, 3)
     if not (is_of_corners or (array.ndim == 2 and len(array) in counts)) or array.shape[-1] not in (3, 4):
-        n = " or ".join(map(str, sorted(counts)))
+        n = " or ".join(map(str, counts))
         corners = "" if n_corner_face is None else f" or ({n_corner_face}, 3, 3 or 4)"
         raise ModelError(f"{what} must have the shape ({n}, 3 or 4){corners}; given {array.shape}")
     if array.dtype == np.uint8:
@@ -260,21 +248,19 @@ def checked_colors(
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def filled_normals(attributes: dict[str, Any], crease_angle: float, weighting: Weighting) -> NDArray[np.float64] | None:
+def filled_normals(attributes: dict[str, Any], crease_angle: float, weighting: Weighting) -> NDArray[np.float64]:
     """Return a mesh's normals, those that are zero computed from its faces."""
     normals = attributes["normals"]
-    if normals is None or np.einsum("...i,...i", normals, normals).min() > 0.0:
+    if np.einsum("...i,...i", normals, normals).min() > 0.0:
         return normals
     from ..geometry.normals import fill_normals  # only here: it is compiled, and few meshes need it
 
-    faces, smoothing = attributes["faces"], attributes["smoothing"]
+    faces, smoothing = attributes["faces"], attributes.get("smoothing")
     return fill_normals(attributes["vertices"], faces, normals, crease_angle, weighting, smoothing)
 
 
-def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+def unit_normals(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a copy of normals (..., 3) with unit length; a zero stays zero, and a unit vector what it is."""
-    if normals is None:
-        return None
     normals = normals.copy()
     squares = np.einsum("...i,...i", normals, normals)
     if not (1e-200 <= squares.min() and squares.max() <= 1e200):

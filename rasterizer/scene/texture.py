@@ -591,7 +591,7 @@ def _checked_image(image: Any) -> NDArray[Any]:
     if array.dtype.kind == "u" and array.dtype != np.uint8:
         raise SceneError(f"a texture's image of integers must be uint8; given {array.dtype}")
     if array.dtype == np.uint8:
-        return kept(array, image)  # type: ignore[return-value]
+        return kept(array, image)
     out = np.empty((*array.shape[:2], 4), np.float32)
     has_alpha = array.shape[2] in (2, 4)
     for rows in _strips(*array.shape[:2]):

@@ -172,13 +172,13 @@ def refused(cases, error=ModelError):
 
 
 def test_broken_vertices_are_refused():
-    numbers = "vertices must be an array of numbers"
+    numbers = "vertices must be an array of numbers, none of them masked"
     wrong = [
         ([], "no vertices"),
         (np.empty((0, 3)), "no vertices"),
         (SQUARE[:, :2], r"vertices must have the shape \(n, 3\); given \(4, 2\)"),
         (SQUARE.astype(object), f"{numbers}; given objects: "),
-        (np.ma.masked_equal(SQUARE, 0), "vertices must be numbers, none of them masked"),
+        (np.ma.masked_equal(SQUARE, 0), numbers),
         *((each, numbers) for each in (None, [(0, 0, 0), (1, 2)], SQUARE + 1j, SQUARE > 0, [["a", "b", "c"]])),
         (np.ones((4, 3)), "every face has zero area"),
         (np.outer([0, 1, 2, 3], [0.1, 0.7, 0.3]), "every face has zero area"),
@@ -229,9 +229,8 @@ def test_broken_attributes_are_refused():
         ({"polygons": [0]}, "polygons must be integers"),
         ({"polygons": [0, 2**31]}, "polygons must be within"),
         ({"faces": [(0, 1, 2, 3)], "polygons": [0, 0]}, "only with triangles"),
-        ({"name": None}, "name"),
     ])  # fmt: skip
-    refused([({"material": "gold"}, "material must be a Material")], SceneError)
+    refused([({"material": "gold"}, "material must be a Material"), ({"name": None}, "name")], SceneError)
     refused([({"crease_angle": angle}, "crease angle") for angle in (-1, 181, nan)], SceneError)
 
 
