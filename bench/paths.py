@@ -52,8 +52,8 @@ PATHS = (
         (
             (
                 "engine/plan.py",
-                "is_double = np.array(list(map(bool, reasons)))",
-                "is_double = np.ones(len(reasons), np.bool_)",
+                "np.array([*map(bool, reasons)])",
+                "np.ones(len(reasons), np.bool_)",
             ),
         ),
     ),
@@ -95,7 +95,7 @@ PATHS = (
     ),
     Variant(
         "grey encoding",
-        (("engine/attributes.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
+        (("engine/uniforms.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
     ),
     Variant(
         "extents of rows",
@@ -131,8 +131,8 @@ PATHS = (
         (
             (
                 "engine/draw.py",
-                "sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)",
-                "range(len(n_in_band))",
+                'np.argsort(-np.diff(lists.starts), kind="stable").tolist()',
+                "range(len(lists.starts) - 1)",
             ),
         ),
     ),
@@ -162,8 +162,8 @@ PATHS = (
         (
             (
                 "engine/shadow_maps.py",
-                "        if planes is not None:\n            seen",
-                "        if False:\n            seen",
+                "    if is_any_beyond:\n",
+                "    if False:\n",
             ),
         ),
     ),

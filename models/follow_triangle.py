@@ -15,22 +15,22 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from rasterizer.cores import Workers
-from rasterizer.engine.attributes import light_all, make_coding, make_encoding, scale_depths
-from rasterizer.engine.depth_range import screen_of
-from rasterizer.engine.draw import choose_band_rows, cull, gather_drawn
-from rasterizer.engine.passes import InterpolatedPass
+from rasterizer.engine.depth_range import scale_depths, screen_of
+from rasterizer.engine.draw import NO_SOURCES, choose_band_rows, cull
+from rasterizer.engine.lit_points import light_all
+from rasterizer.engine.passes import Drawn, InterpolatedPass
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import make_lighting
+from rasterizer.engine.uniforms import light_view, make_coding, make_encoding, make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.cull import Band, first_sample
 from rasterizer.pipeline.resolve import srgb_thresholds
 from rasterizer.pipeline.scan import ScanCounts, Triangle, advance, scan, start_edge
-from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
+from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, Drawables, Triangles, transform
 from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
-from rasterizer.pipeline.workspace import WorkspacePool, make_picture
+from rasterizer.pipeline.workspace import WorkspaceShape, make_picture, make_workspace
 
 OPTIONS = Options(size=(24, 16), shading="gouraud", samples=1, threads=1)
 WIDTH, HEIGHT = OPTIONS.size
@@ -66,15 +66,16 @@ def go(scene) -> Followed:
     """Send the triangle through the stages."""
     geometry, view = gather_geometry(scene.meshes, OPTIONS.is_flat), scene.camera.view()
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    screen = screen_of(scene.camera, view, OPTIONS.size, OPTIONS.factor, geometry, bounds)
+    screen = screen_of(scene.camera, view, OPTIONS.size, geometry, bounds)
     render_pass = make_pass(scene, geometry, view, screen)
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
-    drawn = gather_drawn(geometry, vertices, render_pass)
+    triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
+    drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), NO_SOURCES)
     lists, n_band_row = cull(drawn, render_pass, SERIAL)
     band = Band(lists.faces, 0, HEIGHT)
-    kind, n_record = render_pass.workspace_shape(n_band_row), render_pass.max_records(len(band.faces))
-    workspace = WorkspacePool().acquire(kind, n_record)
+    shape = WorkspaceShape(WIDTH, n_band_row, 1, 1, render_pass.dtype, is_textured=False, is_transparent=False)
+    workspace = make_workspace(shape, len(band.faces) * render_pass.units_per_record)
     visibility, records = workspace.visibility, workspace.records
     counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))
     entries = visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
@@ -88,14 +89,14 @@ def go(scene) -> Followed:
 def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
     plan = make_plan(SceneTables(scene, OPTIONS), OPTIONS)
-    lightings = {dtype: make_lighting(plan, view, dtype) for dtype in plan.of_materials.dtypes}
+    lightings = {dtype: light_view(make_lighting(plan, dtype), plan, view) for dtype in plan.of_materials.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
-        coding=make_coding(plan, OPTIONS.tolerance)._replace(depths=scale_depths(screen)),
-        size=OPTIONS.size,
+        coding=make_coding(plan)._replace(depths=scale_depths(screen)),
+        n_sample=OPTIONS.size,
         plan=plan,
         screen=screen,
-        encoding=make_encoding(plan, scene.background, OPTIONS.color_range),
+        encoding=make_encoding(plan),
         picture=make_picture(OPTIONS.size, with_color=False),
     )
 

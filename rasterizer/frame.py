@@ -22,7 +22,7 @@ from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 if TYPE_CHECKING:
     from PIL import Image
 
-    from .engine.plan_summary import PlanSummary
+    from .engine.plan import PlanSummary
 
 
 @dataclass(frozen=True)

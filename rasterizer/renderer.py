@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiler.kernels import Job, compiling_ahead
-from .engine.drawn import Clock
-from .engine.memory import check_memory, checked_out
-from .engine.plan_summary import PlanSummary
-from .engine.prepared import DrawnPicture, PreparedScene
+from .engine.draw import Clock
+from .engine.plan import PlanSummary
+from .engine.prepared import DrawnPicture, PreparedScene, check_memory, checked_out
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
@@ -153,9 +152,10 @@ class Renderer:
         """Prepare the scene; `like` has the same meshes and options, and lends what it has prepared of these."""
         # The background lies behind the shadow on the ground.
         drawn = replace(self.scene, background=None) if self.options.ground else self.scene
-        self._prepared = PreparedScene(SceneTables(drawn, self.options), self.options, like)
+        tables = SceneTables(drawn, self.options)
         with compiling_ahead(self._list_kernels):
-            self._plan = self._prepared.prepare()
+            self._prepared = PreparedScene(tables, self.options, like)
+        self._plan = self._prepared.summary
         self._is_closed = False
 
     def in_lights(self, lights: Any) -> Renderer:
@@ -308,7 +308,7 @@ class Renderer:
             counts = picture.counts
             if "color" in outputs:
                 arrays.update(color=picture.color, alpha=picture.alpha)
-        if prepared.buffer_names:
+        if not {"color", "rgb"}.issuperset(outputs):
             buffers, counts_of_buffers, _ = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
             arrays.update(buffers)

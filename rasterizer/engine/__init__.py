@@ -1,25 +1,22 @@
 """Joins a scene with the pipeline: the only folder that sees both. Read draw.py first.
 
-    draw                the line of all stages, from transform to the picture
-    drawn               the triangles of a view, and what is counted and timed of them
+    draw                the line of all stages, from transform to the picture, and what is counted and timed of them
     passes              what is drawn: a picture, exact buffers, a shadow map
     transparency        bands that show transparent surfaces
-    prepared            a scene prepared for drawing, and what is kept from picture to picture
+    prepared            a scene prepared for drawing, what is kept from picture to picture, and whether memory is there
 
 What is known before the first stage, in the order in which it is made:
 
     scene_tables        the scene as tables: materials, lights, the tint
     texture_tables      textures: in 16 bits with mip levels, and those that are looked up in float64
     domains             where float32 is enough, and what is stated of a picture
-    plan                what this scene needs, and nothing else: types, channels and paths of its materials
-    plan_summary        the plan in words and counts
+    plan                what this scene needs, and nothing else: types, channels and paths of its materials; in words
     points              all meshes of a scene as one set of arrays: what pictures are drawn from
     recorded_kernels    the kernels that pictures call, each with its signature: what is compiled ahead
     depth_range         depths that are seen or clipped, and the z-buffer fitted to them
-    uniforms            lights and materials as arrays, for one view
-    attributes          what is interpolated: intensities of lit points, or normals
+    uniforms            the plan as arrays: lights and materials for one view, what entries and records hold
+    lit_points          light of vertices and centroids, where that is what is interpolated
     shadow_maps         pictures of the scene as the lights see it
-    memory              how much memory a frame takes, and whether it is there
 
 Tables that take an entry for each type, also those of your own (registries.py):
 

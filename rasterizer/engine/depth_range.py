@@ -1,11 +1,11 @@
-"""Depths: between which the scene lies, which are clipped, and how the z-buffer is fitted to those that are
-seen."""
+"""Depths: between which the scene lies, which are clipped, and how the z-buffer is fitted to those that are seen."""
 
 import numpy as np
 
 from ..errors import SceneError
 from ..pipeline.clip import find_nearest
-from ..pipeline.transform import Screen, make_screen
+from ..pipeline.setup import DepthScale
+from ..pipeline.transform import DEPTH_MARGIN, Screen, make_screen
 
 # The fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there.
 NEAREST = 2.0**-20
@@ -15,19 +15,17 @@ MIN_EXTENT = 2.0**-480
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 
 
-def screen_of(camera, view, size, factor, geometry, bounds) -> Screen:
-    """The screen of a camera with `factor` samples a pixel along each axis, its depth fitted to the scene.
+def screen_of(camera, view, n_sample, geometry, bounds) -> Screen:
+    """The screen of a camera, its depth fitted to the scene; `view` is the camera's.
 
     Parameters
     ----------
-    size : (width, height) of the picture in pixels
+    n_sample : (width, height) of the picture in samples
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     """
-    samples = size[0] * factor, size[1] * factor
-    projection = camera.projection(samples)
     depths = depths_of_boxes(view, bounds)
     depth_range, far_clip = fit_depth_range(camera, depths)
-    return fit_screen(view, projection, depth_range, far_clip, geometry, samples, depths)
+    return fit_screen(view, camera.projection(n_sample), depth_range, far_clip, geometry, n_sample, depths)
 
 
 def fit_depth_range(camera, depths) -> tuple[tuple[float, float], float]:
@@ -54,7 +52,7 @@ def fit_depth_range(camera, depths) -> tuple[tuple[float, float], float]:
 
 def depths_of_boxes(view, bounds) -> tuple[float, float]:
     """The depths between which boxes lie, scene units."""
-    shares = depth_shares(view, bounds)
+    shares = (bounds - view.eye) * view.forward  # of each axis, at both ends
     return float(shares.min(axis=1).sum(axis=1).min()), float(shares.max(axis=1).sum(axis=1).max())
 
 
@@ -69,7 +67,7 @@ def are_seen_from_outside(view, screen, size, bounds) -> np.ndarray:
     ----------
     size : (width, height) of the picture in samples
     """
-    is_beyond = depth_shares(view, bounds).min(axis=1).sum(axis=1) >= screen.near
+    is_beyond = ((bounds - view.eye) * view.forward).min(axis=1).sum(axis=1) >= screen.near
     if is_beyond.all() or not screen.is_perspective:
         return is_beyond
     x, y = np.array([0.0, size[0]]), np.array([[0.0], [size[1]]])
@@ -77,11 +75,6 @@ def are_seen_from_outside(view, screen, size, bounds) -> np.ndarray:
     across = (x - screen.center_x + screen.skew * upward) / screen.scale_x
     reach = screen.near * np.sqrt(across * across + upward * upward + 1.0).max()
     return is_beyond | (np.maximum(bounds[:, 0] - view.eye, view.eye - bounds[:, 1]).max(axis=1) > reach)
-
-
-def depth_shares(view, bounds) -> np.ndarray:
-    """An axis' share of the depth at both ends of each box, (n_mesh, 2, 3) scene units."""
-    return (bounds - view.eye) * view.forward
 
 
 def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=None):
@@ -120,6 +113,19 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=N
     if near * MAX_DEPTH_RATIO < far:
         far = far_clip = near * MAX_DEPTH_RATIO
     return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
+
+
+def scale_depths(screen: Screen) -> DepthScale:
+    """Say what the z of an entry means in one view."""
+    has_range = screen.z_scale != 0
+    inverse = 1.0 / screen.z_scale if has_range else 0.0
+    line = (-screen.z_offset * inverse, inverse)
+    if not screen.is_perspective:
+        return DepthScale(1.0, 0.0, *(line if has_range else (screen.near, 0.0)), 1.0, 0.0, False)
+    if not has_range:
+        return DepthScale(1.0 / screen.near, 0.0, 0.0, 0.0, 1.0, 0.0, True)
+    nearest = screen.z_scale / (DEPTH_MARGIN - screen.z_offset)  # that a z-buffer has room for
+    return DepthScale(*line, 0.0, 0.0, nearest * line[0], nearest * line[1], True)
 
 
 def check_extent(bounds) -> None:

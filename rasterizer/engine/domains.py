@@ -38,7 +38,7 @@ in light whose colours sum up to 1. What is brighter, or seen from further away,
 A picture states its tolerance where something is lit in float32, and 10^-6 of full scale else: six operations round a
 finished colour to float32. Where something is textured that is 2·10^-5: of the largest texture a look-up of colours
 errs by 9.1·10^-6, one of alpha again; and the tolerance where maps say how rough metals are, which magnifies that. It
-states nothing, and why, where float64 isn't enough either: `list_unstated`. Next to a step (`list_steps`) no bound
+states nothing, and why, where float64 isn't enough either: `state`. Next to a step (`list_steps`) no bound
 holds, nor by Phong's method where the corners' normals look so far apart that their mean is shorter than SHORT_NORMAL.
 """
 
@@ -79,7 +79,7 @@ def measure_clearances(tables: SceneTables) -> NDArray[np.float64]:
     """Return the distances that no face of a material comes nearer to a light than, (n_material, n_light), scene units.
 
     That to the box round the material's meshes, or where the light is near to this one, to boxes round some of their
-    faces each. Infinite for parallel light; 0 for lights that move with the camera, see `nearness_in`.
+    faces each. Infinite for parallel light; 0 for lights that move with the camera, see `measure_reach`.
     """
     found = np.full(tables.is_lit.shape, np.inf)
     for i, light in enumerate(tables.lights):
@@ -94,24 +94,9 @@ def measure_clearances(tables: SceneTables) -> NDArray[np.float64]:
     return found
 
 
-def nearness_in(tables: SceneTables, clearances: NDArray[np.float64], view: View) -> NDArray[np.float64]:
-    """Return x of a view, see the head of this page, (n_material, n_light); no more than 1/NEAREST."""
-    clearances = clearances.copy()
-    for i, light in enumerate(tables.lights):
-        if hasattr(light, "position") and light_table.is_carried(light):
-            clearances[:, i] = distances_of(tables.material_boxes, light_table.world_position(light, view))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.fmin(furthest_of(tables.material_boxes, view)[:, None] / clearances, 1.0 / NEAREST)
-
-
 def distances_of(boxes: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distances of boxes (n, 2, 3) from a place, (n,); 0 of one round it."""
     return np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - place, place - boxes[:, 1]), 0.0), axis=1)
-
-
-def furthest_of(boxes: NDArray[np.float64], view: View) -> NDArray[np.float64]:
-    """Return the distance of the furthest corner of each box (n, 2, 3) from the eye, scene units, (n,)."""
-    return np.linalg.norm(np.abs(boxes - view.eye).max(axis=1), axis=1)
 
 
 # ---------------------------------------------------------------- how bright a scene may be
@@ -129,10 +114,6 @@ class Intensities(NamedTuple):
     roundings: NDArray[np.float64]  # (n_material,): how many u rounding adds where lights are infinitely far away
     by_nearness: NDArray[np.float64]  # (n_material, n_light): and more, times x
 
-    def roundings_at(self, nearness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sum at the head of this page, (n_material,), for x (n_material, n_light)."""
-        return self.roundings + _times(self.by_nearness, nearness).sum(axis=1)
-
 
 def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_lit_per_sample: bool) -> Intensities:
     """Bound the intensities of a scene.
@@ -143,27 +124,28 @@ def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_l
         on: vertices are rounded to 1/256 px, so a sample may show what lies a little beside its triangle
     """
     # What materials reflect at most where all is white, and how far that errs. W is 1 at most, but where F0 exceeds it.
-    numbers, products, albedo = np.empty((len(tables.materials), 9)), tables.products, tables.max_albedo
-    for row, material in zip(numbers, tables.materials, strict=True):
-        limits, m = reflection_table.entry_of(material).limits(material), material.metallic
+    numbers, products, albedo = np.empty((len(tables.materials), 10)), tables.products, tables.max_albedo
+    for k, (row, material) in enumerate(zip(numbers, tables.materials, strict=True)):
+        limits, m = tables.models[k].limits(material), material.metallic
         is_even = material.metallic_roughness is None
         weight = max(1.0, 1.0 - m + m * max(material.metal_color) * albedo) if m > 0.0 or not is_even else 1.0
         row[0], row[1] = max(material.ambient), max(material.emissive)
         row[2] = max(material.diffuse) * (1.0 - m if is_even else 1.0)
         row[3] = max(material.specular) * weight
-        row[4] = limits.peak if reflection_table.has_highlight(material) else 0.0
-        row[5:] = limits.rough, limits.roundings, limits.slope, limits.weight
-    ambient, emissive, diffuse, specular, peak, rough, own, slope, weights = numbers.T[:, :, None]
+        row[4] = limits.peak if tables.n_terms[k] > 1 else 0.0
+        row[5:] = limits.rough, limits.roundings, limits.slope, limits.weight, 0.0
+        for texture in (*material.textures, *([] if material.is_opaque else [material.texture])):
+            row[9] += lookup_error(*texture.shape) / SINGLE if texture is not None else 0.0
+    ambient, emissive, diffuse, specular, peak, rough, own, slope, weights, lookups = numbers.T[:, :, None]
 
     # How bright lights are, how strong they may be there, and how far that errs.
     lights = np.empty((len(tables.lights), 3))
     strengths = np.ones(clearances.shape)
-    for i, light in enumerate(tables.lights):
-        entry = light_table.entry_of(light)
-        limits = entry.limits(light)
+    for i, (light, of_type) in enumerate(zip(tables.lights, tables.light_types, strict=True)):
+        limits = of_type.limits(light)
         lights[i] = max(light.color), limits.slope, limits.steepness
         for clearance in np.unique(clearances[:, i]).tolist():
-            strengths[clearances[:, i] == clearance, i] = entry.strength(light, 0.5 * clearance)
+            strengths[clearances[:, i] == clearance, i] = of_type.strength(light, 0.5 * clearance)
     color, bend, steep = lights.T
 
     # Their products: those of channels, or those that are made of spectra.
@@ -184,7 +166,7 @@ def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_l
     still = _times(diffuse, 7.0 + 27.0 * rough) + _times(lit, own) + _times(diffuse + lit, 6.0 * steep)
     bent = _times(diffuse, 1.0 + rough) + _times(lit, slope)
     turned = (OF_SAMPLES if is_lit_per_sample else OF_VERTICES) * (bent + _times(diffuse + lit, 2.0 + bend))
-    roundings = (30.0 + 0.5 * len(lights) + lookup_roundings(tables.materials)) * whole + still.sum(axis=1)
+    roundings = (30.0 + 0.5 * len(lights) + lookups[:, 0]) * whole + still.sum(axis=1)
     return Intensities(undirected, diffuse, specular, whole, unweakened, bent.sum(axis=1), roundings, turned)
 
 
@@ -192,12 +174,6 @@ def _times(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
     """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified."""
     with np.errstate(invalid="ignore"):
         return np.nan_to_num(a * b, nan=0.0, posinf=np.inf)
-
-
-def lookup_roundings(materials: tuple) -> NDArray[np.float64]:
-    """Return τ of materials, (n_material,): how many u of float32 the look-ups of their textures err by."""
-    textures = [(*material.textures, *([material.texture] * (not material.is_opaque))) for material in materials]
-    return np.array([sum(lookup_error(*each.shape) for each in row if each is not None) / SINGLE for row in textures])
 
 
 def smoothness_error(material: Any) -> float:
@@ -213,9 +189,6 @@ def smoothness_error(material: Any) -> float:
     return 6.0 * lookup_error(*material.metallic_roughness.shape) * np.sqrt(material.roughness / least)
 
 
-# ---------------------------------------------------------------- what one view says
-
-
 def share_of_tolerance(roundings: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
     """Return the share of the tolerance that rounding takes of each material in float32, (n_material,), one of SHARES;
     infinite where that is more: these are lit in float64."""
@@ -223,23 +196,55 @@ def share_of_tolerance(roundings: NDArray[np.float64], tolerance: float) -> NDAr
     return np.append(SHARES, np.inf)[np.searchsorted(limits, part)] if tolerance > 0.0 else np.full(part.shape, np.inf)
 
 
-def furthest_over_nearest(screen: Screen, furthest: float) -> float:
-    """Return how many times as far as the nearest depth that a z-buffer has room for the furthest point is, which is
-    `furthest` from the eye, scene units; 1 without perspective."""
-    if screen.z_scale == 0.0 or not screen.is_perspective:
-        return 1.0
-    return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
-
-
-def is_far(plan: Any, furthest: NDArray[np.float64], nearness: NDArray[np.float64], screen: Screen) -> bool:
-    """Tell whether float32 won't do for anything in one view, because of its lengths, depths or cue.
+def reasons_of(tables: SceneTables, k: int, tolerance: float, share: float, bound: float) -> tuple[str, ...]:
+    """Say why float32 won't do for material k in any view, in a few words each; nothing where it does.
 
     Parameters
     ----------
-    plan : Plan
-    furthest, nearness : as `furthest_of` and `nearness_in` return them
+    share : of the tolerance, which rounding takes at least
+    bound : the largest intensity that it may have; infinite where a light amplifies without limit
     """
-    cue, is_fading = plan.cue, False
+    found = ["tolerance 0" if tolerance == 0 else TOO_MUCH if np.isinf(share) else ""]
+    found.append("" if np.isfinite(bound) else UNBOUNDED)
+    for i in np.flatnonzero(tables.is_lit[k]):
+        found.append(tables.light_types[i].limits(tables.lights[i]).reason)
+    found.append(tables.models[k].limits(tables.materials[k]).reason)
+    return tuple(filter(None, dict.fromkeys(found)))
+
+
+# ---------------------------------------------------------------- what one view says
+
+
+class Reach(NamedTuple):
+    """How far surfaces lie from the eye and the lights in one view."""
+
+    furthest: NDArray[np.float64]  # (n_material,): distance of the furthest corner of a box round each, scene units
+    nearness: NDArray[np.float64]  # (n_material, n_light): x, see the head of this page; no more than 1/NEAREST
+    roundings: NDArray[np.float64]  # (n_material,): the sum there
+    depths: float  # q: how many times as far as the nearest depth that a z-buffer has room for the furthest point is
+
+
+def measure_reach(plan: Any, view: View, screen: Screen) -> Reach:
+    """Measure how far surfaces lie from the eye and the lights."""
+    tables, clearances = plan.tables, plan.clearances.copy()
+    furthest = np.linalg.norm(np.abs(tables.material_boxes - view.eye).max(axis=1), axis=1)
+    for i, light in enumerate(tables.lights):
+        if hasattr(light, "position") and light_table.is_carried(light):
+            clearances[:, i] = distances_of(tables.material_boxes, light_table.world_position(light, view))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nearness = np.fmin(furthest[:, None] / clearances, 1.0 / NEAREST)
+    roundings = plan.intensities.roundings + _times(plan.intensities.by_nearness, nearness).sum(axis=1)
+    depths = 1.0
+    if screen.z_scale != 0.0 and screen.is_perspective:
+        most = min(float(furthest.max()), screen.far)
+        depths = max(1.0, most * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
+    return Reach(furthest, nearness, roundings, depths)
+
+
+def is_far(plan: Any, reach: Reach, screen: Screen) -> bool:
+    """Tell whether float32 won't do for anything in one view, because of its lengths, depths or cue; `plan` is a
+    Plan."""
+    cue, is_fading, (furthest, nearness, *_) = plan.cue, False, reach
     if cue is not None and screen.z_scale != 0.0:
         # How far off the share may be that the cue leaves of an intensity, where depths are those of entries. Without
         # perspective these err by half a unit of the z-buffer for each step from a triangle's first sample, along both
@@ -251,40 +256,40 @@ def is_far(plan: Any, furthest: NDArray[np.float64], nearness: NDArray[np.float6
         is_fading = not fading * (plan.bound + float(cue.color.max())) <= MAX_FADING * plan.options.tolerance
     lengths = np.concatenate([furthest, (furthest[:, None] / np.where(nearness > 0.0, nearness, 1.0))[nearness > 0.0]])
     is_long = not (LENGTHS[0] <= lengths.min() and lengths.max() <= LENGTHS[1])
-    return is_long or is_fading or furthest_over_nearest(screen, float(furthest.max())) > MAX_DEPTHS
+    return is_long or is_fading or reach.depths > MAX_DEPTHS
 
 
 # ---------------------------------------------------------------- what is stated
 
 
-def stated_of(plan: Any) -> float:
-    """Return what is stated of a picture, unless it is nothing: see the head of this page."""
-    is_rounded = plan.metals is not None or not plan.of_materials.is_double.all()
-    return max(EXACT if plan.textures is None else TEXTURED, plan.options.tolerance if is_rounded else 0.0)
+def state(plan: Any, reach: Reach) -> tuple[float | None, list[Step]]:
+    """Return what is stated of a picture, see the head of this page, and the steps that `list_steps` doesn't know: that
+    of lights which stand on a surface, and where nothing is stated why, in a step that is everywhere.
 
-
-def list_unstated(plan: Any, roundings: NDArray[np.float64], depths: float) -> list[str]:
-    """Say why no bound is stated, in a sentence each; nothing where one is.
-
-    Parameters
-    ----------
-    plan : Plan of a view
-    roundings : (n_material,), as `Intensities.roundings_at` returns them
-    depths : furthest over nearest depth, q: depths err by 2^-51 q of themselves, where else 20 roundings are counted
+    `plan` is the Plan of a view.
     """
-    with np.errstate(invalid="ignore"):
+    tables, is_double, (furthest, nearness, roundings, depths) = plan.tables, plan.of_materials.is_double, reach
+    steps, of_float64 = [], EXACT if plan.textures is None else TEXTURED
+    is_near = ((nearness >= 1.0 / NEAREST) & tables.is_lit).any(axis=1)
+    if is_near.any():
+        steps.append(Step("a light on a surface", NEAREST * float(furthest[is_near].max()), "scene units"))
+    is_rounded = plan.metals is not None or not is_double.all()
+    stated, why = max(of_float64, plan.options.tolerance if is_rounded else 0.0), []
+    with np.errstate(invalid="ignore"):  # depths err by 2^-51 q of themselves, where else 20 roundings are counted
         off = roundings * DOUBLE * (1.0 + depths / 5.0) / np.maximum(plan.intensities.of_materials, 1.0)
     lit = plan.intensities.undirected + plan.intensities.diffuse.sum(axis=1)
-    if max(map(smoothness_error, plan.tables.materials)) > stated_of(plan):
-        return ["no bound is stated: a texture makes a metal so smooth that its rounding is magnified"]
-    if not (plan.of_materials.is_double & ~((off <= ROUNDED) & (lit <= MAX_LIGHT))).any():
-        return []
-    own = [type(each).__name__ for each in plan.tables.reflected_lights if light_table.entry_of(each).is_own]
-    own += [each.reflection for each in plan.tables.materials if reflection_table.entry_of(each).is_own]
-    if own:
-        return [f"no bound is stated: nobody knows how the formula of {name} rounds" for name in dict.fromkeys(own)]
-    magnified = f"magnify the rounding of float64 beyond {EXACT if plan.textures is None else TEXTURED:.0e}"
-    return [f"no bound is stated: a light, a highlight or the depths of the scene {magnified}"]
+    if plan.metals is not None and max(map(smoothness_error, tables.materials)) > stated:
+        why.append("a texture makes a metal so smooth that its rounding is magnified")
+    elif (is_double & ~((off <= ROUNDED) & (lit <= MAX_LIGHT))).any():
+        own = [type(each).__name__ for each in tables.reflected_lights if light_table.entry_of(each).is_own]
+        own += [each.reflection for each, model in zip(tables.materials, tables.models, strict=True) if model.is_own]
+        why += [f"nobody knows how the formula of {name} rounds" for name in dict.fromkeys(own)]
+        if not own:
+            what = "a light, a highlight or the depths of the scene"
+            why.append(f"{what} magnify the rounding of float64 beyond {of_float64:.0e}")
+    for reason in why:
+        steps.append(Step(f"no bound is stated: {reason}", np.inf, "everywhere"))
+    return None if why else stated, steps
 
 
 def list_steps(plan: Any) -> tuple[Step, ...]:
@@ -292,26 +297,16 @@ def list_steps(plan: Any) -> tuple[Step, ...]:
     then those of lights, shadows and textures."""
     tables, is_double = plan.tables, plan.dtype == np.float64
     found: list[Step] = []
-    for material, is_lit in zip(tables.materials, tables.is_lit, strict=True):
-        found += reflection_table.entry_of(material).steps(material, is_double) if is_lit.any() else ()
+    for material, model, is_lit in zip(tables.materials, tables.models, tables.is_lit, strict=True):
+        found += model.steps(material, is_double) if is_lit.any() else ()
         for texture in material.textures:
             if texture.filter == "nearest":
                 found.append(Step("the border between texels that are not blended", TEXEL_BORDER, "texels"))
-    for light in tables.reflected_lights:
-        found += light_table.entry_of(light).steps(light, is_double)
+    for light, of_type, is_lit in zip(tables.lights, tables.light_types, tables.is_lit.any(axis=0), strict=True):
+        found += of_type.steps(light, is_double) if is_lit else ()
     if tables.has_shadows:
         found += _edges_of(list(filter(None, map(light_table.shadow_of, tables.reflected_lights))))
     return tuple(dict.fromkeys(found))  # each cause once
-
-
-def list_near_lights(
-    tables: SceneTables, nearness: NDArray[np.float64], furthest: NDArray[np.float64]
-) -> tuple[Step, ...]:
-    """List the step of lights that stand on a surface, if any do in a view; as `nearness_in` and `furthest_of` return
-    them."""
-    is_near = ((nearness >= 1.0 / NEAREST) & tables.is_lit).any(axis=1)
-    near = NEAREST * float(furthest[is_near].max(initial=0.0))
-    return (Step("a light on a surface", near, "scene units"),) if is_near.any() else ()
 
 
 def _edges_of(shadows: list[Any]) -> list[Step]:

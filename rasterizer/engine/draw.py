@@ -8,24 +8,58 @@ what becomes of a finished band is said by the pass (passes.py): a picture, exac
 Exact buffers beside a picture are a pass of their own.
 """
 
+from functools import partial
+from time import perf_counter
+from types import SimpleNamespace
+from typing import NamedTuple
+
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.clip import Clipped, clip
+from ..pipeline.clip import clip
 from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import make_deferred
-from ..pipeline.transform import Drawables, Triangles, Vertices, transform
+from ..pipeline.transform import Drawables, Triangles, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
-from .drawn import BandCounts, Counts, Drawn
-from .passes import Pass
-from .transparency import Memory, Task, draw_transparent_band
+from .passes import Drawn, Pass
+from .plan import PathCounts
+from .transparency import Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 FACE_TIME = 40  # nanoseconds of a triangle, roughly, from scan on: every other one is hidden
 MIN_THREADED_TIME = 400_000  # of bands that are drawn on several threads: four times what waking one takes
 MAX_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
+
+
+class Counts(NamedTuple):
+    """What was drawn, for `Stats`."""
+
+    faces: int
+    clipped: int
+    culled: int
+    drawn: int
+    covered: int
+    samples: int
+    paths: PathCounts
+
+
+class Clock:
+    """Milliseconds of each stage, in order."""
+
+    def __init__(self) -> None:
+        self.milliseconds: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Add the time since the last lap to a stage."""
+        now = perf_counter()
+        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + 1000.0 * (now - self._last)
+        self._last = now
+
+
+NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
 def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads, clock) -> Counts:
@@ -49,28 +83,42 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
         clipped = clip(geometry.positions, geometry.vertex, vertices, screen)
         vertices, n_clipped, source = clipped.vertices, clipped.n_clipped, clipped.faces
         render_pass = render_pass.of_clipped(clipped, geometry.corner)
-        geometry = clip_geometry(geometry, clipped)
+        geometry = geometry._replace(  # new vertices and points stand behind all others
+            vertex=clipped.rows_of(geometry.vertex, len(geometry.positions)),
+            corner=clipped.rows_of(geometry.corner, len(geometry.normals)),
+            is_inverted=geometry.is_inverted[source],
+            face_material=geometry.face_material[source] if len(geometry.face_material) else geometry.face_material,
+        )
         clock.lap("clip")
+    n_triangle, (width, height) = geometry.vertex.shape[1], render_pass.n_sample
+    if n_triangle > MAX_FACES:
+        raise SceneError(f"a scene may have {MAX_FACES} triangles; this one has {n_triangle}")
     if not render_pass.keeps_planes:
         vertices.true_x[:], vertices.true_y[:] = vertices.x, vertices.y
-    drawn = gather_drawn(geometry, vertices, render_pass, source)
+    triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
+    drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), source)
     lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
-    shape = render_pass.workspace_shape(n_row)
-
-    def scan_shade_resolve(band: Band) -> BandCounts:
-        return draw_band(band, drawn, render_pass, workspaces, shape)
-
-    counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass))
+    shape = WorkspaceShape(
+        width, n_row, render_pass.n_channel, render_pass.attributes.shape[2], render_pass.dtype,
+        render_pass.is_textured, render_pass.opacity is not None,
+    )  # fmt: skip
+    scan_shade_resolve = partial(draw_band, drawn=drawn, render_pass=render_pass, workspaces=workspaces, shape=shape)
+    counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass.rows or (0, height)))
     clock.lap("scan, shade, resolve")
-    return Counts.of((n_face, n_clipped), lists, render_pass.n_sample, counts)
+    covered, *paths = np.sum(counts, axis=0).tolist()
+    of_faces = n_face, n_clipped, lists.n_culled, lists.n_visible
+    return Counts(*of_faces, covered, width * height, PathCounts(*paths))
 
 
 def draw_band(
     band: Band, drawn: Drawn, render_pass: Pass, workspaces: WorkspacePool, shape: WorkspaceShape
-) -> BandCounts:
-    """Draw the rows of one band: find what is visible, shade it, write it."""
-    workspace = workspaces.acquire(shape, render_pass.max_records(len(band.faces)))
+) -> tuple[int, int, int, int]:
+    """Draw the rows of one band: find what is visible, shade it, write it.
+
+    Returns how many samples are covered, and triangles by the path that their attributes took, as `PathCounts`.
+    """
+    workspace = workspaces.acquire(shape, len(band.faces) * render_pass.units_per_record)
 
     # Scan: the nearest opaque triangle of each sample goes into the visibility buffer, transparent ones are deferred.
     deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
@@ -81,36 +129,13 @@ def draw_band(
     if deferred is None or deferred.is_empty:
         render_pass.shade(workspace, band, found)
     else:
-        task = Task(band, drawn, render_pass, Memory(workspace, workspaces, shape))
+        task = Task(band, drawn, render_pass, workspace, workspaces, shape)
         found, translucent = draw_transparent_band(task, found, deferred.listed())
 
     # Resolve: the rows of the picture.
     n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
     workspaces.release(shape, workspace)
-    return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
-
-
-# ---------------------------------------------------------------- the triangles of a view
-
-
-def clip_geometry(geometry, clipped: Clipped):
-    """Return the Geometry of the triangles that are left; their new vertices and points stand behind all others."""
-    faces = clipped.faces
-    return geometry._replace(
-        vertex=clipped.rows_of(geometry.vertex, len(geometry.positions)),
-        corner=clipped.rows_of(geometry.corner, len(geometry.normals)),
-        is_inverted=geometry.is_inverted[faces],
-        face_material=geometry.face_material[faces] if len(geometry.face_material) else geometry.face_material,
-    )
-
-
-def gather_drawn(geometry, vertices: Vertices, render_pass: Pass, source: np.ndarray = NO_SOURCES) -> Drawn:
-    """Gather the triangles of a Geometry for the stages after clip; SceneError where records can't number them all."""
-    n = geometry.vertex.shape[1]
-    if n > MAX_FACES:
-        raise SceneError(f"a scene may have {MAX_FACES} triangles; this one has {n}")
-    triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
-    return Drawn(Drawables(triangles, vertices, render_pass.attributes), source)
+    return n_covered, found.n_level, found.n_plane, found.n_exact
 
 
 # ---------------------------------------------------------------- bands
@@ -135,11 +160,11 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
         parts = find_visible(triangles.vertex_idx, vertices, grid, hidden_sides, threads, sort_into_bands)
         lists = join_lists(parts)
         n_max = int(np.diff(lists.starts).max(initial=0))
-        if render_pass.max_records(n_max) <= MAX_RECORDS:
+        if n_max * render_pass.units_per_record <= MAX_RECORDS:
             return lists, n_row
         if n_row == factor:
             raise SceneError(
-                f"{n_max} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.max_records(1)}: "
+                f"{n_max} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.units_per_record}: "
                 "draw a larger picture"
             )
         n_row = max(factor, n_row // 2 // factor * factor)
@@ -154,13 +179,12 @@ def choose_band_rows(width, height, n_thread, factor) -> int:
     return max(1, min(n_row, height) // factor) * factor
 
 
-def list_bands(lists: BandLists, n_row: int, render_pass: Pass) -> list[Band]:
-    """List the bands to draw, those with most triangles first: so no thread is left with a big one at the end. Those
-    without triangles are drawn where the pass fills them."""
-    (first, end), starts = render_pass.drawn_rows, lists.starts.tolist()
-    n_in_band = [end - start for start, end in zip(starts[:-1], starts[1:], strict=True)]
-    return [
-        Band(lists.faces[starts[k] : starts[k + 1]], max(k * n_row, first), min((k + 1) * n_row, end))
-        for k in sorted(range(len(n_in_band)), key=n_in_band.__getitem__, reverse=True)
-        if first // n_row <= k < -(-end // n_row) and (render_pass.is_filled or n_in_band[k] > 0)
-    ]
+def list_bands(lists: BandLists, n_row: int, rows: tuple[int, int]) -> list[Band]:
+    """List the bands that have some of the rows first..end, cut to these; those with most triangles first: so no thread
+    is left with a big one at the end."""
+    (first, end), bands = rows, []
+    for k in np.argsort(-np.diff(lists.starts), kind="stable").tolist():
+        if first // n_row <= k < -(-end // n_row):
+            faces = lists.faces[lists.starts[k] : lists.starts[k + 1]]
+            bands.append(Band(faces, max(k * n_row, first), min((k + 1) * n_row, end)))
+    return bands

@@ -65,6 +65,10 @@ class LightEntry:
 
     Every method takes a light of this type, the first argument. What is said here holds for light without a position
     that is never stronger than its colour and casts no shadows.
+
+    Parameters
+    ----------
+    function : the pipeline's, which is compiled by `batch_function`; None of lights that others stand for
     """
 
     needs_position = False  # its function reads where a point lies
@@ -73,13 +77,16 @@ class LightEntry:
     is_ambient = False  # it comes from all sides alike, and only its colour counts
     is_share = False  # it comes from all sides, and how much of it a point gets depends on the normal or the position
 
+    def __init__(self, function: Callable[..., None] | None = None) -> None:
+        self._function = function
+
     def expand(self, light: Any) -> tuple[Any, ...]:
         """Return the lights, of types that have a `function`, that stand for this one."""
         return (light,)
 
-    def function(self, light: Any) -> Callable[..., None]:
-        """Return the pipeline's function for the light, which is compiled by `batch_function`."""
-        raise NotImplementedError(f"{type(self).__name__} has no function: `expand` stands other lights for it")
+    def function(self, light: Any) -> Any:
+        """Return the pipeline's function for the light."""
+        return self._function
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Fill the coefficients that the pipeline's function reads.
@@ -123,13 +130,9 @@ class AmbientEntry(LightEntry):
 class DirectionalEntry(LightEntry):
     """Light from infinitely far away."""
 
-    def function(self, light: Any) -> Callable[..., None]:
-        """Return the function of parallel rays."""
-        return pipeline.directional
-
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the unit direction to the light."""
-        coefficients[pipeline.VECTOR : pipeline.VECTOR + 3] = world_direction(light, view) * -1.0
+        coefficients[pipeline.VECTOR : pipeline.VECTOR + 3] = to_world(light.direction, light, view) * -1.0
 
     def beam(self, light: Any, view: View) -> Beam | None:
         """Return parallel rays."""
@@ -140,10 +143,6 @@ class PointEntry(LightEntry):
     """Light from one point to all sides."""
 
     needs_position = True
-
-    def function(self, light: Any) -> Callable[..., None]:
-        """Return the function of a light that shines alike to all sides."""
-        return pipeline.point
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the position relative to the eye, and what weakens the light with the distance."""
@@ -180,8 +179,8 @@ class PointEntry(LightEntry):
 class SpotEntry(PointEntry):
     """Light from one point into a cone."""
 
-    def function(self, light: Any) -> Callable[..., None]:
-        """Return the function of the cone, another one where its fall is raised to a power."""
+    def function(self, light: Any) -> Any:
+        """Return that of the cone, another one where its fall is raised to a power."""
         return pipeline.shaped_spot if light.falloff != 1.0 else pipeline.spot
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
@@ -259,16 +258,12 @@ class CustomEntry(LightEntry):
     def __init__(self, cls: Any) -> None:
         self.is_share, self.needs_position = cls.share is not None, cls.needs_position
         make = pipeline.function_of_share if self.is_share else pipeline.function_of_arrival
-        self._function = make(cls.share or cls.arrival)
+        super().__init__(make(cls.share or cls.arrival))
         self.has_beam = cls.beam is not None
 
     def expand(self, light: Any) -> tuple[Any, ...]:
         """Return the lights of one colour that stand for it."""
         return tuple(light.parts())
-
-    def function(self, light: Any) -> Callable[..., None]:
-        """Return the function of the formula."""
-        return self._function
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the numbers that the formula reads."""
@@ -294,8 +289,8 @@ class CustomEntry(LightEntry):
 # By the words of scene.lights.LIGHT_TYPES.
 LIGHT_TABLE: dict[str, LightEntry] = {
     "ambient": AmbientEntry(),
-    "directional": DirectionalEntry(),
-    "point": PointEntry(),
+    "directional": DirectionalEntry(pipeline.directional),
+    "point": PointEntry(pipeline.point),
     "spot": SpotEntry(),
     "area": AreaEntry(),
 }

@@ -9,12 +9,11 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `shade`, then `finish`.
 """
 
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..locks import cached_property
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.buffers import CornerTable, VisibleSurfaces, clear_band
 from ..pipeline.clip import Clipped
@@ -30,13 +29,12 @@ from ..pipeline.setup import DepthScale
 from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texturing import Texturing, shade_textured
-from ..pipeline.transform import Screen
-from ..pipeline.workspace import Workspace, WorkspaceShape
-from .attributes import NONE
+from ..pipeline.transform import Drawables, Screen
+from ..pipeline.workspace import Workspace
 from .buffers import BUFFER_TABLE
-from .drawn import Drawn
 from .plan import Plan
 
+NONE = np.empty((1, 0, 0))  # no attributes
 NO_PLANES = np.empty((0, 5))  # of triangles on which no shadow falls
 NOTHING_FOUND = ScanCounts(0, 0, 0, 0, -1)
 
@@ -45,51 +43,33 @@ NOTHING_FOUND = ScanCounts(0, 0, 0, 0, -1)
 AS_PASS = {"kw_only": True, "repr": False, "eq": False}
 
 
+class Drawn(NamedTuple):
+    """The triangles that the stages after clip work on."""
+
+    drawables: Drawables
+    source: np.ndarray  # (n_triangle,) uint32: the triangle of the scene that each is a part of, or empty
+
+
 @dataclass(**AS_PASS)
 class Pass:
     """What is drawn by the stages, and what becomes of it."""
 
     attributes: np.ndarray  # (n_side, n_point, n_attribute) float64: interpolated over the triangles
-    size: tuple[int, int]  # (width, height) in pixels
-    face_planes: np.ndarray | None = None  # (n_face, 5) float64, see pipeline/shadow_lookup.py; None without light
+    n_sample: tuple[int, int]  # columns and rows of samples
     factor: int = 1  # samples a pixel along each axis
+    face_planes: np.ndarray | None = None  # (n_face, 5) float64, see pipeline/shadow_lookup.py; None without light
     hidden_sides: np.ndarray | None = None  # see pipeline/cull.py: find_visible; None where all are drawn
-    is_filled: bool = False  # bands without triangles are finished, too
     rows: tuple[int, int] | None = None  # (first, end) of the samples that are drawn; None = all
 
-    sample_time: ClassVar[int] = 4  # nanoseconds of a sample, roughly, beside its triangles
-    n_channel: ClassVar[int] = 0  # of the intensities
-    dtype: ClassVar[np.dtype] = np.dtype(np.float32)
-    is_textured: ClassVar[bool] = False
-    opacity: ClassVar[Opacity | None] = None  # None where all is opaque
+    # What a picture has more of, see `ColorPass`.
+    n_channel: int = field(default=0, init=False)  # of the intensities
+    dtype: np.dtype = field(default=np.dtype(np.float32), init=False)  # of the intensities
+    is_textured: bool = field(default=False, init=False)
+    opacity: Opacity | None = field(default=None, init=False)  # None where all is opaque
+    units_per_record: int = field(default=1, init=False)  # at most; without records, numbers that an entry holds
+    sample_time: int = field(default=4, init=False)  # nanoseconds of a sample, roughly, beside its triangles
+
     keeps_planes: ClassVar[bool] = True  # faces are drawn in their own planes, see pipeline/transform.py
-
-    @property
-    def n_sample(self) -> tuple[int, int]:
-        """Columns and rows of samples."""
-        return self.size[0] * self.factor, self.size[1] * self.factor
-
-    @property
-    def drawn_rows(self) -> tuple[int, int]:
-        """The first row of samples that is drawn, and the one behind the last."""
-        return self.rows or (0, self.n_sample[1])
-
-    @property
-    def n_attribute(self) -> int:
-        """The largest number that a triangle has."""
-        return self.attributes.shape[2]
-
-    def workspace_shape(self, n_row) -> WorkspaceShape:
-        """The memory that a band of `n_row` rows is drawn in."""
-        return WorkspaceShape(
-            self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
-            self.is_textured, self.opacity is not None,
-        )  # fmt: skip
-
-    def max_records(self, n_triangle: int) -> int:
-        """How many units the records of so many triangles have at most; where there are none, how many numbers entries
-        hold."""
-        return n_triangle
 
     def scan(self, workspace: Workspace, band: Band, drawn: Drawn, deferred: Deferred | None) -> ScanCounts:
         """Draw the band's triangles into the clear visibility buffer; `deferred` takes the transparent ones, None where
@@ -132,52 +112,32 @@ class ColorPass(Pass):
     screen: Screen
     encoding: Encoding
     picture: Picture  # written
-    is_filled: bool = True
+    grid: SampleGrid = field(init=False)  # the samples of a pixel
+    min_channels: int = field(init=False)  # that any band needs
 
-    @cached_property
-    def units_per_record(self) -> int:
-        """At most."""
-        return max_units(self.coding)
+    def __post_init__(self) -> None:
+        """Find out what is the same for all bands.
 
-    def max_records(self, n_triangle):
-        """As that of `Pass`."""
-        return n_triangle * self.units_per_record
+        One channel is multiplied by the tint when pixels are finished, three are before: of a grey tint, or where there
+        is no mean of samples and nothing behind them, the same bits. Elsewhere all bands have as many channels, because
+        what else a band shows must not change them. What fades with depth has as many everywhere.
+        """
+        plan = self.plan
+        self.n_channel, self.dtype, self.opacity = plan.n_channel, plan.dtype, plan.opacity
+        self.is_textured, self.units_per_record = plan.textures is not None, max_units(self.coding)
+        self.grid = make_grid(self.factor)
+        is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
+        is_same |= bool((plan.tint == 1.0).all())
+        self.min_channels = 1 if is_same and plan.cue is None else self.n_channel
+        # Nanoseconds that it takes to shade a sample, roughly, where a quarter of all samples show something.
+        of_light = (2 + 4 * plan.tables.has_shadows) * plan.is_lit_per_sample * len(plan.tables.lights)
+        self.sample_time = 4 + of_light + 12 * self.is_textured + 8 * (self.opacity is not None)
 
     def scan(self, workspace, band, drawn, deferred):
         """As that of `Pass`, with records."""
         return scan(
             band, drawn.drawables, self.coding, workspace.block, workspace.visibility, workspace.records, deferred
         )
-
-    @property
-    def n_channel(self) -> int:
-        """Of the intensities."""
-        return self.plan.n_channel
-
-    @cached_property
-    def dtype(self) -> np.dtype:
-        """Of the intensities."""
-        return self.plan.dtype
-
-    @property
-    def sample_time(self) -> int:
-        """As that of `Pass`, with shading."""
-        return Pass.sample_time + self.plan.sample_time
-
-    @property
-    def is_textured(self) -> bool:
-        """Whether any material has a texture."""
-        return self.plan.textures is not None
-
-    @property
-    def opacity(self) -> Opacity | None:
-        """None where all is opaque."""
-        return self.plan.opacity
-
-    @cached_property
-    def grid(self) -> SampleGrid:
-        """The samples of a pixel."""
-        return make_grid(self.factor)
 
     def texturing_in(self, workspace: Workspace) -> Texturing:
         """The textures, with a workspace's memory for looking them up."""
@@ -187,19 +147,6 @@ class ColorPass(Pass):
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs."""
         return self.n_channel if counts.features & HAS_COLORS else self.min_channels
-
-    @cached_property
-    def min_channels(self) -> int:
-        """How many channels any band needs: what fades with depth has as many everywhere.
-
-        One channel is multiplied by the tint when pixels are finished, three are before: of a grey tint, or where there
-        is no mean of samples and nothing behind them, the same bits. Elsewhere all bands have as many channels, because
-        what else a band shows must not change them.
-        """
-        if self.plan.cue is not None:
-            return self.n_channel
-        is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
-        return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel
 
     def shade(self, workspace, band, counts):
         """Find the light that comes from the visible samples, or from the points that pixels are shaded at; then let
@@ -230,14 +177,9 @@ class ColorPass(Pass):
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
-    @cached_property
-    def is_all_textured(self) -> bool:
-        """Whether all materials have a texture: `shade_textured` fills all samples."""
-        return bool((self.coding.features & HAS_TEXTURE).all())
-
     def light(self, workspace, band, radiance):
         """Interpolate the intensities, then those of textured surfaces."""
-        if not self.is_all_textured:
+        if not (self.coding.features & HAS_TEXTURE).all():  # else `shade_textured` fills all samples
             shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.features & HAS_TEXTURE:
             shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
@@ -252,7 +194,7 @@ class LitPass(ColorPass):
     def light(self, workspace, band, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
         texturing = self.texturing_in(workspace) if self.is_textured else None
-        tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
+        tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
         types = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)
         for feature, dtype, batch in types:
             if band.counts.features & feature:
@@ -268,11 +210,15 @@ class BufferPass(Pass):
     is_perspective: bool
     buffers: dict[str, np.ndarray]  # by name, see buffers.py; written
     tables: dict[str, tuple]  # by name: what those look up that need a table
-    is_filled: bool = True
 
     def of_clipped(self, clipped, corner_idx):
-        """Return the pass of the triangles that are left after clipping, with what its buffers look up for them."""
-        tables = {name: tuple(clip_table(table, clipped) for table in tables) for name, tables in self.tables.items()}
+        """Return the pass of the triangles that are left after clipping, with what its buffers look up for them: only
+        values of corners change."""
+        tables = dict(self.tables)
+        for name, (table,) in self.tables.items():
+            if isinstance(table, CornerTable):
+                values, rows = clipped.add_values(table.values[None], table.rows)[0], len(table.values)
+                tables[name] = (CornerTable(values, clipped.rows_of(table.rows, rows)),)
         return replace(super().of_clipped(clipped, corner_idx), tables=tables)
 
     def finish(self, workspace, band, counts, translucent, drawn):
@@ -287,14 +233,6 @@ class BufferPass(Pass):
         return clear_band(workspace.visibility, band.n_row)
 
 
-def clip_table(table, clipped: Clipped):
-    """Return what a buffer looks up, for the triangles that are left after clipping: only values of corners change."""
-    if not isinstance(table, CornerTable):
-        return table
-    rows = clipped.rows_of(table.rows, len(table.values))
-    return CornerTable(clipped.add_values(table.values[None], table.rows)[0], rows)
-
-
 @dataclass(**AS_PASS)
 class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
@@ -302,26 +240,14 @@ class ShadowMapPass(Pass):
     # Faces that share an edge must agree at it: the one behind would else show beside it, and shade the other.
     keeps_planes: ClassVar[bool] = False
 
-    depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
+    depths: DepthScale
     texels: np.ndarray  # (n, n) float32 or float64, written
 
     def finish(self, workspace, band, counts, translucent, drawn):
-        """Write the texels' depths."""
-        write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
+        """Write the texels' depths, 1/w or negative depths."""
+        depths = self.depths
+        line = (depths.inv_w_offset, depths.inv_w_scale)
+        if not depths.is_perspective:
+            line = (-depths.depth_offset, -depths.depth_scale)
+        write_map(workspace.visibility, band.y_start, band.n_row, *line, self.texels)
         return 0
-
-
-def shadow_map_pass(depths: DepthScale, texels, hidden_sides=None) -> ShadowMapPass:
-    """Return the pass that draws a shadow map; `texels` is (n, n) float32 or float64, written; `hidden_sides` are those
-    of `Pass`."""
-    depth = (depths.inv_w_offset, depths.inv_w_scale)
-    if not depths.is_perspective:
-        depth = (-depths.depth_offset, -depths.depth_scale)
-    return ShadowMapPass(
-        attributes=NONE,
-        size=texels.shape[::-1],
-        hidden_sides=hidden_sides,
-        depth=depth,
-        texels=texels,
-        is_filled=True,
-    )

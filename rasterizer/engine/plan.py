@@ -3,16 +3,19 @@
     tables ─ make_plan: what holds in any view ─ Plan.with_shares: float64 where one view asks for it
 
 Found here: the type, the channels and the path to the samples of each material. So what one object needs costs its own
-samples, and not those of others. When float32 is enough stands in domains.py.
+samples, and not those of others. When float32 is enough stands in domains.py. Below that stands the plan in words and
+counts, for a person who asks what was done and why.
 """
 
+from collections import Counter
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from itertools import chain, compress
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, counted
 from ..options import Options
 from ..pipeline import gradients as g
 from ..pipeline.a_buffer import Opacity, min_transmittance
@@ -20,10 +23,8 @@ from ..pipeline.shade import Cue
 from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import domains
-from . import lights as light_table
-from . import reflections as reflection_table
 from .domains import Intensities
-from .scene_tables import SceneTables, choose_tint, common_tint, list_opacities, make_cue
+from .scene_tables import SceneTables, common_direction
 from .texture_tables import make_textures
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
@@ -45,22 +46,6 @@ class MaterialTable(NamedTuple):
     is_double: NDArray[np.bool_]  # (n,): float64 is needed
     is_textured: NDArray[np.bool_]  # (n,): it has a texture
     dtypes: tuple[np.dtype, ...]  # those that materials are lit in
-
-    def with_shares(self, shares: NDArray[np.float64], why: str) -> "MaterialTable":
-        """Return the same with other shares; `why` is the reason of those that need float64 now."""
-        is_double, reasons = np.isinf(shares), list(self.reasons)
-        for k in np.flatnonzero(is_double & ~self.is_double):
-            reasons[k] = (*reasons[k], why)
-        of_type = np.where(is_double, g.DOUBLE_PRECISION, g.SINGLE_PRECISION).astype(np.uint8)
-        features = self.features & np.uint8(255 - g.DOUBLE_PRECISION - g.SINGLE_PRECISION) | of_type
-        return self._replace(
-            paths=np.where(is_double, np.uint8(g.EXACT), self.paths),
-            features=features,
-            shares=shares,
-            reasons=tuple(reasons),
-            is_double=is_double,
-            dtypes=(FLOAT32,) * bool((~is_double).any()) + (FLOAT64,) * bool(is_double.any()),
-        )
 
 
 class Plan(NamedTuple):
@@ -88,28 +73,23 @@ class Plan(NamedTuple):
         """The type of intensities: float64 where all materials need it."""
         return self.of_materials.dtypes[0]
 
-    @property
-    def sample_time(self) -> int:
-        """Nanoseconds that it takes to shade a sample, roughly, where a quarter of all samples show something."""
-        of_light = (2 + 4 * self.tables.has_shadows) * self.is_lit_per_sample
-        return of_light * len(self.tables.lights) + 12 * (self.textures is not None) + 8 * (self.opacity is not None)
-
-    def shares_at(self, roundings: NDArray[np.float64], is_far: bool) -> NDArray[np.float64]:
-        """Return the share of the tolerance that rounding takes of each material in a view, (n_material,); infinite in
-        float64.
-
-        Parameters
-        ----------
-        roundings : (n_material,) how many u rounding adds there, see domains.py
-        is_far : float32 won't do for anything there
-        """
-        shares = domains.share_of_tolerance(roundings, self.options.tolerance)
-        return np.where(self.of_materials.is_double | is_far, np.inf, shares)
-
-    def with_shares(self, shares: NDArray[np.float64], is_far: bool) -> "Plan":
-        """Return the plan for a view, with float64 for the materials for which float32 has too few digits there."""
-        why = light_table.FAR if is_far else domains.TOO_MUCH
-        return self._replace(of_materials=self.of_materials.with_shares(shares, why))
+    def with_shares(self, shares: NDArray[np.float64], why: str) -> "Plan":
+        """Return the plan with other shares of the tolerance, (n_material,), infinite where float64 is needed; `why` is
+        the reason of those that need it now."""
+        table, is_double = self.of_materials, np.isinf(shares)
+        reasons = list(table.reasons)
+        for k in np.flatnonzero(is_double & ~table.is_double):
+            reasons[k] = (*reasons[k], why)
+        of_type = np.where(is_double, g.DOUBLE_PRECISION, g.SINGLE_PRECISION).astype(np.uint8)
+        table = table._replace(
+            paths=np.where(is_double, np.uint8(g.EXACT), table.paths),
+            features=table.features & np.uint8(255 - g.DOUBLE_PRECISION - g.SINGLE_PRECISION) | of_type,
+            shares=shares,
+            reasons=tuple(reasons),
+            is_double=is_double,
+            dtypes=(FLOAT32,) * bool((~is_double).any()) + (FLOAT64,) * bool(is_double.any()),
+        )
+        return self._replace(of_materials=table)
 
 
 def make_plan(
@@ -129,19 +109,28 @@ def make_plan(
     fades_to = max(cue.color) if cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         intensities = domains.bound_intensities(tables, clearances, options.shading == "phong")
-    check_brightness(max(intensities.unweakened, fades_to))
+    brightest = max(intensities.unweakened, fades_to)
+    if not brightest <= LARGEST:
+        raise SceneError(
+            f"the scene's lights and materials may give intensities up to {brightest:.3g}; legal is up to "
+            f"{LARGEST:.3g}, the largest float32: give lights and materials smaller colors"
+        )
     bound = max(float(intensities.of_materials.max(initial=0.0)), fades_to)
-    table, tint = list_materials(tables, options, intensities)
-    n_channel = 3 if table.is_colored.any() else 1
+    tint, is_colored = choose_tint(tables)
+    table = list_needs(tables, options, intensities, is_colored)
+    n_channel = 3 if is_colored.any() else 1
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
-    needs_position, has_tangents, maps, metals = tables.has_shadows, False, [], []
-    for light in tables.reflected_lights:
-        needs_position |= light_table.entry_of(light).needs_position
+    needs_position, has_tangents, textures, metals = tables.has_shadows, False, None, None
+    for row, is_lit in zip(tables.light_types, tables.is_lit.any(axis=0), strict=True):
+        needs_position |= bool(row.needs_position and is_lit)
     for material in materials:
         has_tangents |= material.is_anisotropic and material.tangent == "u"
-        maps.append(material.texture)
-        metals.append(material.metallic_roughness)
-    return Plan(
+    if tables.has_texture.any():
+        textures = make_textures([material.texture for material in materials], run=run)
+        metals = make_textures([material.metallic_roughness for material in materials], tables.n_texcoord, run)
+    if cue is not None:  # with one channel its colour is a multiple of the tint, whose largest component is 1
+        cue = Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
+    plan = Plan(
         tables=tables,
         options=options,
         of_materials=table,
@@ -154,103 +143,176 @@ def make_plan(
         bound=bound,
         needs_position=needs_position,
         has_tangents=has_tangents,
-        textures=make_textures(maps, run=run),
-        metals=make_textures(metals, tables.n_texcoord, run),
-        opacity=None if tables.is_opaque else list_opacities(materials, min_transmittance(bound)),
-        cue=None if cue is None else make_cue(cue, n_channel),
+        textures=textures,
+        metals=metals,
+        opacity=None if tables.is_opaque else list_opacities(tables, min_transmittance(bound)),
+        cue=cue,
     )
+    return plan.with_shares(np.where(table.is_double, np.inf, table.shares), "")
 
 
-def check_brightness(bound: float) -> None:
-    """Refuse a scene whose intensities a picture can't hold."""
-    if not bound <= LARGEST:
-        raise SceneError(
-            f"the scene's lights and materials may give intensities up to {bound:.3g}; legal is up to {LARGEST:.3g}, "
-            "the largest float32: give lights and materials smaller colors"
-        )
+def choose_tint(tables: SceneTables) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Choose the tint (3,) that most materials have, so that one channel is enough for these; return it, and which
+    materials need three channels, (n_material,)."""
+    tints, counts = [*map(tables.tint_of, range(len(tables.materials)))], Counter[tuple]()
+    for tint in tints:
+        if tint is not None:
+            counts[tuple(tint)] += 1
+    is_colored = np.ones(len(tints), np.bool_)
+    if not counts:
+        return np.ones(3, np.float32), is_colored
+    chosen = np.array(max(counts, key=counts.__getitem__))
+    for k, tint in enumerate(tints):
+        is_colored[k] = tint is None or common_direction([tint, chosen]) is None
+    return chosen.astype(np.float32), is_colored
+
+
+def list_opacities(tables: SceneTables, least: float) -> Opacity:
+    """How transparent the materials are; see pipeline/a_buffer.py for `least`."""
+    opacity = np.array([material.opacity for material in tables.materials])
+    is_opaque = np.array([material.is_opaque for material in tables.materials], np.bool_)
+    return Opacity(opacity, is_opaque, tables.has_texture, least)
 
 
 # ---------------------------------------------------------------- what each material needs
 
 
-def list_materials(
-    tables: SceneTables, options: Options, intensities: Intensities
-) -> tuple[MaterialTable, NDArray[np.float32]]:
-    """Find out what each material needs in any view, and the tint (3,) of what has one channel."""
-    materials, is_lit_per_sample = tables.materials, options.shading == "phong"
-    tints = list(map(tables.tint_of, range(len(materials))))
-    tint = choose_tint(tints)
-    angles = options.tolerance / 4 / np.maximum(intensities.slopes, 1e-30)
+def list_needs(
+    tables: SceneTables, options: Options, intensities: Intensities, is_colored: NDArray[np.bool_]
+) -> MaterialTable:
+    """Find out what each material needs in any view, but for what its type decides: see `Plan.with_shares`.
+
+    No error of texture coordinates is small enough next to the border of texels that are not blended, and of alpha, as
+    it weights all that is behind, once for each layer: so such materials have exact records.
+    """
+    is_phong, tolerance = options.shading == "phong", options.tolerance
+    angles = tolerance / 4 / np.maximum(intensities.slopes, 1e-30)
     if tables.has_shadows:  # which depend on normals, however dim the lights are
         angles = np.minimum(angles, MAX_TURN)
     normal_limits = angles / (np.sqrt(3.0) * domains.SINGLE)
-    shares = domains.share_of_tolerance(intensities.roundings, options.tolerance)
-    has_vertex_colors = tables.has_vertex_colors
-    has_albedo = has_vertex_colors | tables.has_texture
-    with_tangents = 6 + 3 * bool(has_albedo.any()) + tables.n_texcoord * bool(tables.has_texture.any())
-    is_colored = np.ones(len(materials), np.bool_)
-    paths, features, n_attributes, reasons = [], [], [], []
-    for k, material in enumerate(materials):
-        is_colored[k] = tint is None or tints[k] is None or common_tint(tints[k], tint) is None
-        why = reasons_of(material, tables.lights_of(k), options.tolerance, shares[k], intensities.of_materials[k])
-        if why or needs_exact_texcoords(material.texture):
-            path = g.EXACT
-        elif is_lit_per_sample:
-            path = g.IN_PLANES if normal_limits[k] > 3.0 else g.EXACT
-        else:
-            path = g.IN_PLANES if is_colored[k] or not material.is_opaque else g.IN_ENTRIES
-        own = count_attributes(material, options.shading, is_colored[k], has_albedo[k], with_tangents)
-        paths.append(path)
-        features.append(list_features(material, bool(why), is_colored[k], has_vertex_colors[k]))
-        n_attributes.append(6 + tables.n_texcoord if material.metallic_roughness is not None else own)
-        reasons.append(why)
-    is_double = np.array(list(map(bool, reasons)))
-    table = MaterialTable(
-        np.array(paths, np.uint8), np.array(features, np.uint8), np.array(n_attributes, np.int64), normal_limits,
-        shares, tuple(reasons), has_albedo, is_colored, is_double, tables.has_texture, (),
+    shares = domains.share_of_tolerance(intensities.roundings, tolerance)
+    has_albedo, has_texture = tables.has_vertex_colors | tables.has_texture, tables.has_texture
+    with_tangents = 6 + 3 * bool(has_albedo.any()) + tables.n_texcoord * bool(has_texture.any())
+    features = g.HAS_COLORS * is_colored + g.HAS_ALBEDO * tables.has_vertex_colors + g.HAS_TEXTURE * has_texture
+    # Attributes, see `join_attributes`: normals, colours, texture coordinates, tangents; or intensities, and these.
+    n_attributes = np.where(has_albedo, 6, 3) if is_phong else np.where(is_colored, 3, 1)
+    n_attributes[has_texture] = 8
+    paths = np.full(len(features), g.IN_PLANES)
+    if is_phong:
+        paths[~(normal_limits > 3.0)] = g.EXACT
+    reasons: list[tuple[str, ...]] = []
+    for k, material in enumerate(tables.materials):
+        if not is_phong and material.is_opaque and not is_colored[k]:
+            paths[k] = g.IN_ENTRIES
+        if not material.is_opaque:
+            features[k] += g.IS_TRANSPARENT if material.opacity > 0.0 else g.IS_INVISIBLE
+        if material.texture is not None and (material.texture.filter == "nearest" or material.texture.has_alpha):
+            paths[k] = g.EXACT
+        if is_phong and material.is_anisotropic and material.tangent == "u":
+            n_attributes[k] = with_tangents
+        if material.metallic_roughness is not None:
+            n_attributes[k] = 6 + tables.n_texcoord
+        reasons.append(domains.reasons_of(tables, k, tolerance, shares[k], intensities.of_materials[k]))
+    return MaterialTable(
+        paths.astype(np.uint8), features.astype(np.uint8), n_attributes, normal_limits, shares, tuple(reasons),
+        has_albedo, is_colored, np.array([*map(bool, reasons)]), has_texture, (),
     )  # fmt: skip
-    table = table.with_shares(np.where(is_double, np.inf, shares), "")
-    return table, np.ones(3, np.float32) if tint is None else tint.astype(np.float32)
 
 
-def reasons_of(material: Any, lights: tuple, tolerance: float, share: float, bound: float) -> tuple[str, ...]:
-    """Say why float32 won't do for a material in any view, in a few words each; nothing where it does.
+# ---------------------------------------------------------------- the plan in words and counts
+
+
+class PathCounts(NamedTuple):
+    """Triangles by the path that their attributes took, counted in each band that they meet.
 
     Parameters
     ----------
-    lights : those that it reflects
-    share : of the tolerance, which rounding takes at least
-    bound : the largest intensity that it may have; infinite where a light amplifies without limit
+    entries : those with intensities in the entries of the visibility buffer
+    planes : those with records of planes
+    exact : those with exact records
     """
-    found = ["tolerance 0" if tolerance == 0 else domains.TOO_MUCH if np.isinf(share) else ""]
-    found.append("" if np.isfinite(bound) else domains.UNBOUNDED)
-    for light in lights:
-        found.append(light_table.entry_of(light).limits(light).reason)
-    found.append(reflection_table.entry_of(material).limits(material).reason)
-    return tuple(filter(None, dict.fromkeys(found)))
+
+    entries: int
+    planes: int
+    exact: int
 
 
-def needs_exact_texcoords(texture: Any) -> bool:
-    """Tell whether no error of texture coordinates is small enough: next to the border of texels that are not blended,
-    and of alpha, as it weights all that is behind, once for each layer."""
-    return texture is not None and (texture.filter == "nearest" or texture.has_alpha)
+class PlanSummary(NamedTuple):
+    """What a picture needed, and nothing else was computed.
+
+    Parameters
+    ----------
+    shading : "flat", "gouraud" or "phong"
+    channels : 1 where every colour of the picture is a multiple of one RGB triple, else 3
+    dtype : the type of the illumination: "float32", or "float64" where all materials need that
+    materials : how many different ones there are
+    doubles : how many of these are lit in float64
+    reasons : why some material needs float64; empty where none does
+    path : the cheapest one that attributes of any material may take from the vertices to the samples
+    features : what else the scene uses: "textures", "shadows", "transparency", "depth cueing", "spectra", "tangents"
+    bound : the largest intensity that any point may have, linear
+    lights : how many lights are reflected; of an area light each of its cells counts
+    left_out : how many lights were left out of everything: black ones, and others of which nothing is reflected
+    paths : how many triangles took which path; None before anything was drawn
+    """
+
+    shading: str
+    channels: int
+    dtype: str
+    materials: int
+    doubles: int
+    reasons: tuple[str, ...]
+    path: str
+    features: tuple[str, ...]
+    bound: float
+    lights: int
+    left_out: int
+    paths: PathCounts | None = None
+
+    def __repr__(self) -> str:
+        why = f" because of {', '.join(self.reasons)}" if self.reasons else ""
+        of_doubles = f"{self.doubles} in float64{why}" if self.doubles else "all in float32"
+        lines = [
+            f"{self.shading} shading, {counted(self.channels, 'channel')}; {self.path}",
+            f"{counted(self.materials, 'material')}, {of_doubles}; {counted(self.lights, 'light')}",
+            f"also: {', '.join(self.features) or 'nothing'}",
+            f"largest intensity: {self.bound:.4g}",
+        ]
+        if self.left_out:
+            lines.append(f"left out: {counted(self.left_out, 'light')} that no surface shows")
+        if self.paths is not None:
+            entries, planes, exact = self.paths
+            counts = f"{entries} by entries, {planes} by planes, {exact} by exact records"
+            lines.append(f"triangles in their bands: {counts}")
+        return "\n".join(lines)
 
 
-def list_features(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
-    """Return what a material needs, as bits."""
-    features = g.DOUBLE_PRECISION if is_double else g.SINGLE_PRECISION
-    features |= g.HAS_COLORS if is_colored else 0
-    features |= g.HAS_ALBEDO if has_vertex_colors else 0
-    if material.texture is not None:
-        features |= g.HAS_TEXTURE
-    return features | (0 if material.is_opaque else g.IS_TRANSPARENT if material.opacity > 0.0 else g.IS_INVISIBLE)
-
-
-def count_attributes(material: Any, shading: str, is_colored: bool, has_albedo: bool, with_tangents: int) -> int:
-    """Return how many attributes of the surfaces of a material are read, see attributes.py; `with_tangents` are all,
-    the tangents behind the others."""
-    if shading != "phong":
-        return 8 if material.texture is not None else 3 if is_colored else 1
-    if material.is_anisotropic and material.tangent == "u":
-        return with_tangents
-    return 8 if material.texture is not None else 6 if has_albedo else 3
+def summarize(plan: Plan) -> PlanSummary:
+    """Put a plan into words."""
+    tables, table, n_light = plan.tables, plan.of_materials, len(plan.tables.reflected_lights)
+    features = {
+        "textures": plan.textures is not None,
+        "shadows": tables.has_shadows,
+        "transparency": plan.opacity is not None,
+        "depth cueing": plan.cue is not None,
+        "spectra": tables.products is not None,
+        "tangents": plan.has_tangents,
+    }
+    path = "exact records"
+    if (table.paths == g.IN_ENTRIES).any():
+        path = "one intensity in each visibility entry"
+    elif (table.paths == g.IN_PLANES).any():
+        path = "planes of the normals" if plan.is_lit_per_sample else "planes of the intensities"
+    return PlanSummary(
+        shading=plan.options.shading,
+        channels=plan.n_channel,
+        dtype=str(plan.dtype),
+        materials=len(tables.materials),
+        doubles=int(table.is_double.sum()),
+        reasons=tuple(dict.fromkeys(chain(*table.reasons))),
+        path=path,
+        features=tuple(compress(features, features.values())),
+        bound=plan.bound,
+        lights=n_light,
+        left_out=tables.n_black + len(tables.lights) - n_light,
+    )

@@ -24,8 +24,8 @@ from ..scene.validate import unit3, vector3
 from . import lights as light_table
 from . import reflections as reflection_table
 from .plan import make_plan
-from .scene_tables import SceneTables, common_color
-from .uniforms import make_lighting
+from .scene_tables import SceneTables
+from .uniforms import light_view, make_lighting
 
 
 def illuminate(
@@ -81,10 +81,11 @@ def illuminate(
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
     options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
-    meshes = (SimpleNamespace(palette=(material,), uv=None, colors=None, face_colors=None),)
+    bounds = np.zeros((2, 3))
+    meshes = (SimpleNamespace(palette=(material,), uv=None, colors=None, face_colors=None, bounds=bounds),)
     tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
     plan = make_plan(tables, options, np.zeros(tables.is_lit.shape))
-    lighting = make_lighting(plan, view, plan.dtype)
+    lighting = light_view(make_lighting(plan, plan.dtype), plan, view)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
     surface = SurfacePoints(
@@ -95,7 +96,7 @@ def illuminate(
     found = np.empty((n, plan.n_channel))
     light_points(surface, (0, n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
-        found = found * common_color(plan.tables.materials, plan.tables.lights, plan.tables.ambient)
+        found = found * tables.tint_of(0)
     return found.reshape(shape)
 
 

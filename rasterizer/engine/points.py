@@ -10,10 +10,10 @@ from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..geometry.closed import find_inner_sides
-from ..geometry.normals import Fans, Split, list_fans, map_parts, polygon_planes, split_creases, within_range
+from ..geometry.normals import Fans, list_fans, map_parts, polygon_planes, split_creases, within_range
 from ..geometry.surfaces import flag_inverted
 from ..geometry.weld import unique_rows
 from ..scene.arrays import distinct
@@ -68,78 +68,105 @@ def gather_geometry(
     is_flat: bool,
     workers: Any = None,
     has_lit_points: bool = True,
-    parts: list[Part] | None = None,
+    fans: Sequence[Fans | None] = (),
 ) -> Geometry:
-    """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices; `workers` are
-    threads to do it on, None for the caller's alone; `parts` those of `make_parts`, None where they aren't made yet.
-    Where points aren't lit, nobody asks where split vertices are."""
-    materials, numbers = number_materials(meshes)
-    is_textured, n_texcoord = any(material.texture is not None for material in materials), count_texcoords(meshes)
-    is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
-    parts = parts or make_parts(meshes, is_flat, workers)
-    if is_brushed:
-        parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, meshes, strict=True)]
-    parts = [split_points(part, mesh, n_texcoord * is_textured) for part, mesh in zip(parts, meshes, strict=True)]
-    geometry = _join_parts(parts, is_flat, is_textured, has_lit_points, workers)
-    offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
-    geometry = geometry._replace(
-        point_offsets=offsets,
-        group_material=group_material,
-        face_material=_face_materials(meshes, numbers) if len(materials) > 1 else np.empty(0, np.uint32),
-        tangents=_rows([part.tangents for part in parts]) if is_brushed else NO_TANGENTS,
+    """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices.
+
+    Parameters
+    ----------
+    workers : threads to do it on; None = the caller's alone
+    has_lit_points : False where points aren't lit: then nobody asks where split vertices are
+    fans : of each mesh, see `split_creases`; none where they aren't known
+    """
+    materials, palettes = number_materials(meshes)
+    is_textured = is_brushed = is_split = is_colored = False
+    for material in materials:
+        is_textured |= material.texture is not None
+        is_brushed |= material.is_anisotropic and material.tangent == "u"
+    n_texcoord = count_texcoords(meshes) if is_textured else 0
+
+    # Each mesh's share; what belongs to a material stands side by side, so that it can be lit together.
+    parts, n_points = [], []
+    for mesh, of_mesh in zip_longest(meshes, fans):
+        part = flat_part(mesh) if is_flat else smooth_part(mesh, workers, of_mesh)
+        if is_brushed:
+            part = add_tangents(part, mesh, is_flat)
+        if mesh.face_material is not None or is_textured:
+            part = split_points(part, mesh, n_texcoord)
+        is_split |= part.corner is not part.vertex
+        is_colored |= part.albedo is not None
+        n_points += part.n_points or (len(part.normals),)
+        parts.append(part)
+    ends, group_material = np.cumsum(n_points), np.concatenate(palettes)
+    is_last = np.append(group_material[1:] != group_material[:-1], True)  # neighbouring groups of a material are one
+
+    # All of them, one behind the other.
+    every = Part(*zip(*parts, strict=True))
+    positions = _rows(every.positions)
+    vertex = _columns(every.vertex, np.cumsum([0, *map(len, every.positions)]), workers)
+    points, corner, albedo = positions, vertex, np.empty((0, 3))
+    if is_split:
+        corner = _columns(every.corner, np.cumsum([0, *map(len, every.normals)]), workers)
+    if is_flat or is_split:
+        points = _rows([part.points for part in parts]) if has_lit_points else np.empty((0, 3))
+    if is_textured or is_colored:
+        albedo = _rows([np.ones(part.normals.shape) if part.albedo is None else part.albedo for part in parts])
+    geometry = Geometry(
+        positions=positions,
+        vertex=vertex,
+        corner=corner,
+        points=points,
+        normals=_rows(every.normals),
+        albedo=albedo,
+        is_inverted=np.zeros(vertex.shape[1], np.uint8),
+        point_offsets=np.append(0, ends[is_last]),
+        group_material=group_material[is_last],
+        face_material=_face_materials(meshes, palettes) if len(materials) > 1 else np.empty(0, np.uint32),
+        uv=_rows(every.uv) if is_textured else np.empty((0, 2)),
+        tangents=_rows(every.tangents) if is_brushed else NO_TANGENTS,
     )
     if not is_flat:
-        given = geometry.positions, geometry.normals, geometry.vertex, geometry.corner
-        map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), len(geometry.is_inverted), workers)
+        given = positions, geometry.normals, vertex, corner
+        map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), vertex.shape[1], workers)
     return geometry
-
-
-def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool, has_points: bool, workers: Any) -> Geometry:
-    """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left
-    empty."""
-    first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
-    positions = _rows([part.positions for part in parts])
-    vertex = _columns([part.vertex for part in parts], first_vertex, workers)
-    points, corner = positions, vertex
-    if any(part.corner is not part.vertex for part in parts):
-        first_point = np.cumsum([0] + [len(part.normals) for part in parts])
-        corner = _columns([part.corner for part in parts], first_point, workers)
-    if is_flat or corner is not vertex:
-        points = _rows([part.points for part in parts]) if has_points else np.empty((0, 3))
-    normals = _rows([part.normals for part in parts])
-    albedo = np.empty((0, 3))
-    if is_textured or any(part.albedo is not None for part in parts):
-        white = [np.ones((len(part.normals), 3)) if part.albedo is None else part.albedo for part in parts]
-        albedo = _rows(white)
-    uv = _rows([part.uv for part in parts]) if is_textured else np.empty((0, 2))
-    is_inverted, unset = np.zeros(vertex.shape[1], np.uint8), np.empty(0, np.int64)
-    return Geometry(
-        positions, vertex, corner, points, normals, albedo, is_inverted, unset, unset, np.empty(0, np.uint32), uv
-    )
-
-
-def _face_materials(meshes: Sequence[Mesh], numbers: Sequence[NDArray]) -> NDArray[np.uint32]:
-    """Return the material of each triangle, (n_face,); `numbers` are those of each mesh's palette."""
-    of_meshes = [
-        np.full(mesh.n_face, number[0]) if mesh.face_material is None else number[mesh.face_material]
-        for mesh, number in zip(meshes, numbers, strict=True)
-    ]
-    return np.concatenate(of_meshes).astype(np.uint32)
 
 
 def number_materials(meshes: Sequence[Mesh]) -> tuple[tuple[Material, ...], list[NDArray[np.int64]]]:
     """Return the different materials of a scene, and for each mesh the numbers, int64, of those in its palette."""
     number: dict[Material, int] = {}
-    numbers = [np.array([number.setdefault(material, len(number)) for material in mesh.palette]) for mesh in meshes]
-    return tuple(number), numbers
+    palettes = []
+    for mesh in meshes:
+        for material in mesh.palette:
+            number.setdefault(material, len(number))
+        palettes.append(np.array([*map(number.__getitem__, mesh.palette)], np.int64))
+    return tuple(number), palettes
 
 
-def group_points(n_points: ArrayLike, material: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Join neighbouring groups of points of the same material; return where the groups begin and end, and their
-    materials."""
-    ends, material = np.cumsum(n_points), np.asarray(material, np.int64)
-    is_last = np.append(material[1:] != material[:-1], True)
-    return np.append(0, ends[is_last]), material[is_last]
+def _face_materials(meshes: Sequence[Mesh], palettes: Sequence[NDArray]) -> NDArray[np.uint32]:
+    """Return the material of each triangle, (n_face,)."""
+    of_meshes = [
+        np.full(mesh.n_face, palette[0]) if mesh.face_material is None else palette[mesh.face_material]
+        for mesh, palette in zip(meshes, palettes, strict=True)
+    ]
+    return np.concatenate(of_meshes).astype(np.uint32)
+
+
+def join_attributes(geometry: Geometry, n_attribute: int) -> NDArray[np.float64]:
+    """Return what Phong's method interpolates, the first attributes of all points, (1, n_point, n_attribute): normals,
+    behind them the model's colours, texture coordinates and tangents, 3 to 13."""
+    columns = [geometry.normals]
+    for column in (geometry.albedo, geometry.uv, geometry.tangents):
+        if len(column) == len(geometry.normals) and n_attribute > 3:
+            columns.append(column)
+    joined = np.concatenate(columns, axis=1) if len(columns) > 1 else geometry.normals
+    return np.ascontiguousarray(joined[None, :, :n_attribute])
+
+
+def turn_to_viewer(geometry: Geometry, view: Any, screen: Any) -> NDArray[np.float64]:
+    """Return normals of flat faces, towards the viewer, (2, n_point, 3); side 1 is reversed: that is flipped."""
+    away = (geometry.points - view.eye) if screen.is_perspective else view.forward
+    toward = np.where((geometry.normals * away).sum(axis=1, keepdims=True) > 0.0, -geometry.normals, geometry.normals)
+    return np.stack([toward, -toward])
 
 
 def _rows(arrays: Sequence[NDArray]) -> NDArray:
@@ -152,10 +179,9 @@ def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArr
     array that is stored so is left as it is."""
     if len(arrays) == 1 and arrays[0].T.flags.c_contiguous:
         return arrays[0].T
-    out = np.empty((3, sum(len(array) for array in arrays)), np.uint32)
-    start = 0
-    for k, array in enumerate(arrays):
-        columns, offset = out[:, start : start + len(array)], np.uint32(offsets[k])
+    out, start = np.empty((3, sum(map(len, arrays))), np.uint32), 0
+    for array, offset in zip(arrays, offsets.astype(np.uint32), strict=False):
+        columns = out[:, start : start + len(array)]
 
         def fill(part, array=array, columns=columns, offset=offset):
             for axis in range(3):
@@ -167,16 +193,6 @@ def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArr
         map_parts(fill, len(array), workers)
         start += len(array)
     return out
-
-
-def make_parts(
-    meshes: Sequence[Mesh], is_flat: bool, workers: Any = None, fans: Sequence[Fans | None] = ()
-) -> list[Part]:
-    """Make each mesh's share of Geometry; parameters as in `gather_geometry`; `fans` are those of each, if known."""
-    return [
-        flat_part(mesh) if is_flat else smooth_part(mesh, workers, of_mesh)
-        for mesh, of_mesh in zip_longest(meshes, fans)
-    ]
 
 
 # --- the points of one mesh: vertices that are split where something differs, or the centroids of polygons ---
@@ -196,7 +212,10 @@ def smooth_part(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Pa
             source, normals = mesh.faces.ravel()[first], mesh.normals.reshape(-1, 3)[first]
             corner = corner.reshape(-1, 3)
     else:
-        corner, source, normals = split_mesh(mesh, workers, fans)
+        angle, smoothing = mesh.creases
+        corner, source, normals = split_creases(
+            mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers, fans
+        )
         if np.array_equal(source, np.arange(mesh.n_vertex, dtype=source.dtype)):  # nothing is split
             corner, source = mesh.faces, None
     albedo = None
@@ -238,8 +257,6 @@ def split_points(part: Part, mesh: Mesh, n_texcoord: int) -> Part:
     its texture coordinates, and belongs to one vertex: also in flat shading, where points are polygons else.
     """
     n_material, is_textured = len(mesh.palette), n_texcoord > 0
-    if mesh.face_material is None and not is_textured:
-        return part._replace(n_points=(len(part.normals),))
     uv = mesh.uv if is_textured else None
     uv_of_corner = uv.reshape(3 * mesh.n_face, -1) if uv is not None and uv.ndim == 3 else None
     if mesh.face_material is None and part.centroids is None and uv_of_corner is None:  # nothing is split
@@ -359,26 +376,24 @@ def compute_tangents(corners: NDArray, uv: NDArray, point: NDArray, n_point: int
     return unit(np.stack(sums, axis=1))
 
 
-def split_mesh(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Split:
-    """Split the vertices of a mesh at its creases; `workers` and `fans` as in `split_creases`."""
-    angle, smoothing = mesh.creases
-    return split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers, fans)
-
-
 # --- closed bodies --------------------------------------------------------------------------------------------
 
 
 def gather_inner_sides(meshes: Sequence[Mesh], fans: Sequence[Fans | None]) -> NDArray[np.int8]:
     """Return the inner sides of the triangles of all meshes, see `find_inner_sides`, 0 where materials let something
     through: of those the fans are None."""
-    return np.concatenate([
-        np.zeros(mesh.n_face, np.int8)
-        if of_mesh is None
-        else find_inner_sides(mesh.vertices, mesh.faces, of_mesh)
-        for mesh, of_mesh in zip(meshes, fans, strict=True)
-    ])  # fmt: skip
+    sides = []
+    for mesh, of_mesh in zip(meshes, fans, strict=True):
+        if of_mesh is None:
+            sides.append(np.zeros(mesh.n_face, np.int8))
+        else:
+            sides.append(find_inner_sides(mesh.vertices, mesh.faces, of_mesh))
+    return np.concatenate(sides)
 
 
 def list_opaque_fans(meshes: Sequence[Mesh]) -> list[Fans | None]:
     """List the fans of each mesh, None where materials let something through."""
-    return [list_fans(mesh.faces, mesh.n_vertex) if mesh.is_opaque else None for mesh in meshes]
+    fans = []
+    for mesh in meshes:
+        fans.append(list_fans(mesh.faces, mesh.n_vertex) if mesh.is_opaque else None)
+    return fans

@@ -3,13 +3,17 @@
 tables ─ plan, geometry (once) ─ screen, drawing: what float32 is enough for, pass (each picture) ─ draw.py
 """
 
+import os
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cores import Workers
+from ..errors import SceneError, shown
 from ..locks import cached_property
 from ..options import Options
 from ..pipeline.gradients import Coding
@@ -19,42 +23,28 @@ from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View
 from . import domains
-from .attributes import (
-    NONE,
-    join_attributes,
-    light_all,
-    make_coding,
-    make_encoding,
-    scale_depths,
-    turn_to_viewer,
-)
 from .buffers import BUFFER_TABLE, BufferTables
-from .depth_range import are_seen_from_outside, check_depths, check_extent, screen_of
-from .draw import draw
-from .drawn import NO_CLOCK, Counts
-from .passes import NO_PLANES, BufferPass, ColorPass, InterpolatedPass, LitPass
-from .plan import Plan, make_plan
-from .plan_summary import PlanSummary, summarize
-from .points import Geometry, Part, gather_geometry, gather_inner_sides, list_opaque_fans, make_parts
+from .depth_range import are_seen_from_outside, check_depths, check_extent, scale_depths, screen_of
+from .draw import NO_CLOCK, Counts, draw
+from .lights import FAR
+from .lit_points import light_all
+from .passes import NO_PLANES, NONE, BufferPass, ColorPass, InterpolatedPass, LitPass
+from .plan import Plan, PlanSummary, make_plan, summarize
+from .points import gather_geometry, gather_inner_sides, join_attributes, list_opaque_fans, turn_to_viewer
 from .scene_tables import SceneTables
-from .uniforms import light_view, list_materials, with_functions
+from .uniforms import light_view, make_coding, make_encoding, make_lighting
 
-
-class DrawnPicture(NamedTuple):
-    """A picture, and what was done for it."""
-
-    rgba: NDArray[np.uint8]  # (height, width, 4)
-    color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
-    alpha: NDArray[np.float32]  # (height, width), the same
-    counts: Counts
-    seen: "Seen"
+PICTURES = frozenset(("color", "rgb"))  # the other outputs are exact buffers
+ALWAYS_THERE = 2**28  # bytes; for less the system is not asked
+EDGE_BYTES = 8  # a sample, where edges are drawn: its depth, and the share that they cover
+MEMORY_INFO = "/proc/meminfo"  # Linux: "MemAvailable" is what is free, or can be freed
+MEMORY_LIMIT = "/sys/fs/cgroup/memory.max"  # of a container
 
 
 class Drawing(NamedTuple):
     """The plan of a view, and what follows from it: the same for all views with the same shares of the tolerance."""
 
     plan: Plan
-    normals: NDArray[np.float64]  # that Phong's method interpolates; NONE for other methods
     coding: Coding  # without depths
     encoding: Encoding
     lightings: dict[np.dtype, Lighting]  # by type, without what a view says of them
@@ -70,59 +60,53 @@ class Seen(NamedTuple):
     steps: tuple[Any, ...]
 
 
+class DrawnPicture(NamedTuple):
+    """A picture, and what was done for it."""
+
+    rgba: NDArray[np.uint8]  # (height, width, 4)
+    color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
+    alpha: NDArray[np.float32]  # (height, width), the same
+    counts: Counts
+    seen: Seen
+
+
 class PreparedScene:
     """Hold what doesn't depend on the camera, and the threads and memory that pictures are drawn with.
+
+    Attributes
+    ----------
+    plan : what the scene needs in any view
+    summary : the same in words
+    geometry : all meshes as one set of arrays
+    inner_sides : (n_face,) int8, which side of each triangle looks into a closed body, see geometry/closed.py; None
+        where nobody asks
+    normals : what Phong's method interpolates, see `join_attributes`; NONE for other methods
 
     What follows from the meshes and options alone is taken from another one, `like`, that has the same.
     """
 
     def __init__(self, tables: SceneTables, options: Options, like: "PreparedScene | None" = None) -> None:
+        check_extent(tables.bounds)
         self.tables, self.options = tables, options
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
-        self._joined: dict[int, NDArray[np.float64]] = {}  # attributes, by their number
         self._drawings: dict[bytes, Drawing] = {}  # by the shares of the tolerance, see Plan
-        for name in {"geometry", "_inner_sides"}.intersection(() if like is None else vars(like)):
-            vars(self)[name] = vars(like)[name]
+        self.plan = make_plan(tables, options, run=self.threads.map)
+        self.summary = summarize(self.plan)
+        self.geometry, self.inner_sides = (like.geometry, like.inner_sides) if like else self._gather()
+        self.normals = NONE
+        if self.plan.is_lit_per_sample:
+            self.normals = join_attributes(self.geometry, int(self.plan.of_materials.n_attributes.max()))
 
-    @cached_property
-    def geometry(self) -> Geometry:
-        """All meshes as one set of arrays."""
-        check_extent(self.tables.bounds)
-        meshes, options, parts = self.tables.meshes, self.options, self._make_parts()
-        return gather_geometry(meshes, options.is_flat, self.threads, options.shading != "phong", parts)
-
-    def _make_parts(self) -> list[Part]:
-        """Make each mesh's share of the geometry; meanwhile a thread looks for closed bodies, if they count."""
-        meshes, is_flat, threads = self.tables.meshes, self.options.is_flat, self.threads
-        if self.options.cull != "auto":
-            return make_parts(meshes, is_flat, threads)
+    def _gather(self) -> list[Any]:
+        """Gather the geometry; meanwhile a thread looks for closed bodies, if they count: return their inner sides,
+        too."""
+        meshes, options = self.tables.meshes, self.options
+        gather = partial(gather_geometry, meshes, options.is_flat, self.threads, options.shading != "phong")
+        if options.cull != "auto":
+            return [gather(), None]
         fans = list_opaque_fans(meshes)
-        jobs = [lambda: make_parts(meshes, is_flat, threads, fans), lambda: gather_inner_sides(meshes, fans)]
-        parts, vars(self)["_inner_sides"] = threads.map(lambda job: job(), jobs)
-        return parts
-
-    @cached_property
-    def _inner_sides(self) -> NDArray[np.int8]:
-        """Which side of each triangle looks into a closed body, see geometry/closed.py."""
-        return gather_inner_sides(self.tables.meshes, list_opaque_fans(self.tables.meshes))
-
-    @cached_property
-    def plan(self) -> Plan:
-        """What the scene needs in any view."""
-        return make_plan(self.tables, self.options, run=self.threads.map)
-
-    def prepare(self) -> PlanSummary:
-        """Make what all pictures share: the plan, then the geometry; return the plan in words."""
-        check_extent(self.tables.bounds)
-        summary = summarize(self.plan)
-        vars(self).setdefault("geometry", self.geometry)
-        return summary
-
-    def _attributes(self, n_attribute: int) -> NDArray[np.float64]:
-        """So many attributes of all points, kept from picture to picture."""
-        if n_attribute not in self._joined:
-            self._joined[n_attribute] = join_attributes(self.geometry, n_attribute)
-        return self._joined[n_attribute]
+        jobs = partial(gather, fans=fans), partial(gather_inner_sides, meshes, fans)
+        return self.threads.map(lambda job: job(), jobs)
 
     @cached_property
     def _buffer_tables(self) -> BufferTables:
@@ -133,8 +117,7 @@ class PreparedScene:
         """The shadow maps of a scene that has some."""
         from .shadow_maps import Shadows
 
-        inner_sides = self._inner_sides if self.options.cull == "auto" else None
-        return Shadows(self.geometry, self.tables.bounds, self.plan, inner_sides)
+        return Shadows(self.geometry, self.tables.bounds, self.plan, self.inner_sides)
 
     @cached_property
     def edges(self) -> Any:
@@ -148,6 +131,10 @@ class PreparedScene:
         has_background = self.tables.background is not None
         return EdgeOverlay(self.tables.meshes, self.options, draw_depths, has_background, self.threads)
 
+    def n_sample(self, factor: int) -> tuple[int, int]:
+        """Return the columns and rows of samples, with `factor` a pixel along each axis."""
+        return self.options.size[0] * factor, self.options.size[1] * factor
+
     def _hidden_sides(self, view: View, screen: Screen, factor: int) -> NDArray[np.int8] | None:
         """Return which side of each triangle a view leaves out, see pipeline/cull.py; None where all are drawn.
 
@@ -157,55 +144,26 @@ class PreparedScene:
             return None
         if self.options.cull == "back":
             return np.ones(self.geometry.vertex.shape[1], np.int8)
-        n_sample = self.options.size[0] * factor, self.options.size[1] * factor
-        is_outside = are_seen_from_outside(view, screen, n_sample, self.tables.bounds)
+        is_outside = are_seen_from_outside(view, screen, self.n_sample(factor), self.tables.bounds)
         if is_outside.all():
-            return self._inner_sides
-        return self._inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
+            return self.inner_sides
+        return self.inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
 
-    def screen_for(self, camera: Camera, view: View, factor: int) -> Screen:
-        """Return the screen of a camera, with `factor` samples a pixel along each axis; `view` is the camera's."""
-        return screen_of(camera, view, self.options.size, factor, self.geometry, self.tables.bounds)
-
-    def see(self, camera: Camera) -> Seen:
-        """Return what a view is drawn with, and what is stated of it, before anything is drawn."""
-        view = camera.view()
-        return self._see(view, self.screen_for(camera, view, self.options.factor))
-
-    def _see(self, view: View, screen: Screen) -> Seen:
-        """The same on the screen of the picture."""
-        tables, plan = self.tables, self.plan
-        furthest = domains.furthest_of(tables.material_boxes, view)
-        nearness = domains.nearness_in(tables, plan.clearances, view)
-        roundings = plan.intensities.roundings_at(nearness)
-        is_far = domains.is_far(plan, furthest, nearness, screen)
+    def see(self, view: View, screen: Screen) -> Seen:
+        """Return what a view is drawn with, on the screen of the picture, and what is stated of it."""
+        tables, plan, tolerance = self.tables, self.plan, self.options.tolerance
+        reach = domains.measure_reach(plan, view, screen)
+        is_far = domains.is_far(plan, reach, screen)
         if tables.has_shadows and not plan.of_materials.is_double.all():
             is_far = is_far or self._shadows.is_far(view)
-        shares = plan.shares_at(roundings, is_far)
+        shares = domains.share_of_tolerance(reach.roundings, tolerance)
+        shares = np.where(plan.of_materials.is_double | is_far, np.inf, shares)
         key = shares.tobytes()
         if key not in self._drawings:
-            self._drawings[key] = self._make_drawing(plan.with_shares(shares, is_far))
+            self._drawings[key] = make_drawing(plan.with_shares(shares, FAR if is_far else domains.TOO_MUCH))
         drawing = self._drawings[key]
-        unstated = domains.list_unstated(drawing.plan, roundings, domains.furthest_over_nearest(screen, furthest.max()))
-        steps = (*drawing.steps, *domains.list_near_lights(tables, nearness, furthest))
-        steps += tuple(domains.Step(reason, np.inf, "everywhere") for reason in unstated)
-        return Seen(drawing, None if unstated else domains.stated_of(drawing.plan), steps)
-
-    def _make_drawing(self, plan: Plan) -> Drawing:
-        """Make what follows from a plan."""
-        options = self.options
-        coding = make_coding(plan, options.tolerance)
-        return Drawing(
-            plan=plan,
-            normals=self._attributes(int(plan.of_materials.n_attributes.max())) if plan.is_lit_per_sample else NONE,
-            coding=coding,
-            encoding=make_encoding(plan, self.tables.background, options.color_range),
-            lightings={
-                dtype: with_functions(list_materials(plan, dtype), plan, dtype) for dtype in plan.of_materials.dtypes
-            },
-            summary=summarize(plan),
-            steps=domains.list_steps(plan),
-        )
+        bound, steps = domains.state(drawing.plan, reach)
+        return Seen(drawing, bound, (*drawing.steps, *steps))
 
     # ------------------------------------------------ the picture
 
@@ -220,8 +178,8 @@ class PreparedScene:
         options, view = self.options, camera.view()
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
         picture = make_picture(options.size, with_color or is_global, out)
-        screen = self.screen_for(camera, view, options.factor)
-        seen = self._see(view, screen)
+        screen = screen_of(camera, view, self.n_sample(options.factor), self.geometry, self.tables.bounds)
+        seen = self.see(view, screen)
         render_pass = self.color_pass(view, screen, seen.drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         if is_global:
@@ -234,17 +192,18 @@ class PreparedScene:
 
     def color_pass(self, view: View, screen, drawing: Drawing, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
-        options, plan = self.options, drawing.plan
-        maps: dict[np.dtype, Any] = dict.fromkeys(drawing.lightings, ())
-        if plan.tables.has_shadows:
-            maps = {dtype: self._shadows.draw(plan, view, dtype, self.workspaces, self.threads) for dtype in maps}
-            clock.lap("shadows")
-        lightings = {dtype: light_view(each, plan, view, maps[dtype]) for dtype, each in drawing.lightings.items()}
+        plan, factor, lightings = drawing.plan, self.options.factor, {}
+        for dtype, lighting in drawing.lightings.items():
+            maps: Sequence[Any] = ()
+            if plan.tables.has_shadows:
+                maps = self._shadows.draw(plan, view, dtype, self.workspaces, self.threads)
+                clock.lap("shadows")
+            lightings[dtype] = light_view(lighting, plan, view, maps)
         shared = {
+            "n_sample": self.n_sample(factor),
+            "factor": factor,
+            "hidden_sides": (hidden_sides := self._hidden_sides(view, screen, factor)),
             "coding": drawing.coding._replace(depths=scale_depths(screen)),
-            "size": options.size,
-            "factor": options.factor,
-            "hidden_sides": (hidden_sides := self._hidden_sides(view, screen, options.factor)),
             "plan": plan,
             "screen": screen,
             "encoding": drawing.encoding,
@@ -252,45 +211,17 @@ class PreparedScene:
         }
         if plan.is_lit_per_sample:
             planes = self._shadows.shapes if plan.tables.has_shadows else NO_PLANES
-            return LitPass(attributes=drawing.normals, face_planes=planes, lightings=lightings, **shared)
-        attributes = self._light_points(plan, lightings, screen, hidden_sides)
-        clock.lap("light")
-        return InterpolatedPass(attributes=attributes, **shared)
+            return LitPass(attributes=self.normals, face_planes=planes, lightings=lightings, **shared)
 
-    def _light_points(self, plan: Plan, lightings, screen, hidden_sides) -> NDArray[np.float64]:
-        """Intensities of the points, on both sides where normals may have to be flipped."""
+        # Intensities of the points, on both sides where normals may have to be flipped.
         is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1 and not self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or is_never_flipped else 2
         normal_offsets = self._shadows.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
-        return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
+        attributes = light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
+        clock.lap("light")
+        return InterpolatedPass(attributes=attributes, **shared)
 
     # ------------------------------------------------ exact buffers
-
-    @property
-    def buffer_names(self) -> list[str]:
-        """The exact buffers that are asked for."""
-        return [name for name in self.options.outputs if name not in ("color", "rgb")]
-
-    def buffer_pass(self, camera: Camera, view: View, screen, names: Sequence[str], factor: int = 1) -> BufferPass:
-        """Return the pass that draws exact buffers, with `factor` samples a pixel along each axis.
-
-        Raises SceneError where the scene is deeper than a depth buffer can hold.
-        """
-        options = self.options
-        if "depth" in names:
-            check_depths(camera, view, self.tables.bounds)
-        normals, size = NONE, (options.size[0] * factor, options.size[1] * factor)
-        if any(BUFFER_TABLE[name].needs_normals for name in names):
-            normals = turn_to_viewer(self.geometry, view, screen) if options.is_flat else self._attributes(3)
-        return BufferPass(
-            attributes=normals,
-            size=size,
-            hidden_sides=self._hidden_sides(view, screen, factor),
-            depths=scale_depths(screen),
-            is_perspective=screen.is_perspective,
-            buffers={name: BUFFER_TABLE[name].make(size) for name in names},
-            tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
-        )
 
     def draw_buffers(
         self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, factor: int = 1
@@ -303,10 +234,100 @@ class PreparedScene:
         clock : Clock, which notes the milliseconds of each stage
         names : which buffers; None = those that are asked for
         rows : (first, end) of those that are drawn; the others are left as they come. None = all
+
+        Raises SceneError where the scene is deeper than a depth buffer can hold.
         """
-        view = camera.view()
-        screen = self.screen_for(camera, view, factor)
-        render_pass = self.buffer_pass(camera, view, screen, self.buffer_names if names is None else names, factor)
-        render_pass.rows = rows
+        view, normals, n_sample = camera.view(), NONE, self.n_sample(factor)
+        names = [name for name in self.options.outputs if name not in PICTURES] if names is None else names
+        screen = screen_of(camera, view, n_sample, self.geometry, self.tables.bounds)
+        if "depth" in names:
+            check_depths(camera, view, self.tables.bounds)
+        if any(BUFFER_TABLE[name].needs_normals for name in names):
+            is_flat, geometry = self.options.is_flat, self.geometry
+            normals = turn_to_viewer(geometry, view, screen) if is_flat else join_attributes(geometry, 3)
+        render_pass = BufferPass(
+            attributes=normals,
+            n_sample=n_sample,
+            hidden_sides=self._hidden_sides(view, screen, factor),
+            rows=rows,
+            depths=scale_depths(screen),
+            is_perspective=screen.is_perspective,
+            buffers={name: BUFFER_TABLE[name].make(n_sample) for name in names},
+            tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
+        )
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         return render_pass.buffers, counts, screen
+
+
+def make_drawing(plan: Plan) -> Drawing:
+    """Make what follows from the plan of a view."""
+    lightings = {}
+    for dtype in plan.of_materials.dtypes:
+        lightings[dtype] = make_lighting(plan, dtype)
+    return Drawing(plan, make_coding(plan), make_encoding(plan), lightings, summarize(plan), domains.list_steps(plan))
+
+
+# ---------------------------------------------------------------- the memory of a frame
+#
+# Systems promise more memory than they have, and end the process that asks them to keep it.
+
+
+def check_memory(options: Options, has_out: bool) -> None:
+    """Refuse a picture that this machine's memory can't hold, before the system ends the process for it.
+
+    Parameters
+    ----------
+    options : what is drawn
+    has_out : whether the caller has brought the room for the bytes
+
+    Raises SceneError, which says what to do.
+    """
+    width, height = options.size
+    needed = width * height * count_pixel_bytes(options, has_out)
+    if needed <= ALWAYS_THERE:
+        return
+    available = available_memory()
+    if available is not None and needed > available:
+        raise SceneError(
+            f"a picture of {width}x{height} pixels takes {needed / 1e9:.3g} GB in memory, and {available / 1e9:.3g} GB "
+            "are there: draw a smaller one"
+        )
+
+
+def count_pixel_bytes(options: Options, has_out: bool) -> int:
+    """Return how many bytes of memory a pixel of a frame takes; the caller has brought those of its colour where
+    `has_out`."""
+    n_byte, outputs = EDGE_BYTES * options.factor**2 if options.edges else 0, set(options.outputs)
+    if outputs & PICTURES:
+        n_byte += 0 if has_out else 4
+        n_byte += 16 if "color" in outputs or options.color_range == "global" else 0
+    for name in outputs - PICTURES:
+        n_byte += np.dtype(BUFFER_TABLE[name].dtype).itemsize * BUFFER_TABLE[name].n_component
+    return n_byte
+
+
+def available_memory() -> int | None:
+    """Return how many bytes this process may ask for; None where the system doesn't tell."""
+    found = []
+    try:
+        words = Path(MEMORY_INFO).read_text().split()
+        found.append(1024 * int(words[words.index("MemAvailable:") + 1]))
+        found.append(int(Path(MEMORY_LIMIT).read_text()))
+    except (OSError, ValueError):  # another system, or no limit
+        pass
+    if not found and hasattr(os, "sysconf") and {"SC_PHYS_PAGES", "SC_PAGE_SIZE"} <= set(os.sysconf_names):
+        found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    return min(found, default=None)
+
+
+def checked_out(out: object, options: Options) -> NDArray[np.uint32]:
+    """Return the array that takes the bytes of a picture, as (height, width) uint32."""
+    width, height = options.size
+    if not PICTURES & set(options.outputs):
+        raise SceneError("out takes a picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
+    is_fit = isinstance(out, np.ndarray) and out.shape == (height, width, 4) and out.dtype == np.uint8
+    if not (is_fit and out.flags.c_contiguous and out.flags.writeable and out.ctypes.data % 4 == 0):
+        given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else shown(out)
+        legal = f"a writable array ({height}, {width}, 4) of uint8, without gaps, at a multiple of 4 bytes"
+        raise SceneError(f"out must be {legal}; given {given}")
+    return np.asarray(out).view(np.uint32).reshape(height, width)

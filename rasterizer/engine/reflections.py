@@ -43,6 +43,10 @@ class ReflectionEntry:
 
     Every method takes a Material that names the model. What is said here holds for a model without a highlight, whose
     diffuse term errs by no more than N·L does.
+
+    Parameters
+    ----------
+    function : the pipeline's, which is compiled by `batch_function`
     """
 
     is_own = False  # it is registered: nobody knows how its formula rounds
@@ -52,9 +56,12 @@ class ReflectionEntry:
     is_lambert_when_dull = False  # with a black `specular` it reflects as Lambert's model does
     default_fresnel = 1.0  # F0 of a material that gives none
 
+    def __init__(self, function: Callable[..., None]) -> None:
+        self._function = function
+
     def function(self, material: Any) -> Callable[..., None]:
-        """Return the pipeline's function for the material, which is compiled by `batch_function`."""
-        raise NotImplementedError(f"{type(self).__name__} has no function")
+        """Return the pipeline's function for the material."""
+        return self._function
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of a normalised highlight, beside N·L; 0 for a classic one."""
@@ -74,19 +81,11 @@ class LambertEntry(ReflectionEntry):
 
     is_lambert_when_dull = True
 
-    def function(self, material: Any) -> Callable[..., None]:
-        """Return Lambert's function."""
-        return pipeline.lambert
-
 
 class OrenNayarEntry(ReflectionEntry):
     """Oren's and Nayar's model of rough surfaces."""
 
     needs_view = True
-
-    def function(self, material: Any) -> Callable[..., None]:
-        """Return Oren's and Nayar's function."""
-        return pipeline.oren_nayar
 
     def limits(self, material: Any) -> ReflectionLimits:
         """Return the slope of tan β, which is cut off at MIN_COSINE."""
@@ -138,10 +137,6 @@ class PhongEntry(PowerEntry):
 
     turn = 2.0
 
-    def function(self, material: Any) -> Callable[..., None]:
-        """Return the function of the power of R·V."""
-        return pipeline.phong
-
     def highlight_scale(self, material: Any) -> float:
         """Return (n + 2)/2. Source: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
         return (material.shininess + 2) / 2 if material.normalized else 0.0
@@ -149,10 +144,6 @@ class PhongEntry(PowerEntry):
 
 class BlinnEntry(PowerEntry):
     """Blinn's highlight: h = N·H. What is over |L + V| has no limit where L = -V, which is a step."""
-
-    def function(self, material: Any) -> Callable[..., None]:
-        """Return the function of the power of N·H."""
-        return pipeline.blinn
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of Blinn's highlight."""
@@ -231,10 +222,6 @@ class ToonEntry(ReflectionEntry):
 
     needs_view = is_shiny = True
 
-    def function(self, material: Any) -> Callable[..., None]:
-        """Return the function of the levels."""
-        return pipeline.toon
-
     def limits(self, material: Any) -> ReflectionLimits:
         """Next to a step no error is small."""
         return ReflectionLimits(reason="toon levels")
@@ -253,12 +240,8 @@ class CustomEntry(ReflectionEntry):
     is_own = True
 
     def __init__(self, model: Any) -> None:
-        self._function = pipeline.function_of_reflection(type(model).reflect)
+        super().__init__(pipeline.function_of_reflection(type(model).reflect))
         self.needs_view, self.is_shiny = model.needs_view, model.has_highlight
-
-    def function(self, material: Any) -> Callable[..., None]:
-        """Return the function of the formula."""
-        return self._function
 
     def limits(self, material: Any) -> ReflectionLimits:
         """Return that nothing is known."""
@@ -267,12 +250,12 @@ class CustomEntry(ReflectionEntry):
 
 # By the words of scene.material.REFLECTION_MODELS.
 REFLECTION_TABLE: dict[str, ReflectionEntry] = {
-    "phong": PhongEntry(),
-    "blinn": BlinnEntry(),
-    "lambert": LambertEntry(),
-    "oren-nayar": OrenNayarEntry(),
-    "cook-torrance": CookTorranceEntry(),
-    "toon": ToonEntry(),
+    "phong": PhongEntry(pipeline.phong),
+    "blinn": BlinnEntry(pipeline.blinn),
+    "lambert": LambertEntry(pipeline.lambert),
+    "oren-nayar": OrenNayarEntry(pipeline.oren_nayar),
+    "cook-torrance": CookTorranceEntry(pipeline.ggx),
+    "toon": ToonEntry(pipeline.toon),
 }
 LAMBERT = REFLECTION_TABLE["lambert"]
 
@@ -294,11 +277,6 @@ def entry_of(material: Any) -> ReflectionEntry:
     return LAMBERT if entry.is_lambert_when_dull and max(material.specular) == 0 else entry
 
 
-def has_highlight(material: Any) -> bool:
-    """Tell whether a material has a highlight."""
-    return max(material.specular) > 0 and entry_of(material).is_shiny
-
-
 def min_roughness(material: Any) -> float:
     """Return the roughness of a material; of two, or of what a texture makes of it, the smallest one."""
     if material.metallic_roughness is not None:
@@ -314,9 +292,9 @@ def is_metallic(material: Any) -> bool:
 def count_terms(material: Any) -> int:
     """Return how many sums a material's light is: 1 without a highlight, 2 with one, 3 where W(θ) weights it, 4 of
     metals; see pipeline/lighting.py."""
-    if not has_highlight(material):
-        return 1
     entry = entry_of(material)
+    if not (entry.is_shiny and max(material.specular) > 0):
+        return 1
     if not entry.has_fresnel or (material.fresnel is None and entry.default_fresnel == 1.0):
         return 2
     return 4 if is_metallic(material) else 3
@@ -325,11 +303,6 @@ def count_terms(material: Any) -> int:
 def fresnel_of(material: Any) -> Any:
     """Return F0 of a material's specular reflection function W(θ): a number, a colour or a Spectrum."""
     return entry_of(material).default_fresnel if material.fresnel is None else material.fresnel
-
-
-def has_hued_fresnel(material: Any) -> bool:
-    """Tell whether a highlight has a colour beside that of `specular`: F0 is one, or a metal's."""
-    return count_terms(material) > 2 and (is_metallic(material) or isinstance(material.fresnel, tuple))
 
 
 def blinn_scale(material: Any) -> float:

@@ -7,7 +7,6 @@ in, and where colours are spectra the products of materials and lights. Below th
 their illumination, as arrays that the pipeline reads, and the tint that one channel is enough for.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import compress
@@ -18,13 +17,12 @@ from numpy.typing import NDArray
 
 from ..locks import cached_property
 from ..options import Options
-from ..pipeline.a_buffer import Opacity
-from ..pipeline.shade import Cue
 from ..scene.mesh import Mesh
 from ..scene.scene import DepthCue, Scene
 from . import lights as light_table
+from . import reflections as reflection_table
 from .points import count_texcoords, number_materials
-from .reflections import count_terms, fresnel_of, has_highlight, has_hued_fresnel, is_metallic
+from .reflections import count_terms, fresnel_of, is_metallic
 
 N_BOX = 2**12  # boxes round faces of a mesh, at most: their distances from lights are found in a moment
 
@@ -41,9 +39,13 @@ class SceneTables:
     Attributes
     ----------
     meshes, background, depth_cue : as the scene has them
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     materials : the different ones of all meshes, as they are lit
+    models : what the engine knows of each material's reflection model, see reflections.py
+    n_terms : of each material, see `count_terms`
     palettes : for each mesh the numbers of its materials
     lights : all but ambient and black ones; those of an area light one by one
+    light_types : what the engine knows of the type of each, see lights.py
     n_black : how many are black
     ambient : (3,) float64, the sum of the ambient lights
     products : those of colours, in which the exposure is included; None where it is done later: see `multiply_colors`
@@ -56,6 +58,7 @@ class SceneTables:
     n_texcoord : texture coordinates of a point
     max_texel : the largest component of any texture, 1 where there is none
     max_albedo : the same of the colours that multiply what materials reflect, textures' included
+    material_boxes : (n_material, 2, 3) float64, boxes round the meshes that have them, world space
     """
 
     def __init__(self, scene: Scene, options: Options) -> None:
@@ -77,74 +80,80 @@ class SceneTables:
                     self.n_black += 1
                 else:
                     lights.append(part)
+        self.models = [*map(reflection_table.entry_of, materials)]
+        self.light_types = [*map(light_table.entry_of, lights)]
 
         # The exposure is in the products of colours, else in the light and in what materials emit.
         self.products = multiply_colors(materials, lights, ambient_lights, options)
-        stops = 0.0 if self.products is not None else options.exposure
-        self.materials = tuple(exposed(materials, "emissive", stops))
-        self.lights = tuple(exposed(lights, "color", stops))
-        self.ambient = np.zeros(3)
-        for light in exposed(ambient_lights, "color", stops):
+        if self.products is None and options.exposure != 0.0:
+            materials = exposed(materials, "emissive", options.exposure)
+            lights = exposed(lights, "color", options.exposure)
+            ambient_lights = exposed(ambient_lights, "color", options.exposure)
+        self.materials, self.lights, self.ambient = tuple(materials), tuple(lights), np.zeros(3)
+        self.n_terms = [*map(count_terms, materials)]
+        for light in ambient_lights:
             self.ambient = self.ambient + np.array(light.color)
-        self._read_materials()
-        self._read_colors()
+        self._read_surfaces()
         self.reflected_lights = tuple(compress(self.lights, self.is_lit.any(axis=0)))
         self.has_shadows = any(map(light_table.shadow_of, self.reflected_lights))
 
-    def _read_materials(self) -> None:
-        """Find out what surfaces have beside colours of the meshes."""
-        n_material, products = len(self.materials), self.products
-        self.is_opaque, self.max_texel = True, 1.0
-        self.has_texture, is_reflecting = np.zeros((2, n_material), np.bool_)
+    def _read_surfaces(self) -> None:
+        """Find out what materials need, how large meshes are, and what colours textures and meshes bring."""
+        n_material, products, boxes, largest = len(self.materials), self.products, [], 1.0
+        self.is_opaque, self.max_texel, self.n_texcoord = True, 1.0, 2
+        self.has_texture, self.has_vertex_colors, self.has_hues, is_reflecting = np.zeros((4, n_material), np.bool_)
         for k, material in enumerate(self.materials):
             self.is_opaque &= material.is_opaque
             is_reflecting[k] = any(material.diffuse) or any(material.specular)
             self.has_texture[k] = material.texture is not None
-        textures = [material.texture for material in compress(self.materials, self.has_texture)]
-        if textures:
-            self.max_texel = max(texture.brightest for texture in textures)
-        self.n_texcoord = count_texcoords(self.meshes)
+        if self.has_texture.any():
+            self.max_texel = max(material.texture.brightest for material in compress(self.materials, self.has_texture))
+            self.n_texcoord = count_texcoords(self.meshes)
         self.is_lit = np.repeat(is_reflecting[:, None], len(self.lights), axis=1)
         if products is not None:
             self.is_lit = products.diffuse.any(axis=2) | products.specular.any(axis=2) | products.grazing.any(axis=2)
-
-    def _read_colors(self) -> None:
-        """Find out what colours the meshes bring."""
-        self.has_vertex_colors, self.has_hues = np.zeros((2, len(self.materials)), np.bool_)
-        largest = 1.0
+        self.material_boxes = np.tile([[np.inf], [-np.inf]], (n_material, 1, 3))
+        low, high = self.material_boxes[:, 0], self.material_boxes[:, 1]
         for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
+            boxes.append(box := mesh.bounds)
+            low[numbers], high[numbers] = np.minimum(low[numbers], box[0]), np.maximum(high[numbers], box[1])
             given = mesh.face_colors if mesh.colors is None else mesh.colors
             if given is not None:
                 colors = given[..., :3].reshape(-1, 3)
                 largest = max(largest, float(colors.max(initial=0.0)))
                 self.has_vertex_colors[numbers] = True
                 self.has_hues[numbers] |= bool((colors[:, 1:] != colors[:, :1]).any())
-        self.max_albedo = largest * self.max_texel
+        self.bounds, self.max_albedo = np.stack(boxes), largest * self.max_texel
 
     def lights_of(self, k: int) -> tuple:
         """The lights that material k reflects something of."""
         return tuple(compress(self.lights, self.is_lit[k]))
 
     def tint_of(self, k: int) -> NDArray[np.float64] | None:
-        """The RGB triple that all intensities of material k are multiples of; None where there is none."""
+        """The RGB triple, its largest component 1, of which all intensities of material k are multiples; None if there
+        is none.
+
+        Intensities are products of the material's and a light's colour, so it is enough that all lights are grey and
+        the material's colours multiples of one triple, or the other way round.
+        """
+        material, n_term = self.materials[k], self.n_terms[k]
         is_spectral = self.products is not None and self.products.is_spectral
         if is_spectral or self.has_texture[k] or self.has_hues[k]:
             return None
-        tint = common_color([self.materials[k]], self.lights_of(k), self.ambient)
-        return tint if self.depth_cue is None or tint is None else common_tint(tint, self.depth_cue.color)
-
-    @cached_property
-    def bounds(self) -> NDArray[np.float64]:
-        """(n_mesh, 2, 3) boxes round the meshes, world space."""
-        return np.stack([mesh.bounds for mesh in self.meshes])
-
-    @cached_property
-    def material_boxes(self) -> NDArray[np.float64]:
-        """(n_material, 2, 3) boxes round the meshes that have them, world space."""
-        low, high = np.full((2, len(self.materials), 3), [[[np.inf]], [[-np.inf]]])
-        for (low_here, high_here), numbers in zip(self.bounds, self.palettes, strict=True):
-            low[numbers], high[numbers] = np.minimum(low[numbers], low_here), np.maximum(high[numbers], high_here)
-        return np.stack([low, high], axis=1)
+        if n_term == 4 or (n_term == 3 and isinstance(material.fresnel, tuple)):  # the highlight has another colour
+            return None
+        of_lights, of_material = [tuple(self.ambient)], [material.ambient, material.diffuse]
+        of_material += [material.specular] * (n_term > 1)
+        for light in self.lights_of(k):
+            of_lights.append(light.color)
+        of_light, own = common_direction(of_lights), common_direction(of_material)
+        if of_light is not None and np.ptp(of_light) == 0.0:
+            tint = common_direction([*of_material, material.emissive])
+        elif own is not None and np.ptp(own) == 0.0:
+            tint = common_direction([*of_lights, material.emissive])
+        else:
+            return None
+        return tint if self.depth_cue is None or tint is None else common_direction([tint, self.depth_cue.color])
 
     @cached_property
     def face_boxes(self) -> list[NDArray[np.float64]]:
@@ -163,79 +172,16 @@ class SceneTables:
 
 def exposed(sources: Sequence[Any], field: str, stops: float) -> list[Any]:
     """Return lights or materials with one of their colours multiplied by 2^stops."""
-    if stops == 0.0:
-        return list(sources)
-    found, scale = [], 2.0**stops
-    for source in sources:
-        found.append(replace(source, **{field: tuple(scale * component for component in getattr(source, field))}))
-    return found
+    scale = 2.0**stops
+    return [
+        replace(source, **{field: tuple(scale * component for component in getattr(source, field))})
+        for source in sources
+    ]
 
 
-# ---------------------------------------------------------------- surfaces, as arrays that the pipeline reads
-
-
-def list_opacities(materials, least) -> Opacity:
-    """How transparent the materials are; see pipeline/a_buffer.py for `least`."""
-    return Opacity(
-        np.array([material.opacity for material in materials]),
-        np.array([material.is_opaque for material in materials], np.bool_),
-        np.array([material.texture is not None for material in materials], np.bool_),
-        least,
-    )
-
-
-def make_cue(cue, n_channel) -> Cue:
-    """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest
-    component is 1."""
-    return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
-
-
-# ---------------------------------------------------------------- the tint that one channel is enough for
-
-
-def choose_tint(tints: Sequence[NDArray | None]) -> NDArray[np.float64] | None:
-    """Choose the tint that most materials have, so that one channel is enough for these; None where none has one."""
-    groups = Counter(tuple(tint) for tint in tints if tint is not None)
-    return np.array(groups.most_common(1)[0][0]) if groups else None
-
-
-def common_color(
-    materials: Sequence[Any], lights: Sequence[Any], ambient: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
-    """Return the RGB triple, its largest component 1, of which every intensity of the picture is a multiple; None if
-    there is none.
-
-    Intensities are products of a material's and a light's colour, so it is enough that all lights are grey and all the
-    materials' colours multiples of one triple, or the other way round.
-
-    Parameters
-    ----------
-    ambient : (3,) float64, the sum of the ambient lights
-    """
-    if any(map(has_hued_fresnel, materials)):
-        return None
-    of_lights, of_materials, emission = [tuple(ambient)], [], []
-    for light in lights:
-        of_lights.append(light.color)
-    for material in materials:
-        of_materials += [material.ambient, material.diffuse, *([material.specular] if has_highlight(material) else [])]
-        emission.append(material.emissive)
-    of_light, of_material = _direction(of_lights), _direction(of_materials)
-    if of_light is not None and np.ptp(of_light) == 0.0:
-        return _direction(of_materials + emission)
-    if of_material is not None and np.ptp(of_material) == 0.0:
-        return _direction(of_lights + emission)
-    return None
-
-
-def common_tint(tint: NDArray[np.float64], color: Sequence[float]) -> NDArray[np.float64] | None:
-    """Return the tint (3,) if a colour is a multiple of it, else None."""
-    return _direction([tuple(tint), tuple(color)])
-
-
-def _direction(colors):
-    """The triple, its largest component 1, of which all colours are multiples (to float64 rounding); None if there is
-    none."""
+def common_direction(colors: Sequence[Sequence[float] | NDArray]) -> NDArray[np.float64] | None:
+    """Return the triple (3,), its largest component 1, of which all colours are multiples (to float64 rounding); None
+    if there is none."""
     colors = np.array(colors).reshape(-1, 3)
     colors = colors[colors.max(axis=1) > 0.0]
     if len(colors) == 0:

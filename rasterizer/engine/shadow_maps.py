@@ -23,17 +23,15 @@ from ..locks import cached_property
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
-from ..pipeline.setup import DEPTH_PLANE_ROUNDING
-from ..pipeline.transform import make_screen
+from ..pipeline.setup import DEPTH_PLANE_ROUNDING, DepthScale
+from ..pipeline.transform import Screen, make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
-from .attributes import scale_depths
-from .depth_range import NEAREST, are_seen_from_outside, fit_screen
+from .depth_range import NEAREST, are_seen_from_outside, fit_screen, scale_depths
 from .domains import DOUBLE, SINGLE
-from .draw import draw
-from .drawn import NO_CLOCK
+from .draw import NO_CLOCK, draw
 from .lights import Beam, entry_of, is_carried, shadow_of
-from .passes import shadow_map_pass
+from .passes import NONE, ShadowMapPass
 from .plan import Plan
 from .points import Geometry
 
@@ -47,8 +45,45 @@ CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0,
 # Float32 may move what shadows are asked for by this share of a texel, where the scene is furthest from the light.
 MAX_SHIFT = 0.125
 NORMALS = 7  # u that an interpolated normal errs by
-ANYWHERE = View(np.zeros(3), *np.eye(3))  # for lights that don't move with the camera
 BEYOND_RANGE = 1.0 + 2.0**-10  # times the range of a light: no rounding brings anything back from there
+
+
+class Casters(NamedTuple):
+    """What casts shadows."""
+
+    geometry: Geometry  # of the opaque faces
+    corners: NDArray[np.float64]  # (n_mesh, 8, 3) of boxes round them, and what they fall on, world space
+    bounds: NDArray[np.float64]  # (n_mesh, 2, 3) of the same boxes
+    inner_sides: NDArray[np.int8] | None  # (n_face,) of closed bodies, see geometry/closed.py; None where they count
+
+    def some(self, faces: NDArray) -> "Casters":
+        """Return some faces alone, as far as drawing depths reads them."""
+        vertex, is_inverted = np.ascontiguousarray(self.geometry.vertex[:, faces]), self.geometry.is_inverted[faces]
+        geometry = self.geometry._replace(vertex=vertex, corner=vertex, is_inverted=is_inverted)
+        inner_sides = None if self.inner_sides is None else self.inner_sides[faces]
+        return self._replace(geometry=geometry, inner_sides=inner_sides)
+
+
+def gather_casters(
+    geometry: Geometry,
+    bounds: NDArray[np.float64],
+    opacity: Opacity | None,
+    inner_sides: NDArray[np.int8] | None = None,
+) -> Casters | None:
+    """Return the opaque faces of a scene; None if there are none.
+
+    Parameters
+    ----------
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes
+    opacity : None where all is opaque
+    inner_sides : (n_face,) int8, which a light that is outside of all boxes doesn't see; None = all are drawn
+    """
+    plain = geometry._replace(corner=geometry.vertex, face_material=np.empty(0, np.uint32))
+    casters = Casters(plain, corners_of(bounds), bounds, inner_sides)
+    if opacity is None:
+        return casters
+    faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
+    return casters.some(faces) if len(faces) else None
 
 
 class Shadows:
@@ -57,10 +92,11 @@ class Shadows:
     def __init__(
         self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan, inner_sides: NDArray[np.int8] | None = None
     ):
-        self._casters = gather_casters(geometry, bounds, plan.opacity, inner_sides)
-        self._geometry, self._bounds, self._plan = geometry, bounds, plan
-        # By the index of the light, and by the type of the maps: where the light was (`place_of`), and its maps.
+        self._casters, self._corners = gather_casters(geometry, bounds, plan.opacity, inner_sides), corners_of(bounds)
+        self._geometry, self._plan = geometry, plan
+        # Where a light was (`place_of`), and its maps, by its index and their type; or its extent, by its index.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
+        self._extents: dict[int, tuple[tuple, tuple]] = {}
 
     def draw(
         self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
@@ -70,14 +106,11 @@ class Shadows:
 
         Raises SceneError where they would have more than MAX_TEXELS numbers.
         """
-        maps: list[ShadowMap | None] = []
+        maps: list[ShadowMap | None] = [None] * len(plan.tables.lights)
         room = MAX_TEXELS
-        for k, light in enumerate(plan.tables.lights):
-            if self._casters is None or not self._is_asked(plan, k):
-                maps.append(None)
-                continue
-            key, place = (k, dtype), place_of(light, view)
-            last_place, shadow_map = self._maps.get(key, (None, None))
+        for k in self._list_lights() if self._casters is not None else ():
+            light, key = plan.tables.lights[k], (k, dtype)
+            place, (last_place, shadow_map) = place_of(light, view), self._maps.get(key, (None, None))
             if place != last_place:
                 self._maps.pop(key, None)  # the next one is drawn into its memory
                 of_light = light, view, self._casters, dtype, workspaces, threads, room, shadow_map
@@ -86,21 +119,35 @@ class Shadows:
             if shadow_map is not None:
                 shadow_map.fit_view(view.eye, plan)
                 room -= len(shadow_map.block)
-            maps.append(shadow_map)
+            maps[k] = shadow_map
         return maps
 
-    def _is_asked(self, plan: Plan, k: int) -> bool:
-        """Tell whether a light casts shadows, and some material reflects it."""
-        return shadow_of(plan.tables.lights[k]) is not None and bool(plan.tables.is_lit[:, k].any())
+    def _list_lights(self) -> list[int]:
+        """List the lights that cast shadows, and that some material reflects."""
+        lights = self._plan.tables.lights
+        return [k for k in np.flatnonzero(self._plan.tables.is_lit.any(axis=0)) if shadow_of(lights[k]) is not None]
 
     def is_far(self, view: View) -> bool:
-        """Tell whether float32 moves what shadows are asked for too far in a view, see `Precision`."""
-        return self._precision.is_far(view)
+        """Tell whether float32 moves any point that shadows are asked for too far in one view."""
+        return any(not shift <= MAX_SHIFT * texel for shift, texel in self.shifts_in(view))
 
-    @cached_property
-    def _precision(self) -> "Precision":
-        """Made for the first view that may be drawn in float32."""
-        return Precision(self._plan, self._bounds)
+    def shifts_in(self, view: View) -> Iterator[tuple[float, float]]:
+        """Yield of each light how far float32 moves points in a view, and the width of a texel, scene units.
+
+        Positions are rounded to ROUNDINGS·u of their distances (pipeline/shadow_lookup.py), from the eye to the light
+        and from there to the points. That must be no more than MAX_SHIFT of a texel's width where the scene is furthest
+        from the light: up to there float32 and float64 show the same shadows, but for edges that move by so much. So it
+        holds where the eye and the lights are no further from the scene than some twenty times its extent, with maps of
+        1024 texels, and half as far with twice as many.
+        """
+        for k in self._list_lights():
+            light = self._plan.tables.lights[k]
+            place, (last_place, found) = place_of(light, view), self._extents.get(k, (None, ()))
+            if place != last_place:
+                found = measure_extent(light, view, self._corners)
+                self._extents[k] = place, found
+            origin, extent, texel = found
+            yield lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum())), texel
 
     @cached_property
     def shapes(self) -> NDArray[np.float64]:
@@ -121,43 +168,19 @@ def place_of(light: Any, view: View) -> tuple:
     return () if beam is None else tuple(None if part is None else np.asarray(part).tobytes() for part in beam)
 
 
-class Casters(NamedTuple):
-    """What casts shadows."""
-
-    geometry: Geometry  # of the opaque faces
-    corners: NDArray[np.float64]  # (n_mesh, 8, 3) of boxes round them, and what they fall on, world space
-    bounds: NDArray[np.float64]  # (n_mesh, 2, 3) of the same boxes
-    inner_sides: NDArray[np.int8] | None  # (n_face,) of closed bodies, see geometry/closed.py; None where they count
-
-
-def gather_casters(
-    geometry: Geometry,
-    bounds: NDArray[np.float64],
-    opacity: Opacity | None,
-    inner_sides: NDArray[np.int8] | None = None,
-) -> Casters | None:
-    """Return the opaque faces of a scene; None if there are none.
-
-    Parameters
-    ----------
-    bounds : (n_mesh, 2, 3) float64, boxes round the meshes
-    opacity : None where all is opaque
-    inner_sides : (n_face,) int8, which a light that is outside of all boxes doesn't see; None = all are drawn
-    """
-    if opacity is not None:
-        faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
-        if len(faces) == 0:
-            return None
-        geometry = _some_faces(geometry, faces)
-        inner_sides = None if inner_sides is None else inner_sides[faces]
-    geometry = geometry._replace(corner=geometry.vertex, face_material=np.empty(0, np.uint32))
-    return Casters(geometry, corners_of(bounds), bounds, inner_sides)
-
-
-def _some_faces(geometry: Geometry, faces: NDArray) -> Geometry:
-    """The geometry with some of its faces alone, as far as drawing depths reads it."""
-    vertex = np.ascontiguousarray(geometry.vertex[:, faces])
-    return geometry._replace(vertex=vertex, corner=vertex, is_inverted=geometry.is_inverted[faces])
+def measure_extent(light: Any, view: View, corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
+    """Return where a light is, (3,), how far the boxes (n_mesh, 8, 3) extend from there, a sum of components, and the
+    least width of a texel where they are furthest from the light, on a surface that faces it, scene units."""
+    beam = entry_of(light).beam(light, view)
+    if beam is None:
+        return np.zeros(3), 0.0, math.inf
+    maps, least = choose_views(beam, corners, shadow_of(light)), math.inf
+    points = (corners - maps.origin).reshape(-1, 3)
+    for (light_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
+        furthest = float((points @ light_view.forward).max()) if projection.is_perspective else 1.0
+        if is_needed and furthest > 0.0:
+            least = min(least, furthest / max(projection.scale_x, projection.scale_y))
+    return maps.origin, float(np.abs(points).sum(axis=1).max()), least
 
 
 # ---------------------------------------------------------------- the maps of one light
@@ -195,75 +218,60 @@ def draw_shadow_map(
     ----------
     dtype : of the map
     room : numbers that the map may have
-    before : the light's map in the picture before, whose memory is used again
+    before : the light's map in the picture before, whose memory is used again where it is alike
 
     Raises
     ------
     SceneError : there is no room for the map, or the light has no beam
     """
-    beam = entry_of(light).beam(light, view)
+    beam, shadow, u = entry_of(light).beam(light, view), light.shadow, _unit(dtype)
     if beam is None:
         raise SceneError(f"a {type(light).__name__} shines from no single place or direction, so it casts no shadows")
     if not reaches(light, beam, casters.corners):
         return None
-    maps, size = choose_views(beam, casters.corners, light.shadow), map_side(light.shadow)
-    n_texel = sum(maps.is_needed) * size * size
-    block = _allocate_block(lookup.HEADER + n_texel, dtype, room, before)
-    texels = block[lookup.HEADER :].reshape(-1, size, size)
-    _write_header(block, maps, light.shadow, dtype)
-    layer = 0
-    for row, (light_view, projection), is_needed in zip(_map_rows(block), maps.views, maps.is_needed, strict=True):
-        if not is_needed:
-            row[lookup.LAYER] = -1
-            continue
-        geometry, sides = casters.geometry, casters.inner_sides
-        planes = _borders_of(light_view, projection, size, casters.corners)
-        if planes is not None:
-            seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
-            geometry, sides = _some_faces(geometry, seen), None if sides is None else sides[seen]
-        screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
-        depths = scale_depths(screen)
-        is_finite = np.isfinite(projection[:4]).all()  # else the map is narrower than a number can say
-        if not (is_finite and are_seen_from_outside(light_view, screen, (size, size), casters.bounds).all()):
-            sides = None
-        render_pass = shadow_map_pass(depths, texels[layer], sides)
-        draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
-        _write_view(row, light_view, projection, _value_rounding(depths, size))
-        row[lookup.SLACK] = _slack(projection, size, dtype)
-        row[lookup.LAYER] = layer
-        layer += 1
-    return ShadowMap(block, maps.origin)
-
-
-def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
-    """The memory of a map: that of the one before where it is alike. SceneError where there is no room."""
+    maps, size = choose_views(beam, casters.corners, shadow), map_side(shadow)
+    n_number = lookup.HEADER + sum(maps.is_needed) * size * size
     if n_number > room:
         raise SceneError(
             f"the shadow maps of all lights may have {MAX_TEXELS} texels; this scene needs more: "
             "choose a smaller shadow size, or fewer cells of area lights"
         )
-    if before is not None and len(before.block) == n_number and before.block.dtype == dtype:
-        return before.block
-    return np.empty(n_number, dtype)
+    is_alike = before is not None and len(before.block) == n_number and before.block.dtype == dtype
+    block = before.block if is_alike else np.empty(n_number, dtype)
 
-
-def _write_header(block, maps: "MapViews", shadow, dtype) -> None:
-    """Write what all maps of a light share, but for what depends on the view of the picture."""
-    u = _unit(dtype)
+    # What all maps of the light share, but for what depends on the view of the picture.
     header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
-    block[header] = len(maps.views), map_side(shadow), shadow.filter, maps.views[0][1].is_perspective
+    block[header] = len(maps.views), size, shadow.filter, maps.views[0][1].is_perspective
     block[lookup.POSITION_ROUNDING] = lookup.ROUNDINGS * u if u == SINGLE else DOUBLE_ROUNDING
     coarsest = min(min(projection.scale_x, projection.scale_y) for _, projection in maps.views)  # texels a unit
     block[lookup.FILTER_RANGE] = (shadow.filter + 2) / coarsest
 
+    layers = iter(block[lookup.HEADER :].reshape(-1, size, size))
+    for k, (seen_from, projection) in enumerate(maps.views):
+        row = block[lookup.MAPS + lookup.N_MAP_COLUMN * k :][: lookup.N_MAP_COLUMN]
+        row[lookup.LAYER] = sum(maps.is_needed[:k]) if maps.is_needed[k] else -1
+        if maps.is_needed[k]:
+            depths = draw_layer(seen_from, projection, casters, next(layers), workspaces, threads)
+            _write_view(row, seen_from, projection, depths, size)
+    return ShadowMap(block, maps.origin)
 
-def _slack(projection, size, dtype) -> float:
-    """Texels that a limit is raised by, times its slopes: half a one, and the rounding of a position on the map.
 
-    That is a sum of two terms, of four factors each: 8 u of the largest.
-    """
-    largest = max(abs(projection.center_x), abs(projection.center_y))
-    return 0.5 + 8 * _unit(dtype) * (size + largest)
+def draw_layer(view: View, projection: Projection, casters: Casters, texels, workspaces, threads) -> DepthScale:
+    """Draw one map of a light, texels (size, size); return what its depths mean."""
+    size, geometry = len(texels), casters.geometry
+    planes = border_planes(view, projection, size) if projection.is_perspective else None
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_any_beyond = planes is not None and ((casters.corners - view.eye) @ planes.T < 0.0).any()
+    if is_any_beyond:
+        casters = casters.some(list_seen_faces(geometry.positions, geometry.vertex, view.eye, planes))
+    screen = _fit_screen(view, projection, casters, size)
+    depths, sides = scale_depths(screen), casters.inner_sides
+    n_sample, is_finite = (size, size), np.isfinite(projection[:4]).all()  # else it is narrower than a number can say
+    if not (is_finite and are_seen_from_outside(view, screen, n_sample, casters.bounds).all()):
+        sides = None
+    render_pass = ShadowMapPass(attributes=NONE, n_sample=n_sample, hidden_sides=sides, depths=depths, texels=texels)
+    draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
+    return depths
 
 
 def _unit(dtype) -> float:
@@ -271,41 +279,33 @@ def _unit(dtype) -> float:
     return SINGLE if dtype == np.float32 else DOUBLE
 
 
-def _map_rows(block) -> list[NDArray[np.floating]]:
-    """The rows of a header, views: one for each of the light's maps."""
-    starts = (lookup.MAPS + lookup.N_MAP_COLUMN * k for k in range(int(block[lookup.N_MAP])))
-    return [block[start : start + lookup.N_MAP_COLUMN] for start in starts]
+def _write_view(row, view: View, projection: Projection, depths: DepthScale, size: int) -> None:
+    """Write where a map was drawn from, so that a lookup can find a point's texel, and how far it is off.
 
-
-def _write_view(row, view, projection, rounding) -> None:
-    """Write where a map was drawn from, so that a lookup can find a point's texel."""
-    axes = (lookup.RIGHT, view.right), (lookup.UP, view.up), (lookup.FORWARD, view.forward)
-    for start, axis in axes:
+    Its values, 1/w or depth, are off by the rounding of planes of depth. From the sample where such a plane has its
+    value, it is less than `size` steps to any texel, along both axes: half a unit of the z-buffer each, and
+    DEPTH_PLANE_ROUNDING. The slack is texels that a limit is raised by, times its slopes: half a one, and the rounding
+    of a position on the map. That is a sum of two terms, of four factors each: 8 u of the largest.
+    """
+    for start, axis in ((lookup.RIGHT, view.right), (lookup.UP, view.up), (lookup.FORWARD, view.forward)):
         row[start : start + 3] = axis
     row[[lookup.SCALE_X, lookup.SCALE_Y, lookup.CENTER_X, lookup.CENTER_Y]] = projection[:4]
-    row[lookup.ROUNDING] = rounding
+    unit = abs(depths.inv_w_scale if depths.is_perspective else depths.depth_scale)
+    row[lookup.ROUNDING] = (size + DEPTH_PLANE_ROUNDING) * unit
+    largest = max(abs(projection.center_x), abs(projection.center_y))
+    row[lookup.SLACK] = 0.5 + 8 * _unit(row.dtype) * (size + largest)
 
 
-def _fit_screen(view, projection, corners, geometry, size):
+def _fit_screen(view: View, projection: Projection, casters: Casters, size: int) -> Screen:
     """The screen of a map, its depths fitted to what is seen there."""
-    depth = (corners.reshape(-1, 3) - view.eye) @ view.forward
+    depth = (casters.corners.reshape(-1, 3) - view.eye) @ view.forward
     nearest, furthest = float(depth.min()), float(depth.max())
     if not projection.is_perspective:
         margin = NEAREST * max(furthest - nearest, np.abs(depth).max())
         return make_screen(view, projection, (nearest - margin, furthest + margin), nearest - margin, np.inf)
     furthest = (furthest if furthest > 0.0 else 1.0) * (1 + NEAREST)
     near = max(nearest * (1 - NEAREST), furthest * NEAREST)
-    return fit_screen(view, projection, (near, furthest), np.inf, geometry, (size, size))
-
-
-def _value_rounding(depths, side) -> float:
-    """How far the values of a map of `side` texels a side, 1/w or depth, are off by the rounding of planes of depth.
-
-    From the sample where such a plane has its value, it is less than `side` steps to any texel, along both axes: half a
-    unit of the z-buffer each, and DEPTH_PLANE_ROUNDING.
-    """
-    unit = abs(depths.inv_w_scale if depths.is_perspective else depths.depth_scale)
-    return (side + DEPTH_PLANE_ROUNDING) * unit
+    return fit_screen(view, projection, (near, furthest), np.inf, casters.geometry, (size, size))
 
 
 # ---------------------------------------------------------------- what the maps of a light show
@@ -317,17 +317,6 @@ class MapViews(NamedTuple):
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
     views: list[tuple[View, Projection]]
     is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
-
-    def texels(self, corners: NDArray[np.float64]) -> list[tuple[float, float]]:
-        """Return the shorter and the longer side of a texel of each map that is needed, scene units, on a surface that
-        faces the light where the scene is furthest from it; `corners` are those of `choose_views`."""
-        points, found = (corners - self.origin).reshape(-1, 3), []
-        for (view, projection), is_needed in zip(self.views, self.is_needed, strict=True):
-            furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
-            if is_needed and furthest > 0.0:
-                scales = projection.scale_x, projection.scale_y
-                found.append((furthest / max(scales), furthest / min(scales)))
-        return found
 
 
 def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapViews:
@@ -443,16 +432,6 @@ def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
     return bool(within.any())
 
 
-def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:
-    """The planes (5, 3) that bound what a map shows, see `border_planes`; None where no corner (n_mesh, 8, 3) of a box
-    lies beyond one, or where that is no number."""
-    planes = border_planes(view, projection, side) if projection.is_perspective else None
-    if planes is None:
-        return None
-    with np.errstate(over="ignore", invalid="ignore"):
-        return planes if ((corners - view.eye) @ planes.T < 0.0).any() else None
-
-
 def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64] | None:
     """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/clip.py. None
     where all casters stand in one direction, so that the map is narrower than a number can say.
@@ -476,41 +455,3 @@ def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.f
             -upward + (side + 1.0 - projection.center_y) * view.forward,
         ]
     )
-
-
-# ---------------------------------------------------------------- whether float32 holds what shadows are asked for
-
-
-class Precision:
-    """How far float32 moves the points that shadows are asked for.
-
-    Positions are rounded to ROUNDINGS·u of their distances (pipeline/shadow_lookup.py), from the eye to the light and
-    from there to the points. That must be no more than MAX_SHIFT of a texel's width where the scene is furthest from
-    the light: up to there float32 and float64 show the same shadows, but for edges that move by so much. So it holds
-    where the eye and the lights are no further from the scene than some twenty times its extent, with maps of 1024
-    texels, and half as far with twice as many.
-    """
-
-    def __init__(self, plan: Plan, bounds: NDArray[np.float64]):
-        self._corners = corners_of(bounds)
-        self._lights = [light for light in plan.tables.reflected_lights if shadow_of(light) is not None]
-        self._lasting = [None if is_carried(light) else self._measure(light, ANYWHERE) for light in self._lights]
-
-    def is_far(self, view: View) -> bool:
-        """Tell whether float32 moves any point too far in one view."""
-        return any(not shift <= MAX_SHIFT * texel for shift, texel in self.shifts_in(view))
-
-    def shifts_in(self, view: View) -> Iterator[tuple[float, float]]:
-        """Yield of each light how far float32 moves points in a view, and the width of a texel, scene units."""
-        for light, lasting in zip(self._lights, self._lasting, strict=True):
-            origin, extent, texel = lasting or self._measure(light, view)
-            yield lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum())), texel
-
-    def _measure(self, light, view) -> tuple:
-        """Where a light is, how far the scene extends from there (sum of components), and the width of a texel."""
-        beam = entry_of(light).beam(light, view)
-        if beam is None:
-            return np.zeros(3), 0.0, math.inf
-        maps = choose_views(beam, self._corners, shadow_of(light))
-        extent = float(np.abs(self._corners - maps.origin).sum(axis=2).max())
-        return maps.origin, extent, min((shorter for shorter, _ in maps.texels(self._corners)), default=math.inf)

@@ -1,7 +1,6 @@
 """Bands with transparent surfaces: what is opaque is shaded as everywhere, and what is before it is put in front
 (pipeline/a_buffer.py)."""
 
-import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -25,18 +24,9 @@ from ..pipeline.records import Records
 from ..pipeline.scan import Deferred, ScanCounts, make_deferred, scan
 from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, forget_extents, make_extents
 from ..pipeline.workspace import Workspace, WorkspacePool, WorkspaceShape
-from .drawn import Drawn
-from .passes import Pass
+from .passes import Drawn, Pass
 
 MAX_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
-
-
-class Memory(NamedTuple):
-    """What a band is drawn in."""
-
-    workspace: Workspace
-    pool: WorkspacePool  # for another one
-    shape: WorkspaceShape
 
 
 class Task(NamedTuple):
@@ -45,7 +35,9 @@ class Task(NamedTuple):
     band: Band
     drawn: Drawn
     render_pass: Pass
-    memory: Memory
+    workspace: Workspace
+    pool: WorkspacePool  # for another one
+    shape: WorkspaceShape
 
 
 class Surfaces(NamedTuple):
@@ -68,7 +60,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     -------
     what was found, with the features of transparent surfaces, too; None where something opaque is behind all of them
     """
-    band, drawn, render_pass, (workspace, *_) = task
+    band, drawn, render_pass, workspace, pool, shape = task
     in_front = deferred.counts
     everything = found._replace(features=found.features | in_front.features)
     colors = everything.features & HAS_COLORS  # channels are those of the band
@@ -80,38 +72,29 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     in_front = in_front._replace(features=in_front.features | colors)
     render_pass.shade(workspace, band, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
-    surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
+    surfaces, second = Surfaces(workspace.visibility, workspace.records, deferred), None
     fragments = list_before(task, surfaces, a_buffer)
-    if fragments.found[1]:  # the order at equal depth isn't known
-        with scan_by_index(task) as surfaces:
-            fragments = list_before(task, surfaces, a_buffer)
-            translucent = composite_band(task, surfaces, in_front, a_buffer, fragments)
-    else:
-        translucent = composite_band(task, surfaces, in_front, a_buffer, fragments)
+    if fragments.found[1]:
+        # The order at equal depth isn't known: the band is scanned once more, so that the entries of all opaque
+        # surfaces hold indices. They decide which of two surfaces at equal depth has the lower one.
+        second = pool.acquire(shape, len(band.faces) * render_pass.units_per_record)
+        coding, others = render_pass.coding, make_deferred(len(band.faces), second.extents)
+        coding = coding._replace(paths=np.where(coding.paths == IN_ENTRIES, np.uint8(IN_PLANES), coding.paths))
+        scan(band, drawn.drawables, coding, second.block, second.visibility, second.records, others)
+        surfaces = Surfaces(second.visibility, second.records, others.listed())
+        fragments = list_before(task, surfaces, a_buffer)
+    translucent = composite_band(task, surfaces, in_front, a_buffer, fragments)
+    if second is not None:
+        forget_extents(second.extents)
+        clear_band(second.visibility, band.n_row)
+        pool.release(shape, second)
     forget_extents(deferred.extents)
     return everything, translucent
 
 
-@contextlib.contextmanager
-def scan_by_index(task: Task):
-    """Scan a band once more, so that the entries of all opaque surfaces hold indices; yield Surfaces.
-
-    They decide which of two surfaces at equal depth has the lower one.
-    """
-    band, drawn, render_pass, (workspace, pool, shape) = task
-    second = pool.acquire(shape, render_pass.max_records(len(band.faces)))
-    coding, deferred = render_pass.coding, make_deferred(len(band.faces), second.extents)
-    coding = coding._replace(paths=np.where(coding.paths == IN_ENTRIES, np.uint8(IN_PLANES), coding.paths))
-    scan(band, drawn.drawables, coding, second.block, second.visibility, second.records, deferred)
-    yield Surfaces(second.visibility, second.records, deferred.listed())
-    forget_extents(second.extents)
-    clear_band(second.visibility, band.n_row)
-    pool.release(shape, second)
-
-
 def list_before(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> Fragments:
     """List what transparent triangles show before the opaque ones."""
-    workspace = task.memory.workspace
+    workspace = task.workspace
     return gather_fragments(
         task.band, surfaces.deferred, task.drawn.drawables, workspace.block, surfaces.visibility, a_buffer,
         workspace.room,
@@ -130,30 +113,25 @@ def composite_band(
     n_fragment = int(fragments.found[0])
     if n_fragment == 0:
         return None
-    extents, is_any = make_extents(task.band.n_row), False
+    n_row, extents, is_any = task.band.n_row, make_extents(task.band.n_row), False
     translucent = Translucent(a_buffer.opacity, a_buffer.columns, extents.left, extents.right)
-    entries = task.memory.workspace.room.array("sorted", (n_fragment,))
+    entries = task.workspace.room.array("sorted", (n_fragment,))
     sort_fragments(fragments, a_buffer.starts, entries)
-    for rows in split_rows(a_buffer):
-        is_any |= composite_rows(task, surfaces, counts, a_buffer, entries, rows, translucent)
-    return translucent if is_any else None
 
-
-def split_rows(a_buffer: ABuffer):
-    """Divide the rows of a band into strips, as many at a time as have MAX_SHADED samples."""
-    strip, first_samples = 1 << STRIP_SHIFT, a_buffer.first_samples
-    n_row = len(first_samples) - 1
-    at_a_time = n_row
+    # Strips of rows, as many at a time as have MAX_SHADED samples.
+    strip, first_samples, at_a_time = 1 << STRIP_SHIFT, a_buffer.first_samples, n_row
     if first_samples[n_row] > MAX_SHADED:
         at_a_time = max(MAX_SHADED // int(np.diff(first_samples).max()) // strip, 1) * strip
     for y in range(0, n_row, at_a_time):
-        yield Rows(y, min(y + at_a_time, n_row))
+        rows = Rows(y, min(y + at_a_time, n_row))
+        is_any |= composite_rows(task, surfaces, counts, a_buffer, entries, rows, translucent)
+    return translucent if is_any else None
 
 
 def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, entries, rows: Rows, translucent) -> bool:
     """Shade one layer after the other, nearest first, sum them up, and put the opaque surfaces behind; tell whether any
     sample has none. `entries` are the lists of the band's samples."""
-    band, drawn, render_pass, (workspace, *_) = task
+    band, render_pass, workspace = task.band, task.render_pass, task.workspace
     radiance = workspace.radiance[: len(a_buffer.color)]
     layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.alphas)
     shaded = workspace._replace(

@@ -1,169 +1,191 @@
-"""The illumination of a scene as arrays, for one view: what the batch functions of lights and materials read
-(pipeline/lighting.py)."""
-
-from itertools import chain
+"""The plan as arrays that kernels read: lights and materials (pipeline/lighting.py), and how entries, records and bytes
+hold what is interpolated."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import batch_function
 from ..pipeline import material_coefficients as m
+from ..pipeline.gradients import EXACT, HAS_ALBEDO, Coding, DepthScale
 from ..pipeline.lighting import Lighting, ShadowMaps
 from ..pipeline.lights import N_LIGHT_COEFFICIENT
 from ..pipeline.reflection import ambient_share
+from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
 from ..pipeline.shadow_lookup import occlude
-from . import lights as light_table
-from . import reflections as reflection_table
+from ..pipeline.textures import TextureCoding
 from .plan import Plan
-from .reflections import count_terms
+from .reflections import is_metallic
 from .scene_tables import diffuse_shares, split_fresnel
 
-_COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
+WHITE = (1.0, 1.0, 1.0)
+DARKEST = 2.0**-40  # what a black texture counts as bright as
+NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, True)  # of no view
 
 
-def make_lighting(plan: Plan, view, dtype, shadows=()) -> Lighting:
-    """Write lights and materials as arrays, for one view; only the rows of materials that are lit in `dtype` are read.
+# ---------------------------------------------------------------- lights and materials
 
-    `shadows` holds a light's shadow map (see engine/shadow_maps.py), or None, for each light; nothing where no light
-    has one. Whoever draws keeps it until the picture is done.
+
+def make_lighting(plan: Plan, dtype: np.dtype) -> Lighting:
+    """Write what holds in any view of the materials that are lit in `dtype`: their coefficients, which lights light
+    each, and the addresses of the functions for that, which are compiled where they aren't there.
+
+    The coefficients of lights are zeros, and no light casts shadows: see `light_view`.
     """
-    return light_view(with_functions(list_materials(plan, dtype), plan, dtype), plan, view, shadows)
-
-
-def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
-    """Put what a view says of the lights into what `list_materials` returns."""
-    dtype = lighting.materials.dtype
-    lights = np.zeros((len(plan.tables.lights), N_LIGHT_COEFFICIENT))
-    for k in np.flatnonzero(plan.tables.is_lit.any(axis=0)):
-        light_table.entry_of(plan.tables.lights[k]).write(lights[k], plan.tables.lights[k], view, dtype)
-    return lighting._replace(
-        lights=lights.astype(dtype),
-        shadows=_list_shadows(shadows, dtype) if plan.tables.has_shadows else None,
-    )
-
-
-def list_materials(plan: Plan, dtype) -> Lighting:
-    """Write what doesn't depend on the view: materials, which lights light each, and what they are weighted with.
-
-    The coefficients of lights and the addresses of functions are zeros, and no light casts shadows.
-    """
-    material = _material_rows(plan, dtype)
-    models = [reflection_table.entry_of(source) for source in plan.tables.materials]
-    is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
-    is_lit = is_lit_in(plan, dtype)
-    n_light = is_lit.shape[1]
+    tables, of_materials = plan.tables, plan.of_materials
+    is_lit = tables.is_lit & (of_materials.is_double == (dtype == np.float64))[:, None]
+    n_material, n_light = is_lit.shape
+    is_share, needs_view = np.zeros(n_light, np.bool_), np.zeros(n_material, np.bool_)
+    light_functions, reflection_functions = np.zeros(n_light, np.int64), np.zeros(is_lit.shape, np.int64)
+    for i in np.flatnonzero(is_lit.any(axis=0)):
+        is_share[i] = tables.light_types[i].is_share
+        light_functions[i] = batch_function(tables.light_types[i].function(tables.lights[i]), dtype).address
+    for k, (material, model) in enumerate(zip(tables.materials, tables.models, strict=True)):
+        needs_view[k] = model.needs_view
+        if (is_lit[k] & ~is_share).any():
+            reflection_functions[k, is_lit[k]] = batch_function(model.function(material), dtype).address
+    if is_share.any():
+        reflection_functions[is_lit & is_share] = batch_function(ambient_share, dtype).address
     return Lighting(
-        light_functions=np.zeros(n_light, np.int64),
+        light_functions=light_functions,
         lights=np.zeros((n_light, N_LIGHT_COEFFICIENT), dtype),
         n_lights=is_lit.sum(axis=1),
         light_idx=np.argsort(~is_lit, axis=1, kind="stable"),
-        reflection_functions=np.zeros(is_lit.shape, np.int64),
-        materials=material.astype(dtype),
-        n_terms=np.array([count_terms(source) for source in plan.tables.materials]),
-        is_view_dependent=is_view_dependent,
-        n_channels=np.where(plan.of_materials.is_colored, 3, 1),
+        reflection_functions=reflection_functions,
+        materials=list_materials(plan, dtype),
+        n_terms=np.array(tables.n_terms),
+        is_view_dependent=needs_view,
+        n_channels=np.where(of_materials.is_colored, 3, 1),
         tint=plan.tint,
-        needs_view=bool(is_view_dependent.any()),
+        needs_view=bool(needs_view.any()),
         needs_position=plan.needs_position,
-        has_albedo=plan.of_materials.has_albedo,
-        colors=_color_lights(plan).astype(dtype),
+        has_albedo=of_materials.has_albedo,
+        colors=color_lights(plan).astype(dtype),
         shadows=None,
     )
 
 
-def is_lit_in(plan: Plan, dtype) -> np.ndarray:
-    """Tell which materials are lit in a type, and by which lights: (n_material, n_light) bool."""
-    return plan.tables.is_lit & (plan.of_materials.is_double == (dtype == np.float64))[:, None]
+def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
+    """Put in what a view says of the lights.
+
+    `shadows` holds a light's shadow map (see engine/shadow_maps.py), or None, for each light; nothing where no light
+    has one. Whoever draws keeps it until the picture is done.
+    """
+    tables, dtype = plan.tables, lighting.materials.dtype
+    lights = np.zeros(lighting.lights.shape)
+    for i in np.flatnonzero(tables.is_lit.any(axis=0)):
+        tables.light_types[i].write(lights[i], tables.lights[i], view, dtype)
+    maps = None
+    if tables.has_shadows:
+        blocks = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
+        maps = ShadowMaps(batch_function(occlude, dtype).address, np.array(blocks, np.int64))
+    return lighting._replace(lights=lights.astype(dtype), shadows=maps)
 
 
-def used_functions(plan: Plan, dtype) -> list[list]:
-    """The batch functions that light in a type, or None in the place of one that lights nothing; nothing else is
-    compiled: a row of those of the lights, and one a light for each material."""
-    is_lit, of_lights = is_lit_in(plan, dtype), []
-    for light, is_used in zip(plan.tables.lights, is_lit.any(axis=0), strict=True):
-        of_lights.append(light_table.entry_of(light).function(light) if is_used else None)
-    rows = [of_lights]
-    for material, is_used in zip(plan.tables.materials, is_lit, strict=True):
-        function, row = reflection_table.entry_of(material).function(material), []
-        for light, is_one in zip(plan.tables.lights, is_used, strict=True):
-            own = ambient_share if light_table.entry_of(light).is_share else function
-            row.append(own if is_one else None)
-        rows.append(row)
-    return rows
-
-
-def with_functions(lighting: Lighting, plan: Plan, dtype) -> Lighting:
-    """Put in the addresses of the functions that light in a type; those that aren't there are compiled."""
-    rows, known = used_functions(plan, dtype), {None: 0}
-    for function in chain(*rows):
-        if function not in known:
-            known[function] = batch_function(function, dtype).address
-    found = np.array([known[function] for function in chain(*rows)], np.int64).reshape(len(rows), -1)
-    return lighting._replace(light_functions=found[0], reflection_functions=np.ascontiguousarray(found[1:]))
-
-
-def _list_shadows(shadows, dtype) -> ShadowMaps:
-    """The addresses of the lights' shadow maps, and of what looks them up."""
-    maps = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
-    return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
-
-
-def _material_rows(plan, dtype) -> np.ndarray:
-    """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of
-    them."""
-    material, products = np.zeros((len(plan.tables.materials), m.N_MATERIAL_COEFFICIENT)), plan.tables.products
-    for k, (row, source) in enumerate(zip(material, plan.tables.materials, strict=True)):
-        row[m.SHININESS], row[m.TOON_LEVELS] = source.shininess, source.levels
-        row[m.ROUGHNESS] = row[m.ROUGHNESS_ACROSS] = source.roughness if isinstance(source.roughness, float) else 0.0
-        if isinstance(source.roughness, tuple):
-            row[m.ROUGHNESS], row[m.ROUGHNESS_ACROSS] = source.roughness
+def list_materials(plan: Plan, dtype: np.dtype) -> NDArray:
+    """Write a row of numbers for each material: those of its model, then its coefficients, as far as lights are no part
+    of them; of one with one channel the largest component stands for all."""
+    tables = plan.tables
+    rows, products = np.zeros((len(tables.materials), m.N_MATERIAL_COEFFICIENT)), tables.products
+    for k, (row, source) in enumerate(zip(rows, tables.materials, strict=True)):
+        row[m.SHININESS], row[m.TOON_LEVELS], row[m.METALLIC] = source.shininess, source.levels, source.metallic
+        row[[m.ROUGHNESS, m.ROUGHNESS_ACROSS]] = source.roughness
         if not isinstance(source.tangent, str):
             row[m.TANGENT_AXIS : m.TANGENT_AXIS + 3] = source.tangent
-        entry = reflection_table.entry_of(source)
-        row[m.METALLIC] = source.metallic
-        row[m.HAS_FRESNEL], row[m.HIGHLIGHT_SCALE] = count_terms(source) > 2, entry.highlight_scale(source)
-        diffuse = (1.0 - source.metallic) * np.array(source.diffuse)
-        colors = (source.emissive, np.array(source.ambient) * plan.tables.ambient, diffuse, source.specular)
-        if count_terms(source) == 4:  # whose sums have all colours: see `_color_lights`
-            colors = (*colors[:2], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
+        row[m.HAS_FRESNEL], row[m.HIGHLIGHT_SCALE] = tables.n_terms[k] > 2, tables.models[k].highlight_scale(source)
+        emissive, ambient = source.emissive, np.array(source.ambient) * tables.ambient
         if products is not None:
-            colors = (products.emissive[k], products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
-        for column, color in zip(_COLUMNS, colors, strict=True):
-            row[column : column + 3] = color
-        if not plan.of_materials.is_colored[
-            k
-        ]:  # the largest component: all are grey or multiples of the picture's tint
-            for column in _COLUMNS:
-                row[column] = row[column : column + 3].max()
+            emissive, ambient = products.emissive[k], products.ambient[k]
+        diffuse, specular = (1.0 - source.metallic) * np.array(source.diffuse), source.specular
+        if products is not None or tables.n_terms[k] == 4:  # whose sums have all colours: see `color_lights`
+            diffuse, specular = WHITE, WHITE
+        columns = (m.EMISSION, emissive), (m.AMBIENT, ambient), (m.DIFFUSE, diffuse), (m.SPECULAR, specular)
+        for column, color in columns:
+            row[column : column + 3] = color if plan.of_materials.is_colored[k] else max(color)
     if dtype == np.float32:
         # An exponent that float32 has no number for raises all cosines to 0 or 1, as the nearest one that it has does.
         limits = np.finfo(np.float32)
-        np.clip(material[:, m.SHININESS], limits.tiny, limits.max, out=material[:, m.SHININESS])
-    return material
+        np.clip(rows[:, m.SHININESS], limits.tiny, limits.max, out=rows[:, m.SHININESS])
+    return rows.astype(dtype)
 
 
-def _color_lights(plan) -> np.ndarray:
-    """What the terms of each light are weighted with in the sums, (1 or n_material, n_light, 12): see Lighting."""
-    products, is_colored = plan.tables.products, plan.of_materials.is_colored
+def color_lights(plan: Plan) -> NDArray[np.float64]:
+    """Write what the terms of each light are weighted with in the sums, (1 or n_material, n_light, 12): see Lighting.
+
+    The four terms stand side by side; of materials with one channel the largest component is in all three.
+    """
+    tables, products = plan.tables, plan.tables.products
     if products is not None:
-        return _in_channels([products.diffuse, products.specular, products.grazing, products.metal], is_colored)
-    colors = np.array([light.color for light in plan.tables.lights]).reshape(1, -1, 3)
-    colors = colors * plan.tables.is_lit.any(axis=0)[:, None]
-    n_terms = [count_terms(material) for material in plan.tables.materials]
-    if max(n_terms) <= 2 and (colors == colors.max(axis=2, keepdims=True)).all():
-        return np.tile(colors, (1, 1, 4))
-    first, rest, metal = split_fresnel(plan.tables.materials)
-    diffuse, shares = np.ones_like(first), diffuse_shares(plan.tables.materials)
-    for k, material in enumerate(plan.tables.materials):
-        if n_terms[k] == 4:  # W has the albedo's colour in it, so all coefficients stand here
-            diffuse[k] = shares[k] * np.array(material.diffuse)
+        terms = [products.diffuse, products.specular, products.grazing, products.metal]
+    else:
+        colors = np.zeros((1, len(tables.lights), 3))
+        for i in np.flatnonzero(tables.is_lit.any(axis=0)):
+            colors[0, i] = tables.lights[i].color
+        if max(tables.n_terms) <= 2 and (colors == colors.max(axis=2, keepdims=True)).all():
+            return np.tile(colors, (1, 1, 4))
+        first, rest, metal = split_fresnel(tables.materials)
+        diffuse, shares = np.ones_like(first), diffuse_shares(tables.materials)
+        for k in np.flatnonzero(np.array(tables.n_terms) == 4):  # W has the albedo's colour in it: all stand here
+            diffuse[k] = shares[k] * np.array(tables.materials[k].diffuse)
             for weights in (first, rest, metal):
-                weights[k] *= material.specular
-    return _in_channels([colors * weights[:, None] for weights in (diffuse, first, rest, metal)], is_colored)
-
-
-def _in_channels(terms, is_colored) -> np.ndarray:
-    """Put the four terms (n_material, n_light, 3) side by side; of materials with one channel the largest component in
-    all three."""
+                weights[k] *= tables.materials[k].specular
+        terms = [colors * weights[:, None] for weights in (diffuse, first, rest, metal)]
     whole = np.stack(terms, axis=2)
-    whole = np.where(is_colored[:, None, None, None], whole, whole.max(axis=3, keepdims=True))
+    whole = np.where(plan.of_materials.is_colored[:, None, None, None], whole, whole.max(axis=3, keepdims=True))
     return whole.reshape(*whole.shape[:2], 12)
+
+
+# ---------------------------------------------------------------- how entries, records and bytes hold the rest
+
+
+def make_coding(plan: Plan) -> Coding:
+    """Say what entries and records hold, but for depths, which each view has of its own: `scale_depths`.
+
+    A coding says which materials have attributes in entries, in planes or in exact records, and how far each may be
+    off. What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given
+    with the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle bends
+    them by more they have weights, and err by next to nothing. Texture coordinates aren't rounded to float32: large
+    pictures need many digits of them.
+    """
+    of_materials, tolerance, has_cue = plan.of_materials, plan.options.tolerance, plan.cue is not None
+    reads_double = of_materials.is_double | of_materials.is_textured
+    rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
+    level_scale = 0.0 if plan.is_lit_per_sample else float(plan.level_scale)
+    if of_materials.is_double.all():
+        return Coding(*rows, np.zeros(len(reads_double)), level_scale, 0.0, False, None, NO_DEPTHS, is_exact=True)
+    left = tolerance * (1.0 - np.where(of_materials.is_double, 1.0, of_materials.shares))
+    if plan.is_lit_per_sample:
+        has_albedo = (of_materials.features & HAS_ALBEDO) != 0
+        limits, of_textures = of_materials.normal_limits, left - np.where(has_albedo, tolerance / 2, tolerance / 4)
+        rest = float(tolerance / 4 / max(plan.bound, 1e-30)), plan.needs_position or has_cue
+    else:
+        limits, of_textures = np.where(of_materials.is_textured, left / 4, left), left * 3 / 4
+        rest = 0.0, has_cue
+    textures = None if plan.textures is None else code_textures(plan, of_textures)
+    return Coding(*rows, limits, level_scale, *rest, textures, NO_DEPTHS, is_exact=False)
+
+
+def code_textures(plan: Plan, limits: NDArray[np.float64]) -> TextureCoding | None:
+    """Say which texture coordinates may stand in planes; `limits` are those of errors of intensities, (n_material,).
+
+    A slope is what an intensity changes by, at most, where its texture changes by the largest component of all
+    textures: that is in what they reflect. Colours multiply what is reflected diffusely, and F0 of a metal; other
+    highlights keep their light.
+    """
+    if not (plan.of_materials.is_textured & (plan.of_materials.paths != EXACT)).any():
+        return None
+    is_metal, intensities = np.array([*map(is_metallic, plan.tables.materials)]), plan.intensities
+    with np.errstate(over="ignore"):
+        metal = np.where(is_metal, intensities.specular.sum(axis=1), 0.0)
+        slopes = intensities.undirected + intensities.diffuse.sum(axis=1) + metal
+    slopes = slopes / max(plan.tables.max_texel, DARKEST)
+    return TextureCoding(plan.textures, limits / np.maximum(slopes, 1e-30))
+
+
+def make_encoding(plan: Plan) -> Encoding:
+    """Say how linear colour becomes 8 bits."""
+    background = plan.tables.background
+    behind = np.array(background or (0, 0, 0), np.float32)
+    policies = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}
+    is_grey = bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)
+    policy = policies[plan.options.color_range]
+    return with_blank(Encoding(is_grey, plan.tint, behind, background is not None, policy, 1.0))

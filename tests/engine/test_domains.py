@@ -21,7 +21,10 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render import describe_bounds
 from rasterizer.engine import domains
+from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.domains import EXACT
+from rasterizer.engine.plan import make_plan
+from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.prepared import PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
@@ -342,8 +345,10 @@ def test_nothing_is_stated_where_float64_is_not_enough():
 
 def see(scene, **options):
     """What is stated of a scene, before anything is drawn."""
-    chosen = Options(**{"size": (64, 48), "samples": 1} | options)
-    return PreparedScene(SceneTables(scene, chosen), chosen).see(scene.camera_for((64, 48)))
+    chosen, camera = Options(**{"size": (64, 48), "samples": 1} | options), scene.camera_for((64, 48))
+    made = PreparedScene(SceneTables(scene, chosen), chosen)
+    screen = screen_of(camera, camera.view(), made.n_sample(1), made.geometry, made.tables.bounds)
+    return made.see(camera.view(), screen)
 
 
 def usual_scenes():
@@ -408,7 +413,9 @@ def test_a_clearance_is_no_longer_than_the_distance_of_the_surface():
     assert (found[:-2] <= true).all() and (found[:-2] >= 0.5 * true - 0.2).all()
     assert found[-2:].tolist() == [np.inf, 0.0]
     view = rz.Camera.perspective((0, 0, 5)).view()
-    nearness = domains.nearness_in(tables, found[None], view)[0]
+    plan = make_plan(tables, Options(), found[None])
+    screen = screen_of(rz.Camera.perspective((0, 0, 5)), view, (64, 48), gather_geometry([mesh], True), tables.bounds)
+    nearness = domains.measure_reach(plan, view, screen).nearness[0]
     assert nearness[-2] == 0.0 and nearness[-1] == pytest.approx(np.hypot(6, np.sqrt(2)) / 4)
     assert (nearness <= 1 / domains.NEAREST).all()
 
@@ -419,7 +426,8 @@ def test_roundings_grow_with_what_magnifies_them():
     def count(light, x=0.0, **look):
         tables = SceneTables(rz.Scene(rz.Mesh(*BALL, material=rz.Material(**look)), [light]), Options())
         clearances = domains.measure_clearances(tables)
-        return domains.bound_intensities(tables, clearances, True).roundings_at(np.full((1, 1), x))[0]
+        bounds = domains.bound_intensities(tables, clearances, True)
+        return (bounds.roundings + x * bounds.by_nearness.sum(axis=1))[0]
 
     sun, lamp = rz.DirectionalLight((0, 0, -1)), rz.PointLight((0, 0, 3))
     rows = (

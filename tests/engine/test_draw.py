@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows, cull, list_bands
-from rasterizer.engine.drawn import Drawn
+from rasterizer.engine.passes import Drawn
 from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline.visibility import MAX_RECORDS
 
@@ -34,17 +34,13 @@ def test_bands_of_usual_pictures():
         assert choose_band_rows(*given_) == rows, f"{given_}: {choose_band_rows(*given_)} != {rows}"
 
 
-def test_busy_bands_come_first_and_empty_ones_where_they_are_filled():
+def test_busy_bands_come_first():
     starts = np.cumsum([0, 0, 3, 9, 3, 0])
     lists = SimpleNamespace(faces=np.arange(starts[-1], dtype=np.uint32), starts=starts)
-
-    def rows_of(is_filled, rows):
-        return [band.y_start for band in list_bands(lists, 10, SimpleNamespace(is_filled=is_filled, drawn_rows=rows))]
-
-    assert rows_of(True, (0, 50)) == [20, 10, 30, 0, 40] and rows_of(False, (0, 50)) == [20, 10, 30]
-    assert rows_of(True, (15, 31)) == [20, 15, 30]
-    one = list_bands(lists, 10, SimpleNamespace(is_filled=False, drawn_rows=(25, 27)))
-    assert [(band.y_start, band.y_end, band.faces.tolist()) for band in one] == [(25, 27, list(range(3, 12)))]
+    for rows, expected in (((0, 50), [20, 10, 30, 0, 40]), ((15, 31), [20, 15, 30])):
+        assert [band.y_start for band in list_bands(lists, 10, rows)] == expected
+    (band,) = list_bands(lists, 10, (25, 27))
+    assert (band.y_start, band.y_end, band.faces.tolist()) == (25, 27, list(range(3, 12)))
 
 
 def test_too_many_triangles_for_a_band_make_it_lower():
@@ -57,7 +53,7 @@ def test_too_many_triangles_for_a_band_make_it_lower():
     def bands_of(limit):
         as_pass = SimpleNamespace(
             n_sample=(width, height), factor=factor, sample_time=4, hidden_sides=None,
-            max_records=lambda n_triangle: n_triangle * (MAX_RECORDS // limit),
+            units_per_record=MAX_RECORDS // limit,
         )  # fmt: skip
         lists, n_row = cull(drawn, as_pass, SERIAL)
         return n_row, np.diff(lists.starts)

@@ -3,7 +3,7 @@
 import pytest
 
 import rasterizer as rz
-from rasterizer.engine import memory
+from rasterizer.engine import prepared
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
 
@@ -19,8 +19,8 @@ CASES = [
 def machine(monkeypatch, tmp_path):
     """A function that sets what the system tells of its memory: files that stand outside of the package."""
     info, limit = tmp_path / "info", tmp_path / "limit"
-    monkeypatch.setattr(memory, "MEMORY_INFO", str(info))
-    monkeypatch.setattr(memory, "MEMORY_LIMIT", str(limit))
+    monkeypatch.setattr(prepared, "MEMORY_INFO", str(info))
+    monkeypatch.setattr(prepared, "MEMORY_LIMIT", str(limit))
 
     def tell(n_kilobyte, most="max"):
         info.write_text(f"MemTotal:  900 kB\nMemFree:  100 kB\nMemAvailable:  {n_kilobyte} kB\n")
@@ -31,7 +31,7 @@ def machine(monkeypatch, tmp_path):
 
 def test_bytes_of_a_pixel_are_those_of_the_frames_arrays():
     for options, n_byte in CASES:
-        found = memory.count_pixel_bytes(Options(**options), False)
+        found = prepared.count_pixel_bytes(Options(**options), False)
         assert found == n_byte, f"{options}: {found} != {n_byte}"
         frame = rz.render(TRIANGLE, SIZE, **{"samples": 1} | options)
         names = [name for name in ("rgba", "color", "depth", "face", "normal") if name == "rgba" or frame.has(name)]
@@ -53,16 +53,16 @@ def test_a_picture_that_memory_does_not_hold_is_refused(machine):
     with pytest.raises(SceneError, match="takes 0.289 GB"):
         rz.render(TRIANGLE, side, outputs="depth", samples=1)
     options = Options(size=side, outputs="rgb")
-    memory.check_memory(options, has_out=True)  # room that the caller brings isn't asked for
+    prepared.check_memory(options, has_out=True)  # room that the caller brings isn't asked for
     machine(4 * side * side // 1024 + 1)
-    memory.check_memory(options, has_out=False)
+    prepared.check_memory(options, has_out=False)
     machine(10)
     rz.render(TRIANGLE, SIZE, samples=1)
 
 
 def test_what_the_system_tells(machine):
-    whole = memory.available_memory()
+    whole = prepared.available_memory()
     assert whole is None or whole > 2**26, "without the files, all that the machine has"
     for most, expected in (("max", 800 * 1024), ("4096", 4096), ("99999999", 800 * 1024)):
         machine(800, most)
-        assert memory.available_memory() == expected, f"a limit of {most}"
+        assert prepared.available_memory() == expected, f"a limit of {most}"

@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.attributes import make_coding, scale_depths
+from rasterizer.engine.depth_range import scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
+from rasterizer.engine.uniforms import make_coding
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.gradients import EXACT, HAS_COLORS, IN_ENTRIES, IN_PLANES
 from rasterizer.pipeline.visibility import LEVEL_MASK
@@ -239,13 +240,12 @@ def test_no_intensity_is_above_the_bound():
 
 def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
     found = plan_of(scene_of([GREY, DULL_CLAY], GREY_LIGHTS), shading="phong")
-    few, many = 100.0, 1e6  # roundings
-    near = found.with_shares(found.shares_at(np.array([many, few]), False), False).of_materials
+    near = found.with_shares(np.array([np.inf, 1 / 8]), "rounding beyond half of the tolerance").of_materials
     assert near.is_double.tolist() == [True, False] and near.paths.tolist() == [EXACT, IN_PLANES]
     assert near.reasons == (("rounding beyond half of the tolerance",), ())
     assert near.shares.tolist() == [np.inf, 1 / 8]
-    far = found.with_shares(found.shares_at(np.array([few, few]), True), True)
-    assert far.dtype == np.float64 and all("beyond float32" in reason for (reason,) in far.of_materials.reasons)
+    far = found.with_shares(np.full(2, np.inf), "distances")
+    assert far.dtype == np.float64 and far.of_materials.reasons == (("distances",),) * 2
     assert found.of_materials.dtypes == (np.float32,), "the plan of the scene is another"
 
 
@@ -254,7 +254,7 @@ def test_entries_accept_what_is_left_of_the_tolerance():
     camera = rz.Camera.perspective((0, 0, 5))
     screen = screen_for(camera, (1.0, 9.0))
     found = plan_of(scene_of([GREY], GREY_LIGHTS), shading="gouraud")
-    coding = make_coding(found, DEFAULT_TOLERANCE)._replace(depths=scale_depths(screen))
+    coding = make_coding(found)._replace(depths=scale_depths(screen))
     assert coding.limits[0] == pytest.approx(DEFAULT_TOLERANCE * (1 - found.of_materials.shares.max()))
     assert not coding.needs_distance
     for w in (1.0, 3.7, 9.0):
@@ -272,12 +272,12 @@ def test_texture_coordinates_of_alpha_and_of_texels_that_are_not_blended_stand_i
     found = plan_of(scene_of(looks, GREY_LIGHTS, uv=BALL[0][:, :2]))
     assert not found.of_materials.is_double.any()
     assert (found.of_materials.paths == EXACT).tolist() == [True, True, False]
-    assert make_coding(found, DEFAULT_TOLERANCE).textures is not None
+    assert make_coding(found).textures is not None
     found = plan_of(scene_of(looks[:2], GREY_LIGHTS, uv=BALL[0][:, :2]))
-    assert make_coding(found, DEFAULT_TOLERANCE).textures is None
+    assert make_coding(found).textures is None
 
 
 def test_distances_are_carried_for_lights_that_have_a_place():
     for lights, needs in ((GREY_LIGHTS, True), (GREY_LIGHTS[:2], False)):
         found = plan_of(scene_of([GREY], lights), shading="phong")
-        assert make_coding(found, DEFAULT_TOLERANCE).needs_distance == needs
+        assert make_coding(found).needs_distance == needs

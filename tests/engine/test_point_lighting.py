@@ -1,5 +1,6 @@
 """Check the illumination equation at points: closed forms, the judge, the renderer's own values, and the border."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -29,6 +30,11 @@ def test_closed_forms():
     assert rz.illuminate((0, 0, 0), UP, WHITE, rz.AmbientLight((0.1, 0.2, 0.3)), (0, 0, 5)) == pytest.approx(
         (0.1, 0.2, 0.3), abs=1e-15
     )
+    glow, hued = (
+        rz.Material(diffuse=0, specular=0, emissive=(1, 0.5, 0)),
+        [replace(sun, color=hue) for hue in np.eye(3)],
+    )
+    assert rz.illuminate((0, 0, 0), UP, glow, hued, toward_viewer=UP).tolist() == [1, 0.5, 0]
     a = np.radians(np.linspace(0, 180, 19))
     normals = np.stack([np.sin(a), 0 * a, np.cos(a)], axis=1)
     found = rz.illuminate((0, 0, 0), 7 * normals, WHITE, sun, (0, 0, 5))

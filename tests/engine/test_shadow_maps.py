@@ -362,4 +362,5 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     tables = copy(plan.tables)
     tables.is_lit = np.zeros_like(plan.tables.is_lit)
     dull = plan._replace(tables=tables)
+    shadows = Shadows(gather_geometry(scene.meshes, False), mesh.bounds[None], dull)
     assert draw(dull) == [None, None], "nothing reflects them"

@@ -8,9 +8,10 @@ from helpers.arrays import deviations, differences
 from helpers.pinhole import unit
 
 import rasterizer as rz
+from rasterizer.compiler.kernels import batch_function
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import make_lighting, used_functions
+from rasterizer.engine.uniforms import light_view, make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.lights import (
@@ -40,7 +41,7 @@ def lighting_of(lights, *materials, shadows=(), **options):
     meshes = [rz.Mesh(*TRIANGLE, material=material) for material in materials or (rz.Material(),)]
     chosen = Options(shading="phong", tolerance=0, **options)
     plan = make_plan(SceneTables(rz.Scene(meshes, lights, CAMERA), chosen), chosen)
-    return make_lighting(plan, VIEW, plan.dtype, shadows), plan
+    return light_view(make_lighting(plan, plan.dtype), plan, VIEW, shadows), plan
 
 
 # ── lights ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -77,10 +78,10 @@ def test_batch_functions_are_those_of_the_lights_and_then_of_the_materials():
     area = rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 1, 0), resolution=(2, 1))
     lights = (rz.AmbientLight(), rz.SpotLight((1, 2, 3), (0, 0, -1)), area, rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, rz.Material(specular=0), rz.Material(reflection="blinn"))
-    of_lights, *of_materials = used_functions(plan, plan.dtype)
-    assert of_lights == [spot, point, point, directional] and of_materials == [[lambert] * 4, [blinn] * 4]
-    assert len(lighting.light_functions) == 4 and lighting.reflection_functions.shape == (2, 4)
-    assert len(set(lighting.light_functions.tolist())) == 3 and lighting.needs_position and lighting.needs_view
+    of_lights, of_materials = lighting.light_functions.tolist(), lighting.reflection_functions.tolist()
+    assert of_lights == [batch_function(function, plan.dtype).address for function in (spot, point, point, directional)]
+    assert of_materials == [[batch_function(function, plan.dtype).address] * 4 for function in (lambert, blinn)]
+    assert lighting.needs_position and lighting.needs_view
     assert not lighting_of((rz.DirectionalLight((0, 0, -1)),), rz.Material(specular=0))[0].needs_view
 
 
@@ -103,10 +104,10 @@ def test_beside_a_coloured_material_a_grey_one_has_one_channel():
 
 
 def test_only_the_materials_of_a_type_have_functions_in_it():
-    toon, view = rz.Material(reflection="toon"), VIEW
+    toon = rz.Material(reflection="toon")
     scene = rz.Scene([rz.Mesh(*TRIANGLE, material=look) for look in (rz.Material(), toon)], rz.PointLight((1, 2, 3)))
     plan = make_plan(SceneTables(scene, Options(shading="phong")), Options(shading="phong"))
-    single, double = (make_lighting(plan, view, dtype) for dtype in plan.of_materials.dtypes)
+    single, double = (make_lighting(plan, dtype) for dtype in plan.of_materials.dtypes)
     assert single.materials.dtype == np.float32 and double.materials.dtype == np.float64
     assert (single.reflection_functions != 0).tolist() == [[True], [False]]
     assert (double.reflection_functions != 0).tolist() == [[False], [True]]

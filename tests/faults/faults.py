@@ -112,8 +112,8 @@ FAULTS = (
     Fault(
         "ambient light is reflected by the diffuse coefficient",
         "engine/uniforms.py",
-        "np.array(source.ambient) * plan.tables.ambient",
-        "np.array(source.diffuse) * plan.tables.ambient",
+        "np.array(source.ambient) * tables.ambient",
+        "np.array(source.diffuse) * tables.ambient",
         "engine pictures",
     ),
     Fault(
@@ -378,7 +378,7 @@ FAULTS = (
     ),
     Fault(
         "Gouraud: the back of a surface is lit as its front",
-        "engine/attributes.py",
+        "engine/lit_points.py",
         "1 - 2 * side",
         "1",
         "engine pictures",
@@ -736,8 +736,8 @@ HELD_OUT = (
     Fault(
         "directional light: it travels towards where it should come from",
         "engine/lights.py",
-        "world_direction(light, view) * -1.0",
-        "world_direction(light, view) * 1.0",
+        "to_world(light.direction, light, view) * -1.0",
+        "to_world(light.direction, light, view) * 1.0",
         "engine pictures",
     ),
     Fault(
@@ -842,8 +842,8 @@ HELD_OUT = (
     Fault(
         "coloured Fresnel: what grows towards grazing is F0 once more",
         "engine/uniforms.py",
-        "(diffuse, first, rest, metal)], is_colored",
-        "(diffuse, first, first, metal)], is_colored",
+        "in (diffuse, first, rest, metal)]",
+        "in (diffuse, first, first, metal)]",
         "engine pictures",
     ),
     # Normals and polygons
@@ -879,8 +879,8 @@ HELD_OUT = (
     Fault(
         "shadow bias: the half texel is missing",
         "engine/shadow_maps.py",
-        "return 0.5 + 8 * _unit(dtype)",
-        "return 8 * _unit(dtype)",
+        "= 0.5 + 8 * _unit(row.dtype)",
+        "= 8 * _unit(row.dtype)",
         "engine pictures",
     ),
     # Transparency

@@ -24,7 +24,7 @@ from helpers.campaign_scenes import Case, make_case, make_texture
 from helpers.pinhole import unit
 from rasterizer import reference
 from rasterizer.choices import BUFFERS
-from rasterizer.engine.points import split_mesh
+from rasterizer.geometry.normals import split_creases
 
 MAX_LIGHTS = 60  # cells of area lights count one by one; with more, a small picture takes a second
 PIXELS = ("color", "alpha", "rgb")
@@ -452,7 +452,8 @@ def freeze(mesh) -> rz.Mesh:
     """A mesh whose normals are given as they are computed."""
     if mesh.normals is not None and mesh.crease_angle is None:
         return mesh
-    split_up = split_mesh(mesh)
+    angle, smoothing = mesh.creases
+    split_up = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing)
     changes = {name: getattr(mesh, name)[split_up.source] for name in ("vertices", "colors", "uv")
                if has(mesh, name) and getattr(mesh, name).ndim == 2}  # fmt: skip
     return replace(mesh, faces=split_up.faces, normals=split_up.normals, crease_angle=None, **changes)

@@ -6,10 +6,10 @@ import numpy as np
 
 import rasterizer as rz
 from rasterizer.cores import Workers
-from rasterizer.engine.attributes import scale_depths
+from rasterizer.engine.depth_range import scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import make_lighting
+from rasterizer.engine.uniforms import light_view, make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline.cull import Band
 from rasterizer.pipeline.gradients import (
@@ -186,14 +186,14 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
     scene = rz.Scene([rz.Mesh(*triangle, material=material, colors=colors) for material in materials], lights)
     options = Options(shading="phong")
     plan = computed_in(make_plan(SceneTables(scene, options), options), dtype)
-    return make_lighting(plan, view, np.dtype(dtype)), plan
+    return light_view(make_lighting(plan, np.dtype(dtype)), plan, view), plan
 
 
 def computed_in(plan, dtype):
     """A plan with all materials in one type."""
     share = np.inf if np.dtype(dtype) == np.float64 else 1 / 8
     shares = np.full(len(plan.tables.materials), share)
-    return plan._replace(of_materials=plan.of_materials.with_shares(shares, "asked for"))
+    return plan.with_shares(shares, "asked for")
 
 
 def random_triangles(rng, n, size, reach):

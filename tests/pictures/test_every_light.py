@@ -9,11 +9,13 @@ from helpers.raster import sheet
 
 import rasterizer as rz
 from rasterizer import reference
+from rasterizer.compiler.kernels import batch_function
 from rasterizer.engine.lights import cone_cosines, entry_of
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import used_functions
+from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import DEFAULT_TOLERANCE
+from rasterizer.pipeline.lights import point
 
 SIZE, STEP, DEPTH = (48, 36), 4, 40.0
 KD, KA, IA = np.array([0.6, 0.5, 0.2]), 0.5, 0.1
@@ -144,8 +146,8 @@ def test_lights_of_the_camera_and_sharp_cones_are_those_of_the_reference():
 def test_only_the_functions_of_lights_that_are_there_are_called():
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
     options = rz.Options(samples=1, shading="gouraud")
-    functions, *_ = used_functions(make_plan(SceneTables(scene, options), options), np.dtype(np.float32))
-    assert {function.__name__ for function in functions} == {"point"}
+    lighting = make_lighting(make_plan(SceneTables(scene, options), options), np.dtype(np.float32))
+    assert set(lighting.light_functions.tolist()) == {batch_function(point, np.float32).address}
 
 
 def test_a_fall_next_to_the_usual_one_is_the_usual_one():

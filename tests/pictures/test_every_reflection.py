@@ -308,7 +308,7 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     scene = rz.Scene(meshes, lights, VIEW)
     chosen = rz.Options(shading=shading, **options)
     made_plan = plan.make_plan(SceneTables(scene, chosen), chosen)
-    return made_plan, uniforms.make_lighting(made_plan, VIEW.view(), made_plan.dtype)
+    return made_plan, uniforms.light_view(uniforms.make_lighting(made_plan, made_plan.dtype), made_plan, VIEW.view())
 
 
 def test_every_name_has_a_reflection_function_and_options_choose_another():

@@ -14,7 +14,7 @@ from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.shadow_maps import Precision, Shadows
+from rasterizer.engine.shadow_maps import Shadows
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
@@ -55,7 +55,7 @@ class Points:
             self.maps.append(shadows.draw(plan, view, plan.dtype, WorkspacePool(), Workers(1))[0])
             self.blocks.append(self.maps[-1].block)
             if tolerance > 0:
-                ((self.shift, _),) = Precision(plan, bounds).shifts_in(view)
+                ((self.shift, _),) = shadows.shifts_in(view)
         face = rng.integers(0, geometry.vertex.shape[1], N_POINT)
         weights = rng.dirichlet((1, 1, 1), N_POINT)
         position = np.einsum("nk,kna->an", weights, geometry.positions[geometry.vertex[:, face]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rasterizer.engine.attributes import Group, bundles_of
+from rasterizer.engine.lit_points import Group, bundles_of
 
 
 def test_shares_keep_the_order_and_are_worth_a_thread():

@@ -1,0 +1,111 @@
+"""Light for flat shading and Gouraud's method: the centroids of polygons, or the vertices, are lit before anything is
+drawn, and what they give off is interpolated over the triangles.
+
+Phong's method interpolates normals, and lights the samples: see `join_attributes` in points.py.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cores import MIN_PART
+from ..pipeline.fragments import make_batch
+from ..pipeline.gradients import HAS_COLORS
+from ..pipeline.lighting import SurfacePoints, light_points
+
+
+class Group(NamedTuple):
+    """Points start..end, all of one material."""
+
+    material: int
+    start: int
+    end: int
+
+
+def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> NDArray[np.float64]:
+    """Evaluate the illumination equation at all points, before they are drawn.
+
+    Parameters
+    ----------
+    lightings : {dtype: Lighting}, for each of the plan's types
+    n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
+    normal_offsets : (2, n_point) float64, scene units, see geometry/surfaces.py; empty where no light casts shadows
+
+    Returns
+    -------
+    (n_side, n_point, n_attribute): n_channel intensities, linear, computed in the type of their material; of one with
+    one channel the first is written alone. With textures 2 n_channel + 2: of textured surfaces what a black one gives
+    off, what the whole one gives off, texture coordinates
+    """
+    offsets = geometry.point_offsets.tolist()
+    groups = [*map(Group, geometry.group_material.tolist(), offsets[:-1], offsets[1:])]
+    textured = [group for group in groups if plan.of_materials.is_textured[group.material]]
+
+    def light_here(geometry, groups):
+        return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups)
+
+    whole = light_here(geometry, groups)
+    if not textured:
+        return whole
+    # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
+    rest = light_here(geometry._replace(albedo=blank(geometry.albedo.shape, textured)), textured)
+    n_channel = whole.shape[2]
+    out = blank((*whole.shape[:2], 2 * n_channel + 2), groups)
+    for group in groups:
+        here = slice(group.start, group.end)
+        out[:, here, :n_channel] = whole[:, here]
+    for group in textured:
+        here = slice(group.start, group.end)
+        out[:, here, : rest.shape[2]] = rest[:, here]
+        out[:, here, n_channel : 2 * n_channel] = whole[:, here]
+        out[:, here, 2 * n_channel :] = geometry.uv[here, :2]
+    return out
+
+
+def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups) -> NDArray[np.float64]:
+    """Light the points of some groups: (n_side, n_point, n_channel); see `light_all`."""
+    of_materials = plan.of_materials
+    n_channel = 3 if any(of_materials.features[group.material] & HAS_COLORS for group in groups) else 1
+    intensities = blank((n_side, len(geometry.normals), n_channel), groups)
+    tangents = geometry.tangents if plan.has_tangents else None
+    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
+    least = MIN_PART // max(1, len(plan.tables.lights))  # points that are worth a thread of its own
+    pieces = [
+        Group(group.material, group.start + first, group.start + end)
+        for group in groups
+        for first, end in threads.ranges(group.end - group.start, least)
+    ]
+
+    def light_bundle(bundle):
+        batches = {dtype: make_batch(dtype) for dtype in lightings}
+        for side, out in enumerate(intensities):
+            sign = 0 if plan.options.is_flat else 1 - 2 * side
+            for material, start, end in bundle:
+                dtype = np.dtype(np.float64 if of_materials.is_double[material] else np.float32)
+                light_points(points, (start, end), screen, sign, lightings[dtype], material, batches[dtype], out)
+
+    threads.map(light_bundle, bundles_of(pieces, least))
+    return intensities
+
+
+def blank(shape, groups) -> NDArray[np.float64]:
+    """Return an array (..., n_point, n_value) that holds zeros for the points of some groups, and anything for others:
+    a few points in a large scene are cheap."""
+    out = np.empty(shape)
+    for group in groups:
+        out[..., group.start : group.end, :] = 0
+    return out
+
+
+def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:
+    """Put neighbouring pieces together, until a bundle has `least` points."""
+    bundles: list[list[Group]] = []
+    room = 0
+    for piece in pieces:
+        if room <= 0:
+            bundles.append([])
+            room = least
+        bundles[-1].append(piece)
+        room -= piece.end - piece.start
+    return bundles
