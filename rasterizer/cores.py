@@ -78,15 +78,15 @@ class Workers:
                     failures[number] = fault
                     deque(numbers, 0)  # nobody takes another one
 
-        if self._helpers is None:
-            from concurrent.futures import ThreadPoolExecutor
-
-            self._helpers = ThreadPoolExecutor(self.n_thread - 1)
-        helpers, shares = self._helpers, []
+        shares = []
         try:
             try:
+                if self._helpers is None:
+                    from concurrent.futures import ThreadPoolExecutor
+
+                    self._helpers = ThreadPoolExecutor(self.n_thread - 1)
                 for _ in range(n_helper):
-                    shares.append(helpers.submit(copy_context().run, work))
+                    shares.append(self._helpers.submit(copy_context().run, work))
             except RuntimeError:  # the process may have no more of them, or is ending
                 self.n_thread = 1 + len(shares)
             work()
@@ -94,8 +94,9 @@ class Workers:
                 share.cancel() or share.result()  # one that nobody has begun isn't waited for
         except BaseException:  # Ctrl-C: nobody may go on drawing into what the caller has given up
             deque(numbers, 0)
+            if self._helpers is not None:
+                self._helpers.shutdown()
             self._helpers = None
-            helpers.shutdown()
             raise
         if failures:
             raise failures[min(failures, key=lambda number: (isinstance(failures[number], Exception), number))]
