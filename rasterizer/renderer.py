@@ -323,10 +323,10 @@ class Renderer:
     def _draw_picture(self, camera: Camera, clock: Clock, out: NDArray[np.uint32] | None) -> DrawnPicture:
         """Draw the picture, with edges over it and the ground's shadow under it, and keep what it needed."""
         picture = self._prepared.draw_picture(camera, clock, out)
-        self._plan = picture.seen.drawing.summary._replace(paths=picture.counts.paths)
+        self._plan = picture.summary._replace(paths=picture.counts.paths)
         linear = (picture.color, picture.alpha) if "color" in self.options.outputs else (None, None)
         if self.options.edges:
-            self._prepared.edges.draw_over(camera, picture.rgba, *linear)
+            self._prepared.draw_edges(camera, picture.rgba, *linear)
             clock.lap("edges")
         if self._ground is not None:
             self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background, self._prepared.threads)
@@ -338,8 +338,8 @@ class Renderer:
         return Stats(
             *counts[:6],
             threads=self._prepared.threads.n_thread,
-            error_bound=0.0 if picture is None else picture.seen.error_bound,
-            steps=() if picture is None else picture.seen.steps,
+            error_bound=0.0 if picture is None else picture.error_bound,
+            steps=() if picture is None else picture.steps,
             milliseconds=clock.milliseconds,
             plan=self._plan,
         )

@@ -7,16 +7,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..locks import cached_property
-from ..pipeline.buffers import (
-    CornerTable,
-    write_depth,
-    write_face,
-    write_label,
-    write_mask,
-    write_mean,
-    write_normal,
-    write_turned_normal,
-)
+from ..pipeline import buffers as b
+from ..pipeline.buffers import CornerTable
 from ..scene.camera import View
 from ..scene.mesh import Mesh
 from .points import Geometry
@@ -49,21 +41,18 @@ class BufferTables:
     @cached_property
     def materials(self) -> NDArray[np.int32]:
         """(n_face,) the material of each triangle, by its index in `Scene.materials`."""
-        parts = []
-        for mesh, of_palette in zip(self._scene.meshes, self._scene.palettes, strict=True):
-            face_material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material
-            parts.append(of_palette.astype(np.int32)[face_material])
-        return np.concatenate(parts)
+        face_material = self._geometry.face_material
+        return face_material.astype(np.int32) if len(face_material) else np.zeros(len(self.objects), np.int32)
 
     @cached_property
     def positions(self) -> CornerTable:
         """Where the corners lie, world space."""
-        return CornerTable(self._geometry.positions, self._vertex)
+        return CornerTable(self._geometry.positions, self._geometry.vertex)
 
     def positions_seen_from(self, view: View) -> CornerTable:
         """Where the corners lie in the frame of a camera, which looks down -z; computed for every view anew."""
         offsets = self.positions.values - view.eye
-        return CornerTable(offsets @ view.world_from_camera, self._vertex)
+        return CornerTable(offsets @ view.world_from_camera, self._geometry.vertex)
 
     @cached_property
     def uv(self) -> CornerTable:
@@ -77,11 +66,6 @@ class BufferTables:
         """The weights of the corners."""
         rows = np.repeat(np.arange(3, dtype=np.uint32)[:, None], self._geometry.vertex.shape[1], axis=1)
         return CornerTable(np.eye(3), rows)
-
-    @cached_property
-    def _vertex(self) -> NDArray[np.uint32]:
-        """(3, n_triangle) the rows of positions, as kernels take them."""
-        return np.ascontiguousarray(self._geometry.vertex, np.uint32)
 
 
 def _corner_uv(mesh: Mesh) -> NDArray[np.float64]:
@@ -118,19 +102,19 @@ class OutputBuffer(NamedTuple):
 
 
 BUFFER_TABLE = {
-    "depth": OutputBuffer(write_depth, np.float32, 1, np.inf),
-    "face": OutputBuffer(write_face, np.int32, 1, -1),
-    "normal": OutputBuffer(write_normal, np.float32, 3, 0.0, needs_normals=True),
-    "mask": OutputBuffer(write_mask, np.bool_, 1, False),
-    "object": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.objects),
-    "material": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.materials),
-    "uv": OutputBuffer(write_mean, np.float32, 2, np.nan, table=lambda tables, _view: tables.uv),
-    "barycentric": OutputBuffer(write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.barycentric),
-    "position": OutputBuffer(write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.positions),
+    "depth": OutputBuffer(b.write_depth, np.float32, 1, np.inf),
+    "face": OutputBuffer(b.write_face, np.int32, 1, -1),
+    "normal": OutputBuffer(b.write_normal, np.float32, 3, 0.0, needs_normals=True),
+    "mask": OutputBuffer(b.write_mask, np.bool_, 1, False),
+    "object": OutputBuffer(b.write_label, np.int32, 1, -1, table=lambda tables, _view: tables.objects),
+    "material": OutputBuffer(b.write_label, np.int32, 1, -1, table=lambda tables, _view: tables.materials),
+    "uv": OutputBuffer(b.write_mean, np.float32, 2, np.nan, table=lambda tables, _view: tables.uv),
+    "barycentric": OutputBuffer(b.write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.barycentric),
+    "position": OutputBuffer(b.write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.positions),
     "position_camera": OutputBuffer(
-        write_mean, np.float32, 3, np.nan, table=lambda tables, view: tables.positions_seen_from(view)
+        b.write_mean, np.float32, 3, np.nan, table=lambda tables, view: tables.positions_seen_from(view)
     ),
     "normal_camera": OutputBuffer(
-        write_turned_normal, np.float32, 3, 0.0, True, lambda _tables, view: view.world_from_camera.T
+        b.write_turned_normal, np.float32, 3, 0.0, True, lambda _tables, view: view.world_from_camera.T
     ),
 }

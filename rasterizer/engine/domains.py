@@ -305,24 +305,19 @@ def list_steps(plan: Any) -> tuple[Step, ...]:
     for light, of_type, is_lit in zip(tables.lights, tables.light_types, tables.is_lit.any(axis=0), strict=True):
         found += of_type.steps(light, is_double) if is_lit else ()
     if tables.has_shadows:
-        found += _edges_of(list(filter(None, map(light_table.shadow_of, tables.reflected_lights))))
+        # Their exact edges are those of rays from the lights. A point is compared with texels whose centres lie within
+        # half the filter of it, along each axis of the map; the map's vertices are rounded to a 512th of a texel, and
+        # float32 moves a point by an eighth of one at most (shadow_maps.py). So what rises from the surface towards the
+        # light, as a wall does from a floor, hides that much of it. What lies before the surface by less than its depth
+        # changes over a texel isn't seen; nor what a normal offset carries the point across
+        # (pipeline/shadow_lookup.py); nor what lies nearer than the map's depths are rounded to.
+        shadows = [*filter(None, map(light_table.shadow_of, tables.reflected_lights))]
+        half = max(shadow.filter for shadow in shadows) / 2 + 0.75
+        units = max(shadow.size + shadow.filter for shadow in shadows) + DEPTH_PLANE_ROUNDING  # as in shadow_maps.py
+        cause, offset = "what casts a shadow next to the surface", "and its normal offset"
+        found += [
+            Step("the edge of a shadow, or a fold towards its light", half, "texels of the shadow map"),
+            Step(cause, 1.0, f"times what the surface's depth changes by over a texel, {offset}"),
+            Step(cause, units * 2.0**-DEPTH_BITS, "of the range of the map's depths, or of their inverses"),
+        ]
     return tuple(dict.fromkeys(found))  # each cause once
-
-
-def _edges_of(shadows: list[Any]) -> list[Step]:
-    """The edges of shadows, whose exact ones are those of rays from the lights.
-
-    A point is compared with texels whose centres lie within half the filter of it, along each axis of the map; the
-    map's vertices are rounded to a 512th of a texel, and float32 moves a point by an eighth of one at most
-    (shadow_maps.py). So what rises from the surface towards the light, as a wall does from a floor, hides that much of
-    it. What lies before the surface by less than its depth changes over a texel isn't seen; nor what a normal offset
-    carries the point across (pipeline/shadow_lookup.py); nor what lies nearer than the map's depths are rounded to.
-    """
-    half = max(shadow.filter for shadow in shadows) / 2 + 0.75
-    cause, depth = "what casts a shadow next to the surface", "times what the surface's depth changes by over a texel"
-    units = max(shadow.size + shadow.filter for shadow in shadows) + DEPTH_PLANE_ROUNDING  # as in shadow_maps.py
-    return [
-        Step("the edge of a shadow, or a fold towards its light", half, "texels of the shadow map"),
-        Step(cause, 1.0, f"{depth}, and its normal offset"),
-        Step(cause, units * 2.0**-DEPTH_BITS, "of the range of the map's depths, or of their inverses"),
-    ]

@@ -8,84 +8,20 @@ The edges' colour is opaque, and laid over the picture's linear colours by the s
 Bytes that are touched are decoded, mixed and encoded again, so that exposure and range leave that colour what it is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cores import Workers
 from ..geometry.edges import Edges, gather_edges
 from ..options import Options
 from ..pipeline.edges import draw_edges, place_lines
 from ..pipeline.transform import Screen
-from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE, linear_rgb, srgb_from_linear
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .points import number_polygons
 
 MIN_ROWS = 64  # of samples, that are worth a thread of their own
-
-
-class EdgeOverlay:
-    """The edges of one scene.
-
-    Parameters
-    ----------
-    meshes : of the scene
-    options : Options of its pictures
-    draw_depths : function of a Camera that returns the depth of each sample, (h, w) float32, and the Screen
-    has_background : whether something is seen at every pixel
-    threads : Workers
-    """
-
-    def __init__(
-        self,
-        meshes: Sequence[Mesh],
-        options: Options,
-        draw_depths: Callable[[Camera], tuple[NDArray, Screen]],
-        has_background: bool,
-        threads: Workers,
-    ) -> None:
-        self._options, self._draw_depths = options, draw_depths
-        self._has_background, self._threads = has_background, threads
-        self._edges = join_edges(meshes)
-
-    def draw_over(self, camera: Camera, rgba: NDArray[np.uint8], color: NDArray | None, alpha: NDArray | None) -> None:
-        """Draw the edges that the options ask for over a picture.
-
-        Parameters
-        ----------
-        camera : through which the picture is seen
-        rgba : (height, width, 4) uint8, changed
-        color, alpha : (height, width, 3) and (height, width) float32, linear, changed; None where nobody needs them
-        """
-        edge_color = np.array(linear_rgb(self._options.edge_color))
-        share, seen = self.cover(camera)
-        at = np.nonzero(share)
-        share, seen, there = share[at][:, None], seen[at][:, None], rgba[at]
-        mixed, opacity = mix(LINEAR_OF_BYTE[there[:, :3]], there[:, 3:] / 255.0, share, seen, edge_color)
-        rgba[at] = np.rint(255.0 * np.concatenate([srgb_from_linear(mixed), opacity], axis=1)).astype(np.uint8)
-        if color is not None and alpha is not None:
-            colors, opacities = color[at].astype(np.float64), alpha[at][:, None].astype(np.float64)
-            mixed, opacity = mix(colors, opacities, share, seen, edge_color)
-            color[at], alpha[at] = mixed, opacity[:, 0]
-
-    def cover(self, camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return which share of each pixel edges cover, and which share of it shows anything, (height, width) each."""
-        options, factor = self._options, self._options.factor
-        depth, screen = self._draw_depths(camera)
-        share = np.zeros(depth.shape, np.float32)
-        ends, sides = choose(self._edges, options.edges, screen, options.cull == "back")
-        segments, is_left = project(ends, screen)
-        width = options.edge_width * factor
-        lines = place_lines(segments, sides[is_left], width)
-
-        def draw(rows: tuple[int, int]) -> None:
-            draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, rows, depth, share)
-
-        self._threads.map(draw, self._threads.ranges(len(depth), MIN_ROWS))
-        share = average(share, factor)
-        return share, np.ones(share.shape) if self._has_background else average(depth < np.inf, factor)
 
 
 def join_edges(meshes: Sequence[Mesh]) -> Edges:
@@ -103,12 +39,19 @@ def join_edges(meshes: Sequence[Mesh]) -> Edges:
     return Edges(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def average(samples: NDArray, factor: int) -> NDArray[np.float64]:
-    """Average the samples of each pixel, `factor` along each axis."""
-    out = np.zeros((samples.shape[0] // factor, samples.shape[1] // factor))
-    for j, i in np.ndindex(factor, factor):
-        out += samples[j::factor, i::factor]
-    return out / factor**2
+def cover(edges: Edges, options: Options, depth: NDArray, screen: Screen, threads) -> tuple[NDArray, NDArray]:
+    """Return which share of each pixel the edges that the options ask for cover, and which share of it shows anything,
+    (height, width) each; `depth` is that of each sample, (h, w) float32."""
+    share, width = np.zeros(depth.shape, np.float32), options.edge_width * options.factor
+    ends, sides = choose(edges, options.edges, screen, options.cull == "back")
+    segments, is_left = project(ends, screen)
+    lines = place_lines(segments, sides[is_left], width)
+
+    def draw(rows: tuple[int, int]) -> None:
+        draw_edges(segments, lines, min(width, 1.0), screen.is_perspective, rows, depth, share)
+
+    threads.map(draw, threads.ranges(len(depth), MIN_ROWS))
+    return average(share, options.factor), average(depth < np.inf, options.factor)
 
 
 def choose(edges: Edges, names: tuple[str, ...], screen: Screen, is_culled: bool) -> tuple[NDArray, NDArray]:
@@ -138,12 +81,6 @@ def choose(edges: Edges, names: tuple[str, ...], screen: Screen, is_culled: bool
     return edges.ends[chosen], sides[chosen]
 
 
-def in_camera(positions: NDArray, screen: Screen) -> NDArray[np.float64]:
-    """Return points (3, n) of the world in the camera's frame: along the screen's `across`, up, and depth."""
-    axes = np.stack([screen.across, screen.up, screen.forward])
-    return axes @ (positions - np.asarray(screen.eye)[:, None])
-
-
 def project(ends: NDArray, screen: Screen) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Bring edges to the screen, and cut off what lies beyond the depths that are drawn.
 
@@ -156,21 +93,18 @@ def project(ends: NDArray, screen: Screen) -> tuple[NDArray[np.float64], NDArray
     segments : (m, 6) float64: x, y and nearness of both ends, see `draw_edges`
     is_left : (n,) bool, of which edges something is left
     """
-    points = in_camera(ends.reshape(-1, 3).T, screen).T.reshape(-1, 2, 3)
+    # In the camera's frame: along the screen's `across`, up, and depth.
+    axes, eye = np.stack([screen.across, screen.up, screen.forward]), np.asarray(screen.eye)
+    points = (axes @ (ends.reshape(-1, 3).T - eye[:, None])).T.reshape(-1, 2, 3)
     for sign, limit in ((1.0, screen.near), (-1.0, screen.far)):
         if np.isfinite(limit):
             points = cut(points, sign * (points[..., 2] - limit))
     is_left = np.isfinite(points).all(axis=(1, 2))
-    return to_screen(points[is_left].reshape(-1, 3), screen).reshape(-1, 6), is_left
-
-
-def to_screen(points: NDArray, screen: Screen) -> NDArray[np.float64]:
-    """Return where points (n, 3) of the camera's frame are seen: x, y in samples, and nearness."""
-    across, up, depth = points.T
+    across, up, depth = points[is_left].reshape(-1, 3).T
     w = depth if screen.is_perspective else np.ones(len(depth))
+    x, y = screen.center_x + screen.scale_x * across / w, screen.center_y - screen.scale_y * up / w
     nearness = 1.0 / depth if screen.is_perspective else depth
-    x = screen.center_x + screen.scale_x * across / w
-    return np.stack([x, screen.center_y - screen.scale_y * up / w, nearness], axis=1)
+    return np.stack([x, y, nearness], axis=1).reshape(-1, 6), is_left
 
 
 def cut(points: NDArray, inside: NDArray) -> NDArray:
@@ -183,9 +117,27 @@ def cut(points: NDArray, inside: NDArray) -> NDArray:
     return np.where((inside < 0.0)[..., None], crossing, points)
 
 
-def mix(
-    colors: NDArray, opacity: NDArray, share: NDArray, seen: NDArray, edge_color: NDArray
-) -> tuple[NDArray, NDArray]:
+def lay_over(share, seen, edge_color, rgba, color, alpha) -> None:
+    """Lay the edges over a picture.
+
+    Parameters
+    ----------
+    share, seen : as `cover` returns them
+    edge_color : sRGB colour, as `Options` has it
+    rgba : (height, width, 4) uint8, changed
+    color, alpha : (height, width, 3) and (height, width) float32, linear, changed; None where nobody needs them
+    """
+    at, edge_color = np.nonzero(share), np.array(linear_rgb(edge_color))
+    share, seen, there = share[at][:, None], seen[at][:, None], rgba[at]
+    mixed, opacity = mix(LINEAR_OF_BYTE[there[:, :3]], there[:, 3:] / 255.0, share, seen, edge_color)
+    rgba[at] = np.rint(255.0 * np.concatenate([srgb_from_linear(mixed), opacity], axis=1)).astype(np.uint8)
+    if color is not None and alpha is not None:
+        colors, opacities = color[at].astype(np.float64), alpha[at][:, None].astype(np.float64)
+        mixed, opacity = mix(colors, opacities, share, seen, edge_color)
+        color[at], alpha[at] = mixed, opacity[:, 0]
+
+
+def mix(colors: NDArray, opacity: NDArray, share: NDArray, seen: NDArray, edge_color: NDArray) -> tuple:
     """Lay an opaque colour over straight colours (n, 3) with opacity (n, 1), on a share (n, 1) of each pixel.
 
     It is laid over what shows anything, a share `seen` (n, 1) of the pixel. What is opaque stays as opaque as it is.
@@ -194,3 +146,11 @@ def mix(
     behind = opacity * (1.0 - share / seen)
     total = share + behind
     return (edge_color * share + colors * behind) / total, np.maximum(total, opacity)
+
+
+def average(samples: NDArray, factor: int) -> NDArray[np.float64]:
+    """Average the samples of each pixel, `factor` along each axis."""
+    out = np.zeros((samples.shape[0] // factor, samples.shape[1] // factor))
+    for j, i in np.ndindex(factor, factor):
+        out += samples[j::factor, i::factor]
+    return out / factor**2

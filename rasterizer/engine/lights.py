@@ -136,7 +136,7 @@ class DirectionalEntry(LightEntry):
 
     def beam(self, light: Any, view: View) -> Beam | None:
         """Return parallel rays."""
-        return Beam(None, world_direction(light, view), 0.0)
+        return Beam(None, to_world(light.direction, light, view), 0.0)
 
 
 class PointEntry(LightEntry):
@@ -187,7 +187,7 @@ class SpotEntry(PointEntry):
         """Write what a point light has, and the cone."""
         super().write(coefficients, light, view, dtype)
         inner, outer = cone_cosines(light)
-        coefficients[pipeline.AXIS : pipeline.AXIS + 3] = world_direction(light, view)
+        coefficients[pipeline.AXIS : pipeline.AXIS + 3] = to_world(light.direction, light, view)
         coefficients[pipeline.COS_OUTER] = outer
         coefficients[pipeline.CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
         # An exponent that float32 has no number for is as good as the largest one that it has.
@@ -197,7 +197,7 @@ class SpotEntry(PointEntry):
     def beam(self, light: Any, view: View) -> Beam | None:
         """Return the outer cone."""
         spread = math.tan(math.radians(light.outer)) if light.outer < 90.0 else math.inf
-        return Beam(world_position(light, view), world_direction(light, view), spread)
+        return Beam(world_position(light, view), to_world(light.direction, light, view), spread)
 
     def limits(self, light: Any) -> LightLimits:
         """Add what the cone and the exponent magnify; rounding to float32 carries positions across a sharp edge.
@@ -368,11 +368,6 @@ def world_position(light: Any, view: View) -> NDArray[np.float64]:
     """Return the position of a light in the world, (3,) float64, also of one that moves with the camera."""
     position = to_world(light.position, light, view)
     return view.eye + position if is_carried(light) else position
-
-
-def world_direction(light: Any, view: View) -> NDArray[np.float64]:
-    """Return the direction of a light in the world, (3,) float64, also of one that moves with the camera."""
-    return to_world(light.direction, light, view)
 
 
 def to_world(vector: Sequence[float], light: Any, view: View) -> NDArray[np.float64]:

@@ -157,10 +157,6 @@ class ColorPass(Pass):
         if self.plan.cue is not None:
             fade(scanned.uncoded(), self.coding.depths, self.screen.is_perspective, self.plan.cue, radiance)
 
-    def light(self, workspace: Workspace, band: ScannedBand, radiance: np.ndarray) -> None:
-        """Fill the radiance of the visible samples."""
-        raise NotImplementedError
-
     def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows."""
         y_start, y_end = band.y_start // self.factor, band.y_end // self.factor

@@ -72,26 +72,34 @@ def illuminate(
     SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights
         that move with a camera where the viewer is none, a texture
     """
-    material = _checked_material(material)
+    material = Material.named(material) if isinstance(material, str) else material
+    if not isinstance(material, Material):
+        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
+    if material.texture is not None:
+        raise SceneError("the material must have no texture: points have no texture coordinates")
     if not isinstance(two_sided, (bool, np.bool_, int)):
         raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
     if points is None or normals is None:
         raise SceneError("points and normals must be (..., 3) finite numbers; given None")
-    points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
+    points, normals, tangents, shape = _checked_points(points, normals, tangents)
     view, is_perspective = _look_from(viewer, toward_viewer)
-    lights = _checked_lights(lights, isinstance(viewer, Camera))
+    lights = checked_lights(lights)
+    for i, light in enumerate(lights):
+        if light_table.is_carried(light) and not isinstance(viewer, Camera):
+            raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
+    lights = [replace(light, shadow=None) if light_table.shadow_of(light) else light for light in lights]
     options = Options(tolerance=0.0, exposure=exposure, spectral=spectral)
     bounds = np.zeros((2, 3))
     meshes = (SimpleNamespace(palette=(material,), uv=None, colors=None, face_colors=None, bounds=bounds),)
     tables = SceneTables(SimpleNamespace(meshes=meshes, lights=lights, background=None, depth_cue=None), options)
     plan = make_plan(tables, options, np.zeros(tables.is_lit.shape))
+    if plan.has_tangents and tangents is None:
+        raise SceneError("a material brushed along u needs tangents, (..., 3); or give its tangent as an axis")
     lighting = light_view(make_lighting(plan, plan.dtype), plan, view)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
-    surface = SurfacePoints(
-        np.ascontiguousarray(points), np.ascontiguousarray(normals),
-        np.ascontiguousarray(tangents) if plan.has_tangents else None, np.empty((0, 3)), np.empty((2, 0)),
-    )  # fmt: skip
+    tangents = tangents if plan.has_tangents else None
+    surface = SurfacePoints(points, normals, tangents, np.empty((0, 3)), np.empty((2, 0)))
     n, side = len(points), 0 if two_sided else 1
     found = np.empty((n, plan.n_channel))
     light_points(surface, (0, n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
@@ -100,40 +108,23 @@ def illuminate(
     return found.reshape(shape)
 
 
-def _checked_material(material: object) -> Material:
-    """A material, or the one of this name; without a texture."""
-    material = Material.named(material) if isinstance(material, str) else material
-    if not isinstance(material, Material):
-        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
-    if material.texture is not None:
-        raise SceneError("the material must have no texture: points have no texture coordinates")
-    return material
-
-
-def _checked_points(points, normals, tangents, material):
-    """Points, unit normals and tangents as (n, 3) float64, and the shape that they had."""
-    names = ("points", "normals", "tangents")
-    arrays = [
-        _vectors(value, name)
-        for value, name in zip((points, normals, tangents), names, strict=True)
-        if value is not None
-    ]
+def _checked_points(points, normals, tangents):
+    """Points, unit normals and tangents, if any are given, as (n, 3) float64, and the shape that they had."""
+    given = {"points": points, "normals": normals} | ({} if tangents is None else {"tangents": tangents})
+    arrays = [_vectors(value, name) for name, value in given.items()]
     try:
         arrays = np.broadcast_arrays(*arrays)
     except ValueError:
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=False))
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(given, arrays, strict=True))
         raise SceneError(f"the shapes of points and normals must fit each other; given {shapes}") from None
-    shape = arrays[0].shape
-    points, normals = arrays[0].reshape(-1, 3), arrays[1].reshape(-1, 3)
+    points, normals, *rest = (np.ascontiguousarray(array.reshape(-1, 3)) for array in arrays)
     largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
     if (largest == 0.0).any():
         raise SceneError("normals must have a length; given a zero vector")
     # Dividing by the largest component first keeps the squares from over- and underflowing.
     normals = normals / largest
     normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))
-    if tangents is None and material.is_anisotropic and material.tangent == "u":
-        raise SceneError("a material brushed along u needs tangents, (..., 3); or give its tangent as an axis")
-    return points, normals, arrays[2].reshape(-1, 3) if tangents is not None else np.zeros_like(points), shape
+    return points, normals, rest[0] if rest else None, arrays[0].shape
 
 
 def _vectors(value, name) -> np.ndarray:
@@ -161,15 +152,6 @@ def _look_from(viewer, toward_viewer):
         return View(np.array(vector3(viewer, "the viewer")), axes[0], axes[1], -axes[2]), True
     back = np.array(unit3(toward_viewer, "the direction toward_viewer"))
     return View(np.zeros(3), axes[0], axes[1], -back), False
-
-
-def _checked_lights(lights, has_camera):
-    """One light or many as a tuple, none with shadows."""
-    lights = checked_lights(lights)
-    for i, light in enumerate(lights):
-        if getattr(light, "attached", "world") == "camera" and not has_camera:
-            raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
-    return tuple(replace(light, shadow=None) if getattr(light, "shadow", None) else light for light in lights)
 
 
 # ---------------------------------------------------------------- one light, and one reflection model

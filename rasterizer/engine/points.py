@@ -86,8 +86,8 @@ def gather_geometry(
     n_texcoord = count_texcoords(meshes) if is_textured else 0
 
     # Each mesh's share; what belongs to a material stands side by side, so that it can be lit together.
-    parts, n_points = [], []
-    for mesh, of_mesh in zip_longest(meshes, fans):
+    parts, n_points, face_materials = [], [], [np.empty(0, np.uint32)]
+    for mesh, palette, of_mesh in zip_longest(meshes, palettes, fans):
         part = flat_part(mesh) if is_flat else smooth_part(mesh, workers, of_mesh)
         if is_brushed:
             part = add_tangents(part, mesh, is_flat)
@@ -97,6 +97,9 @@ def gather_geometry(
         is_colored |= part.albedo is not None
         n_points += part.n_points or (len(part.normals),)
         parts.append(part)
+        if len(materials) > 1:
+            of_faces = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material
+            face_materials.append(palette[of_faces])
     ends, group_material = np.cumsum(n_points), np.concatenate(palettes)
     is_last = np.append(group_material[1:] != group_material[:-1], True)  # neighbouring groups of a material are one
 
@@ -121,7 +124,7 @@ def gather_geometry(
         is_inverted=np.zeros(vertex.shape[1], np.uint8),
         point_offsets=np.append(0, ends[is_last]),
         group_material=group_material[is_last],
-        face_material=_face_materials(meshes, palettes) if len(materials) > 1 else np.empty(0, np.uint32),
+        face_material=np.concatenate(face_materials).astype(np.uint32),
         uv=_rows(every.uv) if is_textured else np.empty((0, 2)),
         tangents=_rows(every.tangents) if is_brushed else NO_TANGENTS,
     )
@@ -140,15 +143,6 @@ def number_materials(meshes: Sequence[Mesh]) -> tuple[tuple[Material, ...], list
             number.setdefault(material, len(number))
         palettes.append(np.array([*map(number.__getitem__, mesh.palette)], np.int64))
     return tuple(number), palettes
-
-
-def _face_materials(meshes: Sequence[Mesh], palettes: Sequence[NDArray]) -> NDArray[np.uint32]:
-    """Return the material of each triangle, (n_face,)."""
-    of_meshes = [
-        np.full(mesh.n_face, palette[0]) if mesh.face_material is None else palette[mesh.face_material]
-        for mesh, palette in zip(meshes, palettes, strict=True)
-    ]
-    return np.concatenate(of_meshes).astype(np.uint32)
 
 
 def join_attributes(geometry: Geometry, n_attribute: int) -> NDArray[np.float64]:

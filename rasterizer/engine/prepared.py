@@ -52,14 +52,6 @@ class Drawing(NamedTuple):
     steps: tuple[Any, ...]  # see Stats
 
 
-class Seen(NamedTuple):
-    """What a view is drawn with, and what is stated of it: see Stats."""
-
-    drawing: Drawing
-    error_bound: float | None
-    steps: tuple[Any, ...]
-
-
 class DrawnPicture(NamedTuple):
     """A picture, and what was done for it."""
 
@@ -67,7 +59,9 @@ class DrawnPicture(NamedTuple):
     color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
-    seen: Seen
+    summary: PlanSummary
+    error_bound: float | None  # see Stats
+    steps: tuple[Any, ...]
 
 
 class PreparedScene:
@@ -120,16 +114,11 @@ class PreparedScene:
         return Shadows(self.geometry, self.tables.bounds, self.plan, self.inner_sides)
 
     @cached_property
-    def edges(self) -> Any:
-        """The edges over its pictures."""
-        from .edges import EdgeOverlay
+    def _edges(self) -> Any:
+        """The edges of its meshes."""
+        from .edges import join_edges
 
-        def draw_depths(camera: Camera) -> tuple[NDArray, Screen]:
-            buffers, _, screen = self.draw_buffers(camera, NO_CLOCK, ("depth",), factor=self.options.factor)
-            return buffers["depth"], screen
-
-        has_background = self.tables.background is not None
-        return EdgeOverlay(self.tables.meshes, self.options, draw_depths, has_background, self.threads)
+        return join_edges(self.tables.meshes)
 
     def n_sample(self, factor: int) -> tuple[int, int]:
         """Return the columns and rows of samples, with `factor` a pixel along each axis."""
@@ -149,8 +138,9 @@ class PreparedScene:
             return self.inner_sides
         return self.inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
 
-    def see(self, view: View, screen: Screen) -> Seen:
-        """Return what a view is drawn with, on the screen of the picture, and what is stated of it."""
+    def see(self, view: View, screen: Screen) -> tuple[Drawing, float | None, tuple[Any, ...]]:
+        """Return what a view is drawn with, on the screen of the picture, and what is stated of it: the error's bound,
+        and the steps next to which it doesn't hold, see Stats."""
         tables, plan, tolerance = self.tables, self.plan, self.options.tolerance
         reach = domains.measure_reach(plan, view, screen)
         is_far = domains.is_far(plan, reach, screen)
@@ -163,7 +153,7 @@ class PreparedScene:
             self._drawings[key] = make_drawing(plan.with_shares(shares, FAR if is_far else domains.TOO_MUCH))
         drawing = self._drawings[key]
         bound, steps = domains.state(drawing.plan, reach)
-        return Seen(drawing, bound, (*drawing.steps, *steps))
+        return drawing, bound, (*drawing.steps, *steps)
 
     # ------------------------------------------------ the picture
 
@@ -179,8 +169,8 @@ class PreparedScene:
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
         picture = make_picture(options.size, with_color or is_global, out)
         screen = screen_of(camera, view, self.n_sample(options.factor), self.geometry, self.tables.bounds)
-        seen = self.see(view, screen)
-        render_pass = self.color_pass(view, screen, seen.drawing, picture, clock)
+        drawing, bound, steps = self.see(view, screen)
+        render_pass = self.color_pass(view, screen, drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         if is_global:
             scale = 1.0 / max(1.0, float(picture.color.max()))
@@ -188,7 +178,7 @@ class PreparedScene:
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, seen)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, drawing.summary, bound, steps)
 
     def color_pass(self, view: View, screen, drawing: Drawing, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
@@ -220,6 +210,15 @@ class PreparedScene:
         attributes = light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, **shared)
+
+    def draw_edges(self, camera: Camera, rgba: NDArray, color: NDArray | None, alpha: NDArray | None) -> None:
+        """Draw the edges that the options ask for over a picture, the arrays of `edges.lay_over`, seen by a camera."""
+        from .edges import cover, lay_over
+
+        buffers, _, screen = self.draw_buffers(camera, NO_CLOCK, ("depth",), factor=self.options.factor)
+        share, seen = cover(self._edges, self.options, buffers["depth"], screen, self.threads)
+        seen = seen if self.tables.background is None else np.ones(share.shape)
+        lay_over(share, seen, self.options.edge_color, rgba, color, alpha)
 
     # ------------------------------------------------ exact buffers
 

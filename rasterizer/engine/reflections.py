@@ -76,12 +76,6 @@ class ReflectionEntry:
         return ()
 
 
-class LambertEntry(ReflectionEntry):
-    """Lambert's model: N·L."""
-
-    is_lambert_when_dull = True
-
-
 class OrenNayarEntry(ReflectionEntry):
     """Oren's and Nayar's model of rough surfaces."""
 
@@ -146,8 +140,9 @@ class BlinnEntry(PowerEntry):
     """Blinn's highlight: h = N·H. What is over |L + V| has no limit where L = -V, which is a step."""
 
     def highlight_scale(self, material: Any) -> float:
-        """Return the factor of Blinn's highlight."""
-        return blinn_scale(material)
+        """Return (n + 2)(n + 4)/(8 (2^(-n/2) + n)). Source: Giesen 2009, Phong Normalization Factor derivation."""
+        n = material.shininess
+        return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
 
     def steps(self, material: Any, is_double: bool) -> tuple[Step, ...]:
         """Add that of the half vector, which a normalised highlight hides behind N·L = 0."""
@@ -252,7 +247,7 @@ class CustomEntry(ReflectionEntry):
 REFLECTION_TABLE: dict[str, ReflectionEntry] = {
     "phong": PhongEntry(pipeline.phong),
     "blinn": BlinnEntry(pipeline.blinn),
-    "lambert": LambertEntry(pipeline.lambert),
+    "lambert": ReflectionEntry(pipeline.lambert),
     "oren-nayar": OrenNayarEntry(pipeline.oren_nayar),
     "cook-torrance": CookTorranceEntry(pipeline.ggx),
     "toon": ToonEntry(pipeline.toon),
@@ -303,15 +298,6 @@ def count_terms(material: Any) -> int:
 def fresnel_of(material: Any) -> Any:
     """Return F0 of a material's specular reflection function W(θ): a number, a colour or a Spectrum."""
     return entry_of(material).default_fresnel if material.fresnel is None else material.fresnel
-
-
-def blinn_scale(material: Any) -> float:
-    """Return the factor (n + 2)(n + 4)/(8 (2^(-n/2) + n)) of a normalised highlight, 0 for a classic one.
-
-    Source: Giesen 2009, Phong Normalization Factor derivation.
-    """
-    n = material.shininess
-    return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
 
 
 def power_slope(exponent: float) -> float:

@@ -125,10 +125,6 @@ class SceneTables:
                 self.has_hues[numbers] |= bool((colors[:, 1:] != colors[:, :1]).any())
         self.bounds, self.max_albedo = np.stack(boxes), largest * self.max_texel
 
-    def lights_of(self, k: int) -> tuple:
-        """The lights that material k reflects something of."""
-        return tuple(compress(self.lights, self.is_lit[k]))
-
     def tint_of(self, k: int) -> NDArray[np.float64] | None:
         """The RGB triple, its largest component 1, of which all intensities of material k are multiples; None if there
         is none.
@@ -144,7 +140,7 @@ class SceneTables:
             return None
         of_lights, of_material = [tuple(self.ambient)], [material.ambient, material.diffuse]
         of_material += [material.specular] * (n_term > 1)
-        for light in self.lights_of(k):
+        for light in compress(self.lights, self.is_lit[k]):
             of_lights.append(light.color)
         of_light, own = common_direction(of_lights), common_direction(of_material)
         if of_light is not None and np.ptp(of_light) == 0.0:

@@ -8,26 +8,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pipeline.textures import (
-    FILTER_BILINEAR,
-    FILTER_NEAREST,
-    FILTER_TRILINEAR,
-    FIRST_TEXCOORD,
-    WRAP_CLAMP,
-    WRAP_MIRROR,
-    WRAP_REPEAT,
-    Textures,
-    decode_texels,
-    error_factors,
-    fill_level,
-    first_texel,
-    halve_texels,
-    halve_weighted_texels,
-)
+from ..pipeline import textures as t
+from ..pipeline.textures import Textures
 from ..scene.texture import Texture, halve_rows
 
-_FILTERS = {"nearest": FILTER_NEAREST, "bilinear": FILTER_BILINEAR, "trilinear": FILTER_TRILINEAR}
-_WRAPS = {"repeat": WRAP_REPEAT, "clamp": WRAP_CLAMP, "mirror": WRAP_MIRROR}
+_FILTERS = {"nearest": t.FILTER_NEAREST, "bilinear": t.FILTER_BILINEAR, "trilinear": t.FILTER_TRILINEAR}
+_WRAPS = {"repeat": t.WRAP_REPEAT, "clamp": t.WRAP_CLAMP, "mirror": t.WRAP_MIRROR}
 
 
 def make_textures(of_materials: Sequence[Texture | None], n_texcoord: int = 2, run: Callable = map) -> Textures | None:
@@ -48,7 +34,7 @@ def make_textures(of_materials: Sequence[Texture | None], n_texcoord: int = 2, r
         return None
     numbers = {id(texture): number for number, texture in enumerate(textures)}
     sizes = np.array([(*texture.shape[::-1], texture.n_level) for texture in textures], np.int64)
-    first_texels = np.cumsum([0, *(first_texel(*map(np.int32, size)) for size in sizes)]).astype(np.int64)
+    first_texels = np.cumsum([0, *(t.first_texel(*map(np.int32, size)) for size in sizes)]).astype(np.int64)
     wraps = np.array([[_WRAPS[word] for word in texture.wrap] for texture in textures], np.int64)
     texels, errors = np.zeros((int(first_texels[-1]), 4), np.float32), np.zeros((len(textures), 4))
     for k, texture in enumerate(textures):
@@ -61,24 +47,24 @@ def make_textures(of_materials: Sequence[Texture | None], n_texcoord: int = 2, r
         wraps,
         errors,
         np.array([numbers.get(id(texture), -1) for texture in of_materials], np.int64),
-        FIRST_TEXCOORD + n_texcoord - 2,
+        t.FIRST_TEXCOORD + n_texcoord - 2,
     )
 
 
 def _fill(texture: Texture, wraps: NDArray[np.int64], texels: NDArray[np.float32], run: Callable) -> tuple[float, ...]:
     """Write all mip levels of a texture; return its row of `errors`, see pipeline/textures.py."""
     levels = [_bordered(texels, texture.shape, number) for number in range(texture.n_level)]
-    differences = [fill_level(levels[0], wraps, _writer(texture, levels[0]), run)]
+    differences = [t.fill_level(levels[0], wraps, _writer(texture, levels[0]), run)]
     for source, half in zip(levels, levels[1:], strict=False):
-        differences.append(fill_level(half, wraps, _halver(source, half, texture.has_alpha), run))
+        differences.append(t.fill_level(half, wraps, _halver(source, half, texture.has_alpha), run))
     sizes = [(level.shape[1] - 2, level.shape[0] - 2) for level in levels]
-    return error_factors(sizes, differences, max(texture.brightest, 1.0))
+    return t.error_factors(sizes, differences, max(texture.brightest, 1.0))
 
 
 def _bordered(texels: NDArray[np.float32], shape: tuple[int, int], level: int) -> NDArray[np.float32]:
     """Return the part (h + 2, w + 2, 4) of a texture's texels that is one mip level."""
     height, width = (max(n >> level, 1) for n in shape)
-    first = int(first_texel(np.int32(shape[1]), np.int32(shape[0]), np.int32(level)))
+    first = int(t.first_texel(np.int32(shape[1]), np.int32(shape[0]), np.int32(level)))
     return texels[first : first + (width + 2) * (height + 2)].reshape(height + 2, width + 2, 4)
 
 
@@ -91,7 +77,7 @@ def _writer(texture: Texture, level: NDArray[np.float32]) -> Callable[[int, int]
             level[first + 1 : end + 1, 1:-1] = texture.image[first:end]
         else:
             part, n_channel = encoded[first:end], encoded.shape[2]
-            decode_texels(part.reshape(end - first, -1), n_channel, texture.decoded, rows[first + 1 : end + 1])
+            t.decode_texels(part.reshape(end - first, -1), n_channel, texture.decoded, rows[first + 1 : end + 1])
 
     return write
 
@@ -106,8 +92,8 @@ def _halver(source: NDArray[np.float32], half: NDArray[np.float32], has_alpha: b
             needed = source[2 * first + 1 : min(2 * end + 1, height) + 1, 1:-1]
             halve_rows(needed, height, first, half[first + 1 : end + 1, 1:-1])
         elif has_alpha:
-            halve_weighted_texels(rows[2 * first + 1 : 2 * end + 1], out[first + 1 : end + 1])
+            t.halve_weighted_texels(rows[2 * first + 1 : 2 * end + 1], out[first + 1 : end + 1])
         else:
-            halve_texels(rows[2 * first + 1 : 2 * end + 1], out[first + 1 : end + 1])
+            t.halve_texels(rows[2 * first + 1 : 2 * end + 1], out[first + 1 : end + 1])
 
     return write

@@ -5,18 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..pipeline.a_buffer import (
-    ABuffer,
-    Fragments,
-    Translucent,
-    composite,
-    gather_fragments,
-    make_a_buffer,
-    make_layer,
-    put_behind,
-    show_layer,
-    sort_fragments,
-)
+from ..pipeline import a_buffer as a
+from ..pipeline.a_buffer import ABuffer, Fragments, Translucent
 from ..pipeline.buffers import clear_band
 from ..pipeline.cull import Band, Rows
 from ..pipeline.gradients import HAS_COLORS, IN_ENTRIES, IN_PLANES
@@ -71,7 +61,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     )
     in_front = in_front._replace(features=in_front.features | colors)
     render_pass.shade(workspace, band, behind)
-    a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
+    a_buffer = a.make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces, second = Surfaces(workspace.visibility, workspace.records, deferred), None
     fragments = list_before(task, surfaces, a_buffer)
     if fragments.found[1]:
@@ -95,7 +85,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
 def list_before(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> Fragments:
     """List what transparent triangles show before the opaque ones."""
     workspace = task.workspace
-    return gather_fragments(
+    return a.gather_fragments(
         task.band, surfaces.deferred, task.drawn.drawables, workspace.block, surfaces.visibility, a_buffer,
         workspace.room,
     )  # fmt: skip
@@ -116,7 +106,7 @@ def composite_band(
     n_row, extents, is_any = task.band.n_row, make_extents(task.band.n_row), False
     translucent = Translucent(a_buffer.opacity, a_buffer.columns, extents.left, extents.right)
     entries = task.workspace.room.array("sorted", (n_fragment,))
-    sort_fragments(fragments, a_buffer.starts, entries)
+    a.sort_fragments(fragments, a_buffer.starts, entries)
 
     # Strips of rows, as many at a time as have MAX_SHADED samples.
     strip, first_samples, at_a_time = 1 << STRIP_SHIFT, a_buffer.first_samples, n_row
@@ -133,14 +123,14 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, entries, ro
     sample has none. `entries` are the lists of the band's samples."""
     band, render_pass, workspace = task.band, task.render_pass, task.workspace
     radiance = workspace.radiance[: len(a_buffer.color)]
-    layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.alphas)
+    layer = a.make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.alphas)
     shaded = workspace._replace(
         visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, alphas=layer.alphas,
     )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0
-    while show_layer(number, layer, entries, a_buffer, opacity.min_transmittance):
+    while a.show_layer(number, layer, entries, a_buffer, opacity.min_transmittance):
         render_pass.shade(shaded, of_picture, counts)
-        composite(layer, surfaces.records, a_buffer, opacity)
+        a.composite(layer, surfaces.records, a_buffer, opacity)
         number += 1
-    return put_behind(*rows, workspace.visibility, a_buffer, radiance, translucent)
+    return a.put_behind(*rows, workspace.visibility, a_buffer, radiance, translucent)

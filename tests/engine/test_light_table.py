@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rasterizer as rz
-from rasterizer.engine.lights import LIGHT_TABLE, entry_of, is_black, world_direction, world_position
+from rasterizer.engine.lights import LIGHT_TABLE, entry_of, is_black, to_world, world_position
 from rasterizer.pipeline import lights as pipeline
 from rasterizer.scene.lights import LIGHT_TYPES
 
@@ -44,7 +44,7 @@ def test_beams_and_vectors_are_those_of_the_world(attached):
         assert vector == pytest.approx(way if name == "axis" else place, abs=1e-15), f"the {name} of a {kind} light"
     spreads = [beams[kind].spread for kind in LIGHTS]
     assert spreads == [0.0, np.inf, pytest.approx(np.tan(np.radians(40)))]
-    assert world_direction(lights["spot"], VIEW) == pytest.approx(way)
+    assert to_world(lights["spot"].direction, lights["spot"], VIEW) == pytest.approx(way)
     assert world_position(lights["point"], VIEW) == pytest.approx(place)
     wide = replace(lights["spot"], outer=90.0)
     assert entry_of(wide).beam(wide, VIEW).spread == np.inf

@@ -9,7 +9,6 @@ from rasterizer.engine.reflections import (
     LAMBERT,
     MIN_BASE,
     REFLECTION_TABLE,
-    blinn_scale,
     count_terms,
     entry_of,
     fresnel_of,
@@ -131,4 +130,5 @@ def test_only_what_has_a_weight_is_parted():
         colored = made(word, fresnel=(0.9, 0.5, 0.1))
         assert (count_terms(colored) == 3) == (word in ("phong", "blinn", "cook-torrance"))
         assert count_terms(made(word, fresnel=(0.9, 0.5, 0.1), specular=0)) == 1
-    assert blinn_scale(made("blinn", shininess=10, normalized=True)) == pytest.approx(12 * 14 / (8 * (2**-5 + 10)))
+    blinn = made("blinn", shininess=10, normalized=True)
+    assert entry_of(blinn).highlight_scale(blinn) == pytest.approx(12 * 14 / (8 * (2**-5 + 10)))

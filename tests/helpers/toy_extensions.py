@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from rasterizer import registries
-from rasterizer.engine.lights import world_direction
+from rasterizer.engine.lights import to_world
 from rasterizer.geometry.vectors import dot, subtract
 from rasterizer.pipeline.fragments import read_vector
 from rasterizer.reference import vectors
@@ -53,7 +53,7 @@ class SlabLight(registries.CustomLight):
         return light_dir, one / (one + share * share)
 
     def beam(self, view):
-        return registries.Beam(None, world_direction(self, view), 0.0)
+        return registries.Beam(None, to_world(self.direction, self, view), 0.0)
 
     def reference(self, points, normals, frame):
         axis = frame.vector(self.direction)
