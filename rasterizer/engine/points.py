@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cores import Workers
 from ..geometry.closed import find_inner_sides
-from ..geometry.normals import Fans, list_fans, map_parts, polygon_planes, split_creases, within_range
+from ..geometry.normals import Fans, list_fans, polygon_planes, split_creases, within_range
 from ..geometry.surfaces import flag_inverted
 from ..geometry.weld import unique_rows
 from ..scene.arrays import distinct
@@ -78,7 +79,7 @@ def gather_geometry(
     has_lit_points : False where points aren't lit: then nobody asks where split vertices are
     fans : of each mesh, see `split_creases`; none where they aren't known
     """
-    materials, palettes = number_materials(meshes)
+    workers, (materials, palettes) = workers or Workers(1), number_materials(meshes)
     is_textured = is_brushed = is_split = is_colored = False
     for material in materials:
         is_textured |= material.texture is not None
@@ -130,7 +131,7 @@ def gather_geometry(
     )
     if not is_flat:
         given = positions, geometry.normals, vertex, corner
-        map_parts(lambda part: flag_inverted(*given, part, geometry.is_inverted), vertex.shape[1], workers)
+        workers.map(lambda part: flag_inverted(*given, part, geometry.is_inverted), workers.ranges(vertex.shape[1]))
     return geometry
 
 
@@ -184,7 +185,7 @@ def _columns(arrays: Sequence[NDArray], offsets: NDArray, workers: Any) -> NDArr
                 if offset:
                     column += offset
 
-        map_parts(fill, len(array), workers)
+        workers.map(fill, workers.ranges(len(array)))
         start += len(array)
     return out
 

@@ -50,24 +50,22 @@ def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32], f
     (n_face,) int8: 1 where that is the side from which it is seen clockwise, -1 where it is the other one, 0 where the
     body isn't closed, or has no volume
     """
-    sides, is_border = np.empty(len(faces), np.int8), np.zeros(len(vertices), np.bool_)
-    _look_for_bodies(vertices, faces, fans, sides, is_border)
-    border = np.flatnonzero(is_border)
-    if len(border):
+    n_face, sides = len(faces), np.empty(len(faces), np.int8)
+    while True:
+        bodies, is_border = (
+            Bodies(np.empty(n_face, np.uint32), *np.zeros((2, n_face))),
+            np.zeros(len(vertices), np.bool_),
+        )
+        find_bodies(vertices, faces, fans, np.empty(2 * fans.valence, np.int64), bodies, sides, is_border)
+        border = np.flatnonzero(is_border)
         first, number = unique_rows(vertices[border])
-        if len(first) < len(border):
-            names = np.arange(len(vertices), dtype=np.uint32)
-            names[border] = border[first][number]
-            faces = names[faces]
-            _look_for_bodies(vertices, faces, list_fans(faces, len(vertices)), sides, is_border)
-    return sides
-
-
-def _look_for_bodies(vertices: NDArray, faces: NDArray, fans: Fans, out_sides: NDArray, out_is_border: NDArray) -> None:
-    """Write the inner sides of triangles, and flag the vertices of edges that one triangle has."""
-    n_face, keys = len(faces), np.empty(2 * fans.valence, np.int64)
-    bodies = Bodies(np.empty(n_face, np.uint32), np.zeros(n_face), np.zeros(n_face))
-    find_bodies(vertices, faces, fans, keys, bodies, out_sides, out_is_border)
+        if len(first) == len(border):
+            return sides
+        # Once more, with one vertex at each of their positions.
+        names = np.arange(len(vertices), dtype=np.uint32)
+        names[border] = border[first][number]
+        faces = names[faces]
+        fans = list_fans(faces, len(vertices))
 
 
 @kernel

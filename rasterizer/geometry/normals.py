@@ -12,28 +12,26 @@ Each fan is taken apart by itself, with the list of corners at each vertex and n
 stored face normals. To compute a normal again at each corner costs less than to store and fetch it: the corners of some
 fans are measured together, by the compiler's vector instructions. Nearly all fans are rings: from each corner a walk
 across the edge that it leaves along comes to the next one, and at last back to the first. The edges of others are
-sorted. Parts of the corners are split side by side, on threads.
+sorted. Parts of the vertices are split side by side, on threads.
 
 Rounding: only differences of coordinates are used, so a common offset loses no more than the coordinates already have.
 Lengths may lie anywhere between 1e-60 and 1e60.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
 from ..compiler.kernels import helper, kernel
+from ..cores import Workers
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
-
-_T = TypeVar("_T")
 
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in WEIGHTINGS
 
-_ROUND = 1 << 18  # corners that are split before the split vertices of others are: these go where all are, then
+_PART = 1 << 13  # vertices that are worth a thread
 
 _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 
@@ -69,7 +67,7 @@ _MAX_EXPONENT = 200  # of coordinates, see `within_range`
 
 
 class Split(NamedTuple):
-    """Triangles over split vertices, in order of first use; those split from one vertex stand side by side.
+    """Triangles over split vertices, in the order of the vertices that they were split from.
 
     Attributes
     ----------
@@ -97,7 +95,6 @@ class FanScratch(NamedTuple):
     each corner, of the one those with an area."""
 
     block: NDArray[np.float64]  # see _BLOCK
-    listed: NDArray[np.uint32]  # (max(_BLOCK, valence),) the corners of the fans, one fan's behind the other's
     measured: NDArray[np.float64]  # (max(_BLOCK, valence), 4) as below; the weight is 0 without area
     corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
     members: NDArray[np.uint32]  # (valence,) the corner
@@ -117,13 +114,6 @@ class CreaseRule(NamedTuple):
     smoothing: NDArray[np.int32]  # (n_face,) or empty: then the angle decides
     smooth_cosine: float  # see `is_smooth`
     weighting: int  # 0 to 2
-
-
-class SplitVertices(NamedTuple):
-    """Room for split vertices."""
-
-    source: NDArray[np.uint32]  # (n,) the vertex that each was split from
-    normals: NDArray[np.float64]  # (n, 3) unit length, or zero
 
 
 def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) -> NDArray[np.float64]:
@@ -154,7 +144,8 @@ def polygon_planes(
     normals : (max(polygons) + 1, 3) float64, as `polygon_normals` returns them
     centroids : the same shape, scene units; where no triangle of a polygon has an area, the mean of theirs
     """
-    vertices, faces, polygons = _freeze(vertices, np.float64), _freeze(faces, np.uint32), _freeze(polygons, np.uint32)
+    vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint32)
+    polygons = np.ascontiguousarray(polygons, np.uint32)
     n_polygon = int(polygons.max()) + 1 if len(polygons) else 0
     normals, centroids, sums = np.zeros((n_polygon, 3)), np.zeros((n_polygon, 3)), np.zeros((n_polygon, 2))
     sum_by_polygon(vertices, within_range(vertices), faces, polygons, normals, centroids, sums)
@@ -173,7 +164,7 @@ def split_creases(
     crease_angle: float,
     weighting: Weighting = "angle",
     smoothing: ArrayLike | None = None,
-    workers: Any = None,
+    workers: Workers | None = None,
     fans: Fans | None = None,
 ) -> Split:
     """Split each vertex so that faces that meet at more than the crease angle have normals of their own.
@@ -205,9 +196,36 @@ def split_creases(
 
     Source: creases: Gouraud 1971; angle weights: Thürmer & Wüthrich 1998, J. Graphics Tools 3(1), 43-46.
     """
-    groups = _freeze(np.empty(0) if smoothing is None else smoothing, np.int32)
+    vertices = within_range(np.ascontiguousarray(vertices, np.float64))
+    faces = np.ascontiguousarray(faces, np.uint32)
+    groups = np.ascontiguousarray([] if smoothing is None else smoothing, np.int32)
     rule = CreaseRule(groups, smooth_cosine(crease_angle), WEIGHTINGS.index(weighting))
-    return _split(*_freeze_mesh(vertices, faces), rule, workers, fans)
+    fans, workers = fans or list_fans(faces, len(vertices)), workers or Workers(1)
+    columns = np.empty((3, len(faces)), np.uint32)
+    # No corner has more than one split vertex: those of a part have room where its corners are in the fans. What isn't
+    # written of these takes no memory.
+    source, normals = np.empty(faces.size, np.uint32), np.empty((faces.size, 3))
+
+    def split_part(part: tuple[int, int]) -> int:
+        """Split the fans of a part of the vertices; number the split vertices from 0; return how many there are."""
+        n, start = fans.valence, fans.first[part[0]]
+        scratch = FanScratch(
+            np.zeros(16 * _BLOCK), np.empty((max(_BLOCK, n), 4)), np.empty((n, 4)), *np.empty((4, n), np.uint32),
+            np.empty(2 * n, np.int64), np.empty(n, np.uint32), np.empty(n, np.int64), np.empty((n, 4)),
+            np.empty((n, 2), np.int64),
+        )  # fmt: skip
+        return split_fans(vertices, fans, rule, scratch, part, columns, source[start:], normals[start:])
+
+    parts, n_split, n_before = workers.ranges(len(vertices), _PART), 0, np.zeros(len(vertices), np.uint32)
+    for part, n in zip(parts, workers.map(split_part, parts), strict=True):
+        if n_split > 0:  # close the gap before this part
+            start, here = fans.first[part[0]], slice(n_split, n_split + n)
+            source[here], normals[here] = source[start : start + n], normals[start : start + n]
+            n_before[slice(*part)] = n_split
+        n_split += n
+    if len(parts) > 1:
+        workers.map(lambda k: np.add(columns[k], n_before.take(faces[:, k]), out=columns[k]), range(3))
+    return Split(columns.T, source[:n_split], normals[:n_split])
 
 
 def fill_normals(
@@ -279,91 +297,11 @@ def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ldexp(vertices, -exponent)
 
 
-def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule, workers: Any, given: Fans | None) -> Split:
-    """Split the fans of a mesh: parts of the corners side by side, whose split vertices are numbered one after the
-    other then."""
-    n_corner, columns, n_split = faces.size, np.empty((3, len(faces)), np.uint32), 0
-    fans = list_fans(faces, len(vertices)) if given is None else given
-    n_before = np.zeros(len(vertices), np.uint32)  # split vertices of the parts before that of a vertex
-    # No corner has more than one split vertex. What isn't written of these takes no memory.
-    whole = SplitVertices(np.empty(n_corner, np.uint32), np.empty((n_corner, 3)))
-
-    def split_part(part: tuple[int, int]) -> SplitVertices:
-        """Split the fans of a part; fill the split vertex of each corner, numbered from 0 in each part."""
-        scratch, (corner, end), n_split = make_fan_scratch(fans.valence), part, 0
-        split = SplitVertices(np.empty(0, np.uint32), np.empty((0, 3)))
-        while corner < end:
-            split = _grow(split, n_split, max(end - part[0], n_split + n_split // 2) + len(scratch.listed))
-            corner, n_split = split_fans(vertices, fans, rule, scratch, (corner, end), n_split, columns, split)
-        return SplitVertices(split.source[:n_split], split.normals[:n_split])
-
-    def place(placed: tuple[SplitVertices, int]) -> None:
-        split, first = placed
-        here = slice(first, first + len(split.source))
-        whole.source[here], whole.normals[here], n_before[split.source] = split.source, split.normals, first
-
-    def number(part: tuple[int, int]) -> None:
-        for column, vertex in zip(columns, faces.T, strict=True):
-            column[slice(*part)] += n_before[vertex[slice(*part)]]
-
-    rounds = [(begin, min(begin + _ROUND, n_corner)) for begin in range(0, n_corner, _ROUND)]
-    for begin, end in rounds:
-        splits = map_parts(
-            lambda part, begin=begin: split_part((begin + part[0], begin + part[1])), end - begin, workers
-        )
-        ends = np.cumsum([n_split, *(len(split.source) for split in splits)]).tolist()
-        n_split = ends[-1]
-        map_all(place, list(zip(splits, ends, strict=False)), workers)
-    map_parts(number, len(faces), workers)
-    return Split(columns.T, whole.source[:n_split], whole.normals[:n_split])
-
-
-def map_parts(function: Callable[[tuple[int, int]], _T], n: int, workers: Any) -> list[_T]:
-    """Call a function with parts of range(n), (start, end), side by side on the threads of Workers, or with all of it
-    where these are None; return what it returns, in order."""
-    return map_all(function, [(0, n)] if workers is None else workers.ranges(n), workers)
-
-
-def map_all(function: Callable[[Any], _T], items: list, workers: Any) -> list[_T]:
-    """Call a function with all items, on the threads of Workers or, where these are None, on the caller's alone."""
-    return [function(item) for item in items] if workers is None else workers.map(function, items)
-
-
-def _grow(split: SplitVertices, n_split: int, capacity: int) -> SplitVertices:
-    """Return room for so many split vertices, with those that there are."""
-    larger = SplitVertices(np.empty(capacity, np.uint32), np.empty((capacity, 3)))
-    larger.source[:n_split], larger.normals[:n_split] = split.source[:n_split], split.normals[:n_split]
-    return larger
-
-
-def _freeze(array: NDArray, dtype: DTypeLike) -> NDArray:
-    """Return a plain, contiguous, read-only view: one array type, so one compiled variant of each kernel."""
-    view = np.require(array, dtype, ["C", "A", "E"]).view()
-    view.flags.writeable = False
-    return view
-
-
-def _freeze_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """Return vertices and faces as the kernels take them."""
-    return within_range(_freeze(vertices, np.float64)), _freeze(faces, np.uint32)
-
-
 def list_fans(faces: NDArray[np.uint32], n_vertex: int) -> Fans:
     """List the corners of a mesh by vertex; `faces` is (n_face, 3), contiguous."""
     corner_vertices, first = faces.reshape(-1), np.zeros(n_vertex + 2, dtype=np.uint32)
     corners = np.empty(len(corner_vertices), dtype=np.uint32)
     return Fans(corner_vertices, first, corners, list_corners(corner_vertices, first, corners))
-
-
-def make_fan_scratch(valence: int) -> FanScratch:
-    """Return room for the fans of a mesh in which no vertex has more corners than `valence`."""
-    n = max(_BLOCK, valence)
-    return FanScratch(
-        np.zeros(16 * _BLOCK), np.empty(n, np.uint32), np.empty((n, 4)), np.empty((valence, 4)),
-        *(np.empty(valence, np.uint32) for _ in range(4)), np.empty(2 * valence, np.int64),
-        np.empty(valence, np.uint32), np.empty(valence, np.int64), np.empty((valence, 4)),
-        np.empty((valence, 2), np.int64),
-    )  # fmt: skip
 
 
 # --- kernels -------------------------------------------------------------------------------------------------
@@ -420,43 +358,43 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def split_fans(vertices, fans, rule, scratch, part, n_split, out_columns, out):
-    """Join the corners of each fan into groups, and write split vertices for each, as long as there is room.
+def split_fans(vertices, fans, rule, scratch, part, out_columns, out_source, out_normals):
+    """Join the corners of each fan into groups, and write split vertices for each; return how many.
 
-    The fans are those whose first corner is in a part of the corners, (start, end). Return the corner to go on with,
-    for whose fan there is no room, or the end; and how many split vertices there are. To go on, call again with both,
-    and with more room in `out`: for `listed` more there is always room for some more fans.
+    Those of the fans of a part of the vertices, (start, end). No corner has more than one.
 
-    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; n_split: 0 at first; out_columns
-    (3, n_face) u32, the split vertex of each corner; out: SplitVertices, with what was written before.
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; out_columns (3, n_face) u32, the
+    split vertex of each corner, numbered from 0; out_source (n,) u32, the vertex that each was split from, and
+    out_normals (n, 3) f64, unit length or zero.
     """
-    corner_vertices, listed = fans.corner_vertices, scratch.listed
-    source, normals = out.source, out.normals
-    corner, end = part[0], part[1]
-    # No corner has more than one split vertex.
-    while corner < end and n_split + len(listed) <= len(source):
-        corner, n_listed = _list_fans_from(corner, end, fans, listed)
-        _measure_corners(vertices, corner_vertices, n_listed, rule.weighting, scratch)
-        start = 0
-        while start < n_listed:
-            vertex = corner_vertices[listed[start]]
-            around = listed[start : start + (fans.first[vertex + 1] - fans.first[vertex])]
-            n_fan, n_before = _gather_fan(corner_vertices, around, start, scratch), n_split
-            start += len(around)
+    n_split, end = 0, part[0]
+    while end < part[1]:
+        # Measure one fan, and more up to _BLOCK corners.
+        begin, end = end, end + 1
+        first = np.int64(fans.first[begin])
+        while end < part[1] and np.int64(fans.first[end + 1]) - first <= _BLOCK:
+            end += 1
+        _measure_corners(vertices, fans.corner_vertices, fans.corners[first : fans.first[end]], rule.weighting, scratch)
+        for vertex in range(begin, end):
+            around = fans.corners[fans.first[vertex] : fans.first[vertex + 1]]
+            if len(around) == 0:  # no face uses it
+                continue
+            n_fan = _gather_fan(fans.corner_vertices, around, np.int64(fans.first[vertex]) - first, scratch)
+            n_before = n_split
             is_ring, n_joined = _walk_ring(n_fan, rule, scratch)
             total, size = _sum_fan(n_fan, scratch)
             if is_ring and n_joined == n_fan and size > 0.0:
-                normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = divide(total, size)
+                out_normals[n_split, 0], out_normals[n_split, 1], out_normals[n_split, 2] = divide(total, size)
                 for i in range(n_fan):
                     _set_corner(out_columns, scratch.members[i], n_split)
                 n_split += 1
             else:
                 _link_fan(n_fan, is_ring, rule, scratch)
                 _sum_groups(n_fan, scratch)
-                n_split = _write_groups(n_fan, n_split, scratch, normals, out_columns)
+                n_split = _write_groups(n_fan, n_split, scratch, out_normals, out_columns)
             # The corners without area take the first of these, or a zero normal where there is none.
             if n_fan == 0:
-                normals[n_split, 0], normals[n_split, 1], normals[n_split, 2] = 0.0, 0.0, 0.0
+                out_normals[n_split, 0], out_normals[n_split, 1], out_normals[n_split, 2] = 0.0, 0.0, 0.0
                 n_split += 1
             i = 0
             for slot in range(len(around) if n_fan < len(around) else 0):
@@ -465,26 +403,8 @@ def split_fans(vertices, fans, rule, scratch, part, n_split, out_columns, out):
                 else:
                     _set_corner(out_columns, around[slot], n_before)
             for k in range(n_before, n_split):
-                source[k] = vertex
-    return corner, n_split
-
-
-@helper
-def _list_fans_from(corner, end, fans, out_listed):
-    """List the corners of the fans whose first corner is in corner..end: one fan, and more up to _BLOCK corners. Return
-    where to go on, and how many corners are listed."""
-    n_listed = 0
-    while corner < end:
-        vertex = fans.corner_vertices[corner]
-        first, behind = fans.first[vertex], fans.first[vertex + 1]
-        if fans.corners[first] == corner:
-            if n_listed > 0 and n_listed + (behind - first) > _BLOCK:
-                break
-            for slot in range(first, behind):
-                out_listed[n_listed] = fans.corners[slot]
-                n_listed += 1
-        corner += 1
-    return corner, n_listed
+                out_source[k] = vertex
+    return n_split
 
 
 @helper
@@ -496,14 +416,14 @@ def neighbors(corner, corner_vertices):
 
 
 @helper
-def _measure_corners(vertices, corner_vertices, n_listed, weighting, scratch):
-    """Measure the first corners that are listed in a FanScratch. Behind the last of them a block holds what was left
-    there: loops that are as long as a block are compiled to half as much code."""
+def _measure_corners(vertices, corner_vertices, corners, weighting, scratch):
+    """Measure corners. Behind the last of them a block holds what was left there: loops that are as long as a block
+    are compiled to half as much code."""
     block, measured = scratch.block, scratch.measured
-    for first in range(0, n_listed, _BLOCK):
-        n = min(_BLOCK, n_listed - first)
+    for first in range(0, len(corners), _BLOCK):
+        n = min(_BLOCK, len(corners) - first)
         for k in range(n):
-            corner = scratch.listed[first + k]
+            corner = corners[first + k]
             after, before = neighbors(corner, corner_vertices)
             _set_vector(block, _HERE + k, vector_of_row(vertices, corner_vertices[corner]))
             _set_vector(block, _AFTER + k, vector_of_row(vertices, after))
