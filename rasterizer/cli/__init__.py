@@ -3,10 +3,9 @@
     parser     the commands, how a command line is read, the help
     flags      the flags that several commands have, by topic
     values     what is written behind flags: numbers, colours, materials, lights
-    models     which models are read, and what the arguments make of them
-    cameras    where a picture is taken from
+    models     which models are read, and how
     outputs    which pictures there are: their names, their formats, their files
-    drawing    one model after another; processes: several at a time
+    drawing    what the arguments want of all models; one after another is drawn; processes: several at a time
     messages   what is said, and what failed
 
 `raster --help` lists the exit codes. Where all models failed, the code is that of the first. Whatever a user may do
@@ -20,6 +19,7 @@ import os
 import sys
 
 DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
+TERMINATED = 128 + 15  # by SIGTERM
 
 
 def main(argv=None) -> int:
@@ -72,6 +72,10 @@ def _run_as_program() -> int:
         else:
             sys.__unraisablehook__(unraisable)
 
+    def end(*_):
+        raise SystemExit(TERMINATED)
+
+    signal.signal(signal.SIGTERM, end)  # so that no half file stays
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as for a process that was started in the background
         signal.signal(signal.SIGINT, interrupt)
         sys.unraisablehook = take_again

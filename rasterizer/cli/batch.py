@@ -57,9 +57,10 @@ def add_flags(parser) -> None:
 def run(arguments, messages) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..batch.rendering import is_there
-    from .outputs import by_view, holds_arrays, plan_targets, without
+    from .drawing import make_settings
+    from .outputs import by_view, check_scale, holds_arrays, plan_targets, without
     from .processes import can_use_processes, draw_in_processes
-    from .render import check_options, render_model
+    from .render import render_model
 
     def is_left_out(target) -> bool:
         if arguments.skip_existing:
@@ -67,7 +68,8 @@ def run(arguments, messages) -> tuple[list, int]:
         return arguments.is_resumed and is_there(target.output, target.model)
 
     start = perf_counter()
-    check_options(arguments)
+    settings = make_settings(arguments)
+    check_scale(arguments)
     if not can_use_processes(arguments):
         raise SceneError("raster batch reads and writes files; for stdin and stdout there is raster render")
     if (arguments.coco or arguments.bop) and not arguments.manifest:
@@ -81,7 +83,7 @@ def run(arguments, messages) -> tuple[list, int]:
     note = None if manifest is None else manifest.note
     try:
         failures, n_model, summary = draw_in_processes(
-            arguments, messages, plan, render_model, arguments.scheduler, note
+            arguments, settings, messages, plan, render_model, arguments.scheduler, note
         )
         if manifest is not None:
             manifest.finish()
@@ -132,11 +134,12 @@ class _Manifest:
     def note(self, view, said, outputs) -> None:
         """Add the line of a picture that was written."""
         from ..batch.manifest import depth_scale
+        from .outputs import seed_of
 
         number = self._numbers[view[0].output]
         view, files = self._views[number], _named_files(self._views[number], outputs)
         scale = depth_scale(files, self._arguments.scale)
-        name = view[0].view if values.seed_of(view[0].view) is None else RANDOM
+        name = view[0].view if seed_of(view[0].view) is None else RANDOM
         of_task = {"model": view[0].model, "seed": view[0].seed, "view": name, "depth_scale": scale}
         self._file.add(number, files, of_task | said)
 

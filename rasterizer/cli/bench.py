@@ -3,6 +3,7 @@
 The table on stdout is the front, the rows that nothing beats; the last line says what to choose, and why.
 """
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -75,10 +76,9 @@ def run(arguments, messages) -> tuple[list, int]:
     """Measure every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..analysis.comparison import check_flip
     from ..analysis.speed_error_plot import check_plotting
-    from .drawing import draw_models
+    from .drawing import draw_models, make_settings
 
-    for name in _OPTIONS:
-        Options(**{name: getattr(arguments, name)})  # what is not legal is told at once
+    settings = make_settings(arguments)
     for tolerance in arguments.tolerances:
         Options(tolerance=tolerance)
     if not arguments.seconds > 0.0:
@@ -87,7 +87,7 @@ def run(arguments, messages) -> tuple[list, int]:
         check_plotting()
     if arguments.with_flip:
         check_flip()
-    return draw_models(arguments, messages, _bench_model, _check_plot)
+    return draw_models(arguments, settings, messages, _bench_model, _check_plot)
 
 
 def _check_plot(output, _) -> None:
@@ -101,22 +101,22 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
     """Measure all views of one model."""
     from ..analysis.speed_error_plot import plot
     from ..analysis.timing import describe_machine
-    from .cameras import camera_of
-    from .models import load_scene, with_options
+    from .drawing import camera_of, with_options
+    from .models import load_scene
 
     start = perf_counter()
     model = targets[0].model
     loaded = load_scene(model, arguments, settings, messages, output.files_read)
-    arguments = with_options(arguments, loaded.options, _OPTIONS, model)
+    arguments = with_options(arguments, loaded.options)
     machine = describe_machine()
     if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
-        scene = replace(loaded.scene, camera=camera_of(arguments, target.view, loaded.scene, loaded.framing))
+        scene = replace(loaded.scene, camera=camera_of(settings, target.view, loaded))
         found = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
         if target.output is not None:
-            output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
+            output.write({target.output: plot(found.rows, title, Path(target.output).suffix.lower())})
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
             messages.record(_record(target, arguments, scene, seconds, machine, loaded.warnings, found))
@@ -131,7 +131,7 @@ def _measure(scene, arguments, messages):
 
     options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
     methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
-    with Bar(messages) as bar:
+    with closing(Bar(messages)) as bar:
 
         def show(n_done, n, what):
             bar.show(n_done, n, f"measuring {what}")

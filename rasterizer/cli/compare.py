@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 from ..choices import ARRAY_SUFFIXES
 from ..errors import SceneError, counted
-from ..options import Options
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
 from .messages import QUIET, STDIO, print_text
@@ -37,7 +36,7 @@ _NAMES = {"flat": "flat", "lambert": "flat", "gouraud": "Gouraud 1971", "phong":
 _REFERENCE = "reference: Phong, float64"
 # A face takes the reference as long as many pixels, counted as 60. Beyond this it takes a while.
 _SLOW = 20_000  # faces and pixels / 60 together
-_OPTIONS = ("cull", "color_range", "exposure", "spectral", "threads")  # a scene file's size is that of one picture
+_OPTIONS = ("cull", "color_range", "exposure", "spectral", "threads")
 _PAPER = "white"
 _QUANTILE = 0.99  # of the covered pixels have errors on the maps' scale
 _SECONDS, _MAX_ROUNDS = 1.0, 15  # in which methods are timed
@@ -84,28 +83,27 @@ def add_flags(parser) -> None:
 
 def run(arguments, messages) -> tuple[list, int]:
     """Compare the methods on every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import draw_models
+    from .drawing import draw_models, make_settings
     from .outputs import suffix_of
 
     if suffix_of(arguments.output) in ARRAY_SUFFIXES:
         raise SceneError(f"compare writes pictures, no arrays; given {arguments.output}")
-    Options(**{name: getattr(arguments, name) for name in ("size", *_OPTIONS)})  # what is not legal is told at once
-    return draw_models(arguments, messages, _compare_model)
+    settings = make_settings(arguments, but=("size",))  # a scene file's is that of one picture
+    return draw_models(arguments, settings, messages, _compare_model)
 
 
 def _compare_model(targets, arguments, settings, messages, output) -> None:
     """Compare the methods in all views of one model."""
-    from .cameras import camera_of
-    from .drawing import picture_warnings
-    from .models import load_scene, with_options
+    from .drawing import camera_of, picture_warnings, with_options
+    from .models import load_scene
     from .outputs import encode_sheet
 
     start = perf_counter()
     model = targets[0].model
     loaded = load_scene(model, arguments, settings, messages, output.files_read)
-    arguments = with_options(arguments, loaded.options, _OPTIONS, model)
+    arguments = with_options(arguments, loaded.options)
     for target in targets:
-        scene = replace(loaded.scene, camera=camera_of(arguments, target.view, loaded.scene, loaded.framing))
+        scene = replace(loaded.scene, camera=camera_of(settings, target.view, loaded))
         drawn, times, frame = _draw_methods(scene, arguments)
         warnings = picture_warnings(frame, loaded.scene, arguments, scene.camera, model)
         messages.warn(*warnings)
@@ -123,7 +121,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         figures[against] = figures[against]._replace(max=None, rms=None, over_one=None)
         note = _explain_slopes(figures, scene, arguments)
         image, scale = _lay_out(drawn, against, figures, scene.background)
-        output.write(encode_sheet(image, target.output), target.output)
+        output.write({target.output: encode_sheet(image, target.output)})
         seconds, start = perf_counter() - start, perf_counter()
         messages.detail(f"{model}: {target.output}, {counted(scene.n_face, 'face')}, {seconds:.2f} s in all")
         if arguments.json:

@@ -41,6 +41,10 @@ no, SIZE or SIZE/FILTER: texels along its map, and along the square that softens
 """
 
 
+_HELD = {"color": "linear float32", "rgb": "uint8", **choices.BUFFERS, EVERY: "color and every buffer"}
+_ARRAYS = "".join(f"\n  {name:<17}{text}" for name, text in _HELD.items())
+_Z_UP = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")
+
 # Each flag takes a line for what it is, and one for what the help says.
 # fmt: off
 
@@ -49,11 +53,14 @@ def add_models(parser) -> None:
     """Add the models that are read, and how."""
     group = parser.add_topic("models", "A scene file (.json or .toml) holds models, materials, lights, camera, "
                              "background, depth cue and options; flags come first.")
-    models, scenes = (", ".join(formats.names(is_scene=is_scene)) for is_scene in (False, True))
+    models, scenes = [], []
+    for entry in formats.FORMATS.values():
+        (scenes if entry.is_scene else models).append(entry.name)
     add = group.add_argument
     add("models", nargs="+", metavar="MODEL",
-        help=f"{models} files, scene files ({scenes}), or patterns such as 'parts/*.stl'; - is stdin")
-    add("--input-format", choices=formats.names(), metavar="NAME",
+        help=f"{', '.join(models)} files, scene files ({', '.join(scenes)}), "
+        "or patterns such as 'parts/*.stl'; - is stdin")
+    add("--input-format", choices=tuple(formats.FORMATS), metavar="NAME",
         help="format of the models, whatever their suffix; needed for stdin")
     add("--recursive", action="store_true",
         help="of a folder, take all models in it and below; outputs stay in folders")
@@ -117,12 +124,10 @@ def add_messages(group) -> None:
 
 def add_arrays(parser) -> None:
     """Add arrays, in place of pictures or beside them."""
-    held = {"color": "linear float32", "rgb": "uint8", **choices.BUFFERS, EVERY: "color and every buffer"}
-    rows = "".join(f"\n  {name:<17}{text}" for name, text in held.items())
     add = parser.add_topic(
         "array", "-o '{stem}.{array}.png' makes a file of each, as an -o after each does. Arrays have one sample a "
-        f"pixel, but for color and rgb with --samples.\n{rows}").add_argument
-    add("--array", dest="outputs", action="append", choices=tuple(held), metavar="NAME",
+        f"pixel, but for color and rgb with --samples.\n{_ARRAYS}").add_argument
+    add("--array", dest="outputs", action="append", choices=tuple(_HELD), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
         "(repeat it; default MODEL.npz)")
     add("--scale", type=values.number, metavar="UNITS",
@@ -170,9 +175,8 @@ def add_camera(parser, views=True, azimuth="about the up axis",
         help=f"a camera out of a scene file, or one in JSON; file = the model's own; {frame}")
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
-    upright = " and ".join(each.name for each in formats.FORMATS.values() if each.up == "z")
     add("--up", type=values.axis, choices=("auto", *choices.AXES),
-        help=f"up axis (default auto: that of a scene file or a dae, z for {upright}, else y)")
+        help=f"up axis (default auto: that of a scene file or a dae, z for {_Z_UP}, else y)")
 
 
 def add_look(parser, is_compared=False):
@@ -235,7 +239,7 @@ def add_look(parser, is_compared=False):
     if not is_compared:
         _add_option(group, "edges", "edges of polygons drawn over the picture where nothing hides them, with commas "
                     "between: wire (all), crease (where faces meet at more than the crease angle, or end), silhouette, "
-                    "all (default: none)", type=values.list_of(str, choices.EDGE_TYPES), metavar="LIST")
+                    "all (default: none)", type=values.edge_types, metavar="LIST")
         _add_option(group, "edge_color", "of the edges (default black)", type=values.color, metavar="COLOR")
         _add_option(group, "edge_width", "of the edges, in pixels", metavar="PX")
 
@@ -255,7 +259,9 @@ class _Outputs(argparse.Action):
     """Remember each -o, and the --array that stand between it and the one before; `output` is the last."""
 
     def __call__(self, _parser, namespace, value, _flag=None):
-        n_before = sum(len(names) for _, names in namespace.files)
+        n_before = 0
+        for _, names in namespace.files:
+            n_before += len(names)
         namespace.files = (*namespace.files, (value, tuple(namespace.outputs or ())[n_before:]))
         namespace.output = value
 

@@ -3,7 +3,8 @@
 import math
 import os
 import sys
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, nullcontext
+from time import perf_counter
 
 from ..errors import OutputError, counted, error_of
 
@@ -139,7 +140,7 @@ class Failures(list):
 
 
 class Results:
-    """Tell of each picture that is done: a line on a terminal, and a bar where there are many; a context manager.
+    """Tell of each picture that is done, until `close`: a line on a terminal, and a bar where there are many.
 
         raster: [37/200] thumbs/part.png, 640x480, 35.1 kB, 0.12 s
 
@@ -158,18 +159,16 @@ class Results:
         self._messages, self._n, self._n_done = messages, n, 0
         self._is_told = is_told and is_terminal and messages.level == NORMAL
         self._bar = None
-
-    def __enter__(self):
-        if self._is_told and self._n >= _MANY:
+        if self._is_told and n >= _MANY:
             try:
                 from tqdm import tqdm
             except ImportError:
-                return self
-            self._bar = tqdm(total=self._n, file=sys.stderr, unit="picture", leave=False, dynamic_ncols=True)
-            self._messages.bar = self._bar
-        return self
+                return
+            self._bar = tqdm(total=n, file=sys.stderr, unit="picture", leave=False, dynamic_ncols=True)
+            messages.bar = self._bar
 
-    def __exit__(self, *_):
+    def close(self) -> None:
+        """Take the bar off the terminal."""
         if self._bar is not None:
             self._messages.bar = None
             self._bar.close()
@@ -272,29 +271,29 @@ def compilation_shown(messages):
 
     for reason in kernels.STORE.reasons:
         messages.detail(f"the store of kernels: {reason}")
-    with Bar(messages) as bar, _details_told(messages):
+    with closing(Bar(messages)) as bar, _details_told(messages) if messages.level >= VERBOSE else nullcontext():
         progress = Progress(messages, bar, not kernels.STORE.is_kept)
         with kernels.noticing_compilation(progress.show):
             yield progress
 
 
 class Bar:
-    """A bar on a terminal about work of many parts; elsewhere it says nothing."""
+    """A bar on a terminal about work of many parts, until `close`; elsewhere it says nothing.
 
-    def __init__(self, messages):
+    Parameters
+    ----------
+    messages : Messages
+    patience : seconds of work before it is shown
+    """
+
+    def __init__(self, messages, patience: float = 0.0):
         is_terminal = sys.stderr is not None and sys.stderr.isatty()
         self.is_shown = messages.level == NORMAL and is_terminal and messages.bar is None
-        self._is_drawn = False
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.end()
+        self._is_drawn, self._start = False, perf_counter() + patience
 
     def show(self, n_done: int, n: int, what: str) -> None:
         """Show how many parts are done, and what comes now."""
-        if self.is_shown:
+        if self.is_shown and perf_counter() >= self._start:
             n_filled = BAR_WIDTH * n_done // max(n, 1)
             bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)
             # An escape sequence of terminals clears the rest of the line.
@@ -302,7 +301,7 @@ class Bar:
             sys.stderr.flush()
             self._is_drawn = True
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Take the bar off the terminal."""
         if self._is_drawn:
             sys.stderr.write("\r\x1b[K")
@@ -331,10 +330,6 @@ class Progress:
 @contextmanager
 def _details_told(messages):
     """Say what the package's modules log, inside the block, as details."""
-
-    if messages.level < VERBOSE:
-        yield
-        return
     import logging
 
     class Teller(logging.Handler):

@@ -1,32 +1,23 @@
-"""Which models are read, and what the arguments say of how they look."""
+"""Which models are read, and how each is loaded."""
 
 import glob
 import os
 import sys
 import warnings
-from contextlib import contextmanager
-from copy import copy
-from dataclasses import fields, replace
+from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import NamedTuple
 
-from ..choices import RANDOM
 from ..errors import ModelError, SceneError
 from ..io import formats
-from ..io.loader import read_source
+from ..io.loader import SceneFile, read_source
 from ..io.model_file import noticing_progress
 from ..look import Look
 from ..options import Options
-from ..scene.color import linear_rgb
-from ..scene.lights import Shadow
-from ..scene.material import REFLECTION_MODELS
-from ..scene.scene import DepthCue, Scene
+from ..scene.scene import Scene
 from ..viewpoint import Viewpoint
-from .flags import UNSAID
-from .messages import STDIO, Bar
-from .parser import did_you_mean
-from .values import make_light
+from .messages import STDIO, VERBOSE, Bar
 
 _LONG = 1.0  # seconds of reading a file, after which a bar is shown
 _UNTOLD_UP = ("obj", "stl", "ply", "off")  # formats that don't say which axis points upwards
@@ -34,20 +25,24 @@ _MAX_LOOKED_AT = 50_000  # faces, when that is guessed: more make no other share
 
 
 def list_models(arguments) -> list[str]:
-    """List the models that are read, patterns replaced by the files that match; SceneError where stdin can't be one."""
-    models = _expand(arguments.models)
-    if getattr(arguments, "recursive", False):
-        models = [found for model in models for found in (_walk(model) if os.path.isdir(model) else [model])]
-    _check_stdin(models, arguments.input_format)
-    return models
+    """List the models that are read, patterns replaced by the files that match, in order, and folders, with
+    --recursive, by the models in them; a name that exists, or matches nothing, stays.
 
-
-def _expand(patterns) -> list[str]:
-    """Replace patterns by the files that match, in order; a name that exists, or matches nothing, stays."""
+    Raises SceneError where stdin can't be one.
+    """
     models = []
-    for pattern in patterns:
-        is_pattern = glob.has_magic(pattern) and not os.path.exists(pattern)
-        models += (is_pattern and sorted(glob.glob(pattern, recursive=True))) or [pattern]
+    for word in arguments.models:
+        is_pattern = glob.has_magic(word) and not os.path.exists(word)
+        for model in (is_pattern and sorted(glob.glob(word, recursive=True))) or [word]:
+            is_folder = getattr(arguments, "recursive", False) and os.path.isdir(model)
+            models += _walk(model) if is_folder else [model]
+    if STDIO in models:
+        if models.count(STDIO) > 1:
+            raise SceneError("stdin (-) can be read once only")
+        if arguments.input_format is None:
+            raise SceneError("a model from stdin needs --input-format")
+        if sys.stdin is None or sys.stdin.isatty():
+            raise SceneError("stdin is a terminal; pipe a model into it")
     return models
 
 
@@ -66,30 +61,9 @@ def _walk(folder) -> list[str]:
                 found.append(os.path.join(path, name))
     if not found:
         raise SceneError(
-            f"{folder}: there is no model in this folder, nor below; legal are {', '.join(formats.names())}"
+            f"{folder}: there is no model in this folder, nor below; legal are {', '.join(formats.FORMATS)}"
         )
     return found
-
-
-def _check_stdin(models, input_format) -> None:
-    if STDIO in models:
-        if models.count(STDIO) > 1:
-            raise SceneError("stdin (-) can be read once only")
-        if input_format is None:
-            raise SceneError("a model from stdin needs --input-format")
-        if sys.stdin is None or sys.stdin.isatty():
-            raise SceneError("stdin is a terminal; pipe a model into it")
-
-
-# --- what the arguments want of all of them ---------------------------------------------------------------------------
-
-
-class Settings(NamedTuple):
-    """What the arguments want of every model."""
-
-    look: Look
-    shadow_fields: dict  # fields of Shadow to replace, of lights that cast one
-    has_random_lights: bool = False
 
 
 class Loaded(NamedTuple):
@@ -97,69 +71,9 @@ class Loaded(NamedTuple):
 
     scene: Scene
     warnings: list[str]  # that loading gave, which were said
-    options: dict  # a scene file's, by the names of Options
+    options: Options  # the arguments', and a scene file's in place of defaults
     framing: Viewpoint | None  # a scene file's, as `camera_of` takes it
     look: Look  # the arguments', over a scene file's
-
-
-def make_settings(arguments) -> Settings:
-    """Read what the arguments want of every model.
-
-    Raises
-    ------
-    SceneError : an argument that is wrong for every model
-    ModelError : a texture that can't be read
-    """
-    has_random = RANDOM in arguments.lights and hasattr(arguments, "seed")
-    shadow_fields = _shadow_fields(arguments)
-    shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
-    cue = None if arguments.depth_cue == UNSAID else "none" if arguments.depth_cue is None else arguments.depth_cue
-    with _told_of("--depth-cue"):
-        cue = DepthCue(**cue) if isinstance(cue, dict) else cue
-    if arguments.background not in (None, "transparent"):
-        linear_rgb(arguments.background, "--background")
-    look = _make_look(
-        arguments,
-        lights=tuple(make_light(text, shadow) for text in arguments.lights if text != RANDOM or not has_random) or None,
-        shadows=shadow if arguments.shadows else False,
-        depth_cue=cue,
-        up=None if arguments.up == "auto" else arguments.up,
-        format=arguments.input_format,
-    )
-    return Settings(look, {} if arguments.shadows else shadow_fields, has_random)
-
-
-def _make_look(arguments, **words) -> Look:
-    """Make the Look of the arguments: `words` are those that flags write otherwise."""
-    material = {}
-    for given in arguments.materials:
-        material |= given
-    for word, flag in ((arguments.reflection, "--reflection"), (material.get("reflection"), "--material: reflection")):
-        if word is not None and word not in REFLECTION_MODELS:
-            meant = did_you_mean(word, REFLECTION_MODELS)
-            raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}{meant}")
-    with _told_of("--material"):
-        look = Look(material=material, reflection=arguments.reflection)
-    others = [each.name for each in fields(Look) if each.name in arguments and each.name != "reflection"]
-    return replace(look, **{name: getattr(arguments, name) for name in others} | words)
-
-
-@contextmanager
-def _told_of(what):
-    """Begin the message of a fault inside the block with what it is about."""
-    try:
-        yield
-    except (ModelError, SceneError) as fault:
-        raise type(fault)(f"{what}: {fault}") from fault
-
-
-def _shadow_fields(arguments) -> dict[str, int]:
-    """Return the fields of Shadow that flags give."""
-    given = {"size": arguments.shadow_size, "filter": arguments.shadow_filter}
-    return {name: value for name, value in given.items() if value is not None}
-
-
-# --- models -----------------------------------------------------------------------------------------------------------
 
 
 def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
@@ -172,18 +86,30 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     SceneError : a value that the file or one of its materials can't take
     """
     with noted_warnings() as texts:
-        with _reading_shown(messages):
-            scene, options, framing, look = _read(model, arguments, settings, messages, files_read)
-        look = settings.look.over(look)
-        changed = with_options(arguments, options, {"shading", "ground"} & {*vars(arguments)}, model)
-        drawn = getattr(changed, "shading", None), getattr(changed, "ground", False)
-        with _told_of(model):
-            scene = look.change(scene, *drawn, settings.shadow_fields)
+        with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show):
+            read = _read(model, arguments, settings.look, messages, files_read)
+        look, options = settings.look.over(read.look), settings.options
+        if read.options:
+            with told_of(f"{model}: options"):
+                own = {name: value for name, value in read.options.items() if name in settings.options_of_file}
+                options = replace(options, **own)
+        shading = options.shading if hasattr(arguments, "shading") else None
+        with told_of(model):
+            scene = look.change(read.scene, shading, options.ground, settings.shadow_fields)
         if settings.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
             name = next(iter(settings.shadow_fields))
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
-    return Loaded(scene, texts, options, framing, look)
+    return Loaded(scene, texts, options, read.framing, look)
+
+
+@contextmanager
+def told_of(what):
+    """Begin the message of a fault inside the block with what it is about."""
+    try:
+        yield
+    except (ModelError, SceneError) as fault:
+        raise type(fault)(f"{what}: {fault}") from fault
 
 
 @contextmanager
@@ -193,28 +119,17 @@ def noted_warnings():
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         yield texts
-    texts += dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning))
+    for warning in caught:
+        if issubclass(warning.category, UserWarning) and str(warning.message) not in texts:
+            texts.append(str(warning.message))
 
 
-@contextmanager
-def _reading_shown(messages):
-    """Show inside the block how far the reading of a file has come, where it takes long and stderr is a terminal."""
-    start = perf_counter()
-
-    def show(n_done, n, what):
-        if perf_counter() - start > _LONG:
-            bar.show(n_done, n, what)
-
-    with Bar(messages) as bar, noticing_progress(show):
-        yield
-
-
-def _read(model, arguments, settings, messages, files_read) -> tuple:
-    """Read a model as a SceneFile."""
-    look, input_format = settings.look, arguments.input_format
-    source = source_of(model, input_format)
-    read = read_source(source, camera="file", **look.reading, log=messages.detail, files_read=files_read)
-    entry, scene = formats.find(input_format or Path(model).suffix), read.scene
+def _read(model, arguments, look, messages, files_read) -> SceneFile:
+    """Read a model; messages are told of its camera and its upward axis."""
+    source = source_of(model, arguments.input_format)
+    log = messages.detail if messages.level >= VERBOSE else None
+    read = read_source(source, camera="file", **look.reading, log=log, files_read=files_read)
+    entry, scene = formats.find(arguments.input_format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
         is_dropped = arguments.up is not None and arguments.camera != "file"  # another side is meant
     else:
@@ -232,13 +147,13 @@ def _tell_up(model, scene, messages) -> None:
 
     from ..scene.framing import guess_up
 
-    offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in scene.meshes])
-    step = scene.n_face // _MAX_LOOKED_AT + 1
-    faces = [mesh.faces[::step] + np.int64(offset) for mesh, offset in zip(scene.meshes, offsets[:-1], strict=True)]
-    points = [mesh.vertices for mesh in scene.meshes]
-    up, reason = guess_up(
-        points[0] if len(points) == 1 else np.concatenate(points), np.concatenate(faces), scene.bounds
-    )
+    step, points, faces, n_point = scene.n_face // _MAX_LOOKED_AT + 1, [], [], 0
+    for mesh in scene.meshes:
+        faces.append(mesh.faces[::step] + np.int64(n_point))
+        points.append(mesh.vertices)
+        n_point += len(mesh.vertices)
+    vertices = points[0] if len(points) == 1 else np.concatenate(points)
+    up, reason = guess_up(vertices, np.concatenate(faces), scene.bounds)
     if up not in (None, scene.up):
         messages.notice(f"{model}: drawn with {scene.up} upwards; the shape says {up} ({reason}): try --up {up}")
 
@@ -267,20 +182,3 @@ class _Stdin(bytes):
     """What came from stdin; messages call it by its name."""
 
     name = "stdin"
-
-
-def with_options(arguments, options, names, model):
-    """Return the arguments with a scene file's options, out of `names`, in place of defaults; flags that were given
-    win.
-
-    Raises SceneError for an option that is not legal.
-    """
-    own = {name: value for name, value in options.items() if name in names and name not in arguments.explicit}
-    changed = copy(arguments)
-    if own:
-        given = {field.name: getattr(arguments, field.name, None) for field in fields(Options)}
-        with _told_of(f"{model}: options"):
-            checked = Options(**{name: value for name, value in given.items() if value is not None} | own)
-        for name in own:
-            setattr(changed, name, getattr(checked, name))
-    return changed

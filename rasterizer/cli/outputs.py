@@ -1,35 +1,27 @@
 """What is written. Names and formats are known and checked before the first model is loaded. A file appears whole or
-not at all, and never in place of one that the run reads, nor of another output of the run.
-
-Which other files a model reads (materials, textures, buffers, parts of a scene) is known once it has been loaded. So an
-output that exists already, where a later model may read it, waits until all models have been loaded. Unless
---allow-outside is given, a model can only read what lies in its own folder, and only some formats name other files at
-all: in most runs nothing waits.
+not at all, those of a picture together, and never in place of one that the run is told to read or has read, nor of
+another output of the run.
 """
 
 import os
 import re
-import signal
 import sys
-import threading
-from contextlib import contextmanager
+from argparse import Namespace
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
 from ..errors import OutputError, SceneError
 from ..io import formats
-from ..io.files import identity_of, write_whole
+from ..io.files import identity_of, make_folder_of, write_all
 from .flags import EVERY
 from .messages import STDIO, write_stdout
 from .models import list_models
-from .values import seed_of
 
 _ENCODING = {"JPEG": {"quality": 92}}
 _MAX_LETTERS = 255  # to which a name is padded: file systems take no longer ones
-_IN_MEMORY = 2**26  # bytes that wait in memory; more go into a file without a name
-_TERMINATED = 128 + 15  # exit code of a process that SIGTERM has ended
 
 
 # --- which pictures there are, and their names ------------------------------------------------------------------------
@@ -73,32 +65,34 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
     files = asked_files(arguments)
     if files[0][0] is None and not arguments.always_writes:
         return [[Target(model, view, None) for view in views] for model in models]
-    templates = [_templates(arguments, models, *each) for each in files]
     frames = range(arguments.frames) if writes_frames(arguments) else [None]
-    plan = [
-        [
-            Target(
-                model, view, _fill(template, model, view, frame, part, arguments), frame, part, _seed(view, arguments)
-            )
-            for view in views
-            for frame in frames
-            for template, (_, names) in zip(row, files, strict=True)
-            for part in _parts(template, names)
-        ]
-        for model, row in zip(models, zip(*templates, strict=True), strict=True)
-    ]
-    _check_targets([target for row in plan for target in row], models, arguments, check or check_output)
+    seed = arguments.seed if RANDOM in arguments.lights and hasattr(arguments, "seed") else None  # of random lights
+    plan = []
+    for model, name in zip(models, _default_names(arguments, models), strict=True):
+        of_files = []  # the template of each file, and which arrays it holds: one, where {array} is in it
+        for output, arrays in files:
+            template = _template(output, name, arrays, arguments)
+            parts = [(each,) for each in arrays] if arrays and has_field(template, "array") else [arrays]
+            of_files += zip([template] * len(parts), parts, strict=True)
+        targets = []
+        for view in views:
+            seed_of_view = seed if seed_of(view) is None else seed_of(view)
+            for frame in frames:
+                for template, arrays in of_files:
+                    output = _fill(template, model, view, frame, arrays, arguments)
+                    targets.append(Target(model, view, output, frame, arrays, seed_of_view))
+        plan.append(targets)
+    _check_targets([target for targets in plan for target in targets], models, arguments, check or check_output)
     return plan
 
 
-def _seed(view, arguments) -> int | None:
-    """Return the seed of a random view, or of the random lights of another one."""
-    seed = seed_of(view)
-    return arguments.seed if seed is None and RANDOM in arguments.lights and hasattr(arguments, "seed") else seed
+def seed_of(view) -> int | None:
+    """Return the seed of a random view by its name; None of others."""
+    return int(view.rpartition("-")[2]) if view and view.startswith(f"{RANDOM}-") else None
 
 
 def asked_files(arguments) -> list[tuple[str | None, tuple[str, ...] | None]]:
-    """Return (output, arrays) for each -o, as `_templates` takes both; SceneError where --array stands after the last
+    """Return (output, arrays) for each -o, as `_template` takes both; SceneError where --array stands after the last
     of several, or an output has none that needs some."""
     files, every = getattr(arguments, "files", ()), expand_arrays(arguments.outputs)
     if len(files) < 2:
@@ -111,11 +105,6 @@ def asked_files(arguments) -> list[tuple[str | None, tuple[str, ...] | None]]:
     return [(output, expand_arrays(names)) for output, names in files]
 
 
-def _parts(template, names) -> list[tuple[str, ...] | None]:
-    """Return which arrays each file of a template holds: one, where {array} is in it."""
-    return [(name,) for name in names] if names and has_field(template, "array") else [names]
-
-
 def has_field(template, name) -> bool:
     """Tell whether a template has a field in braces."""
     return bool(re.search(r"(?<!\{)(\{\{)*\{" + name + "[:}]", template or ""))
@@ -123,7 +112,7 @@ def has_field(template, name) -> bool:
 
 def by_view(targets) -> list[list[Target]]:
     """Return the targets of a model in a list for each view: their files come from one frame."""
-    return [list(group) for _, group in groupby(targets, lambda target: target.view)]
+    return [list(group) for _, group in groupby(targets, attrgetter("view"))]
 
 
 def without(plan, is_left_out) -> tuple[list[list[Target]], int]:
@@ -138,10 +127,10 @@ def plan_sheet(arguments) -> list[list[Target]]:
     Raises what `plan_targets` does; models that have one name are no fault here.
     """
     models = list_models(arguments)
-    name = (arguments.default_name if len(models) == 1 else "sheet") + arguments.default_suffix
-    template = _put_in_folder(arguments.output, name)
-    output = _fill(template, models[0], None, None, None, arguments)
+    name = arguments.default_name if len(models) == 1 else "sheet"
     views = arguments.views or [None]
+    template = _template(arguments.output, name, None, Namespace(**vars(arguments) | {"views": []}))
+    output = _fill(template, models[0], None, None, None, arguments)
     plan = [[Target(model, view, output) for view in views] for model in models]
     _check_targets(plan[0][:1], models, arguments, check_output)
     return plan
@@ -152,40 +141,27 @@ def writes_frames(arguments) -> bool:
     return hasattr(arguments, "frames") and has_field(arguments.output, "frame")
 
 
-def _templates(arguments, models, output, arrays) -> list[str]:
-    """Return an output of each model as a template with a suffix.
-
-    Parameters
-    ----------
-    output : what -o says; None = a default
-    arrays : what it holds; None = a picture, or what the suffix says
-    """
-    suffix = arguments.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
-    names = _default_names(arguments, models)
-    view = "-{view}" if len(arguments.views) > 1 else ""
-    return [_put_in_folder(output, name + view + suffix) for name in names]
-
-
 def _default_names(arguments, models) -> list[str]:
     """Return names without a suffix: models that differ in their suffix alone get it, and what --recursive has found in
     folders below stays in folders of these names."""
-    folders = [_folder_below(model, arguments) for model in models]
-    keys = [(folder, Path(model).stem) for folder, model in zip(folders, models, strict=True)]
-    suffixes = {}
-    for key, model in zip(keys, models, strict=True):
-        suffixes.setdefault(key, []).append(Path(model).suffix.lower())
+    keys, suffixes = [], {}
+    for model in models:
+        folder = _folder_below(model, arguments) if getattr(arguments, "recursive", False) else ""
+        keys.append((folder, Path(model).stem))
+        suffixes.setdefault(keys[-1], []).append(Path(model).suffix.lower())
     found = []
     for key in keys:
         is_shared = len(suffixes[key]) > 1 and len(set(suffixes[key])) == len(suffixes[key])
         stem = "{stem}-{ext}" if is_shared else "{stem}"
-        found.append(os.path.join(_escaped(key[0]), arguments.default_name.replace("{stem}", stem)))
+        name = arguments.default_name.replace("{stem}", stem)
+        found.append(os.path.join(_escaped(key[0]), name) if key[0] else name)
     return found
 
 
 def _folder_below(model, arguments) -> str:
     """Return where a model lies below the folder that was given; nothing where it lies in it, or was given itself."""
     for folder in arguments.models:
-        if getattr(arguments, "recursive", False) and model not in arguments.models and os.path.isdir(folder):
+        if model not in arguments.models and os.path.isdir(folder):
             below = os.path.relpath(os.path.dirname(model) or ".", folder)
             if not below.startswith(os.pardir):
                 return "" if below == os.curdir else below
@@ -197,14 +173,22 @@ def _escaped(text) -> str:
     return text.replace("{", "{{").replace("}", "}}")
 
 
-def _put_in_folder(output, name) -> str:
-    """Return the template of an output, a default name in it where it is a folder, and that name where it is None."""
-    if output is None:
-        return name
+def _template(output, name, arrays, arguments) -> str:
+    """Return an output of a model as a template with a suffix.
+
+    Parameters
+    ----------
+    output : what -o says; None = the default, in the current folder
+    name : the model's default name, without a suffix
+    arrays : what it holds; None = a picture, or what the suffix says
+    """
     if output == "":
         raise SceneError("-o needs a name; given nothing")
-    is_folder = output.endswith(("/", os.sep)) or os.path.isdir(output)
-    return os.path.join(_escaped(output), name) if is_folder else output
+    if output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output)):
+        return output
+    view = "-{view}" if len(arguments.views) > 1 else ""
+    suffix = arguments.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
+    return os.path.join("" if output is None else _escaped(output), name + view + suffix)
 
 
 def _fill(template, model, view, frame, arrays, arguments) -> str:
@@ -220,7 +204,6 @@ def _fill(template, model, view, frame, arrays, arguments) -> str:
         values["frame"] = frame
     if arrays is not None:
         values["array"] = "-".join(arrays)
-    legal = ", ".join(f"{{{name}}}" for name in values)
 
     def replace(match) -> str:
         word = match[0]
@@ -228,6 +211,7 @@ def _fill(template, model, view, frame, arrays, arguments) -> str:
             return word[0]
         name, _, form = word[1:-1].partition(":")
         if name not in values or not re.fullmatch(r"(.?[<>^])?\d{0,3}", form):
+            legal = ", ".join(f"{{{name}}}" for name in values)
             padded = f"{{stem:_>9}} for at least 9 letters, {_MAX_LETTERS} at most"
             raise SceneError(
                 f"-o may hold {legal}, padded as in {padded}, and {{{{ }}}} for braces; given {template!r}"
@@ -240,23 +224,36 @@ def _fill(template, model, view, frame, arrays, arguments) -> str:
 
 def _check_targets(targets, models, arguments, check) -> None:
     """Refuse what can't be written, before anything is drawn: see `plan_targets`."""
-    for target in {(Path(each.output).suffix.lower(), each.arrays): each for each in targets}.values():
-        check(target.output, target.arrays)
-    if all(target.output != STDIO for target in targets):
-        _check_names(targets)
-        _check_reads(targets, models, arguments)
+    checked = set()
+    for target in targets:
+        kind = Path(target.output).suffix.lower(), target.arrays
+        if kind not in checked:
+            checked.add(kind)
+            check(target.output, target.arrays)
+    if not any(target.output == STDIO for target in targets):
+        _check_places(targets, models, arguments)
     elif len(targets) > 1:
         raise SceneError(f"stdout takes one picture; {len(targets)} are asked for")
     elif sys.stdout is not None and sys.stdout.isatty():
         raise SceneError("stdout is a terminal; send it to a file or a program")
 
 
-def _check_names(targets) -> None:
-    """Refuse two pictures of one name, and folders that can't be made."""
-    owners = {}
+def _check_places(targets, models, arguments) -> None:
+    """Refuse two pictures of one name, folders that can't be made, and outputs that are models, or other files that are
+    named for reading, by whatever name or link."""
+    paths, read, owners = [*models], {}, {}
+    for given in arguments.materials:
+        paths += [given["texture"]] if given.get("texture") else []
+    if arguments.camera not in (None, "file", "frame"):
+        paths.append(arguments.camera)
+    for path in paths:
+        if path != STDIO:
+            read[identity_of(path)] = path
+    read.pop(None, None)
     for target in targets:
         place = os.path.realpath(target.output)
-        other = owners.setdefault(identity_of(place) or place, target)
+        identity = identity_of(place)
+        other = owners.setdefault(identity or place, target)
         if other is not target:
             which = " and ".join(f"{t.model} ({t.view})" if t.view else t.model for t in (other, target))
             raise SceneError(f"{which} would both be written to {target.output}; {_how_to_differ(other, target)}")
@@ -265,6 +262,10 @@ def _check_names(targets) -> None:
             folder = os.path.dirname(folder)
         if not os.path.isdir(folder):
             raise OutputError(f"can't write {target.output}: {folder} is no folder")
+        if identity in read:
+            if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
+                formats.format_of(read[identity], arguments.input_format)
+            raise _would_replace(target.output, read[identity])
 
 
 def _how_to_differ(a, b) -> str:
@@ -282,25 +283,6 @@ def _how_to_differ(a, b) -> str:
     if identity_of(a.model) == identity_of(b.model):
         return "a model is drawn once"
     return "--recursive with the folder above them keeps folders, else draw them one at a time"
-
-
-def _check_reads(targets, models, arguments) -> None:
-    """Refuse outputs that are models, or other files that are named for reading, by whatever name or link."""
-    textures = [given["texture"] for given in arguments.materials if given.get("texture")]
-    paths = [model for model in models if model != STDIO] + textures
-    paths += [arguments.camera_file] if getattr(arguments, "camera_file", None) else []
-    read = {identity_of(path): path for path in paths}
-    read.pop(None, None)
-    for target in targets:
-        identity = identity_of(target.output)
-        if identity in read:
-            if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
-                formats.format_of(read[identity], arguments.input_format)
-            raise _would_replace(target.output, read[identity])
-
-
-def _would_replace(output, path) -> OutputError:
-    return OutputError(f"can't write {output}: it is {path}, which is read; give another name with -o")
 
 
 # --- pictures and arrays ----------------------------------------------------------------------------------------------
@@ -369,12 +351,16 @@ def is_picture_of(suffix, arrays) -> bool:
 
 def check_scale(arguments) -> None:
     """Refuse a scale for anything but the depth in a PNG file, or one that is not above 0."""
-    has_png = any(
-        suffix_of(output) == "png" and ("depth",) in _parts(output, names) for output, names in asked_files(arguments)
-    )
-    if arguments.scale is not None and not has_png:
+    if arguments.scale is None:
+        return
+    has_png = False
+    for output, names in asked_files(arguments):
+        is_apart = has_field(output, "array")
+        has_depth = "depth" in names if names and is_apart else names == ("depth",)
+        has_png |= suffix_of(output) == "png" and has_depth
+    if not has_png:
         raise SceneError("--scale is that of depth in a PNG file: it needs --array depth and -o NAME.png")
-    if arguments.scale is not None and not arguments.scale > 0:
+    if not arguments.scale > 0:
         raise SceneError(f"--scale must be a number above 0; given {arguments.scale:g}")
 
 
@@ -417,123 +403,47 @@ def encode_target(frame, target, outputs, scale) -> bytes:
 
 
 class Outputs:
-    """Write the outputs of a run; a context manager.
+    """Write the outputs of a run, never in place of what it has read or written.
 
     Parameters
     ----------
     plan : list of lists of Target, as `plan_targets` returns it
-    arguments : those of the command
+    results : Results of the run, for who draws; None = nobody tells what is done
+
+    files_read : list that takes the paths of the files that models read
     """
 
-    def __init__(self, plan, arguments):
-        models = [targets[0].model for targets in plan]
-        self.files_read = {identity_of(model): model for model in models if model != STDIO}
-        self._written, self._waiting, self._store = {}, [], None
-        self.unwritten = set()  # names of outputs that wait, or couldn't be written once they had
-        self._later = []  # for each model the folders in which later ones may read
-        below = []
-        for model in reversed(models):
-            self._later.insert(0, list(below))
-            format = formats.find(arguments.input_format or Path(model).suffix)
-            if format is not None and format.companions:  # its files may name others
-                folder = os.path.realpath("." if model == STDIO else os.path.dirname(model) or ".")
-                below.append(os.sep if arguments.allow_outside else folder)
+    def __init__(self, plan, results=None):
+        self.results, self.files_read = results, []
+        self._taken = {}  # by its identity, what a file is
+        for targets in plan:
+            if targets[0].model != STDIO:
+                self.files_read.append(targets[0].model)
 
-    def __enter__(self):
-        return self
+    def write(self, contents) -> None:
+        """Write the files of a picture, dict of bytes by name, all of them or none; - is stdout.
 
-    def __exit__(self, *_):
-        """Write what waits, also after an interrupt: what hasn't been loaded will not be read any more."""
-        self.finish(None)
-
-    def of_model(self, number, results=None) -> "ModelOutput":
-        """Return what writes the outputs of one model of the plan; `results` are told what is done."""
-        return ModelOutput(self, number, results)
-
-    def write(self, content, output, number) -> None:
-        """Write an output of a model; raises OutputError where it would replace what is read or was written."""
-        if output == STDIO:
-            write_stdout(content)
+        Raises OutputError where one can't be written, or would replace what is read or was written.
+        """
+        if STDIO in contents:
+            write_stdout(contents[STDIO])
             return
-        self._check(output)
-        if self._must_wait(output, number):
-            if self._store is None:
-                from tempfile import SpooledTemporaryFile  # most runs have no need of it
-
-                self._store = SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  lives with the run
-            self.unwritten.add(output)
-            self._waiting.append((output, self._store.seek(0, os.SEEK_END), len(content)))
-            self._store.write(content)
-        else:
-            self._write(content, output)
-
-    def _must_wait(self, output, number) -> bool:
-        """Tell whether there is a file that a model after model `number` may read."""
-        place = os.path.realpath(output)
-        return os.path.isfile(place) and any(Path(place).is_relative_to(folder) for folder in self._later[number])
-
-    def _check(self, output) -> None:
-        identity = identity_of(output)
-        if identity is None:
-            return
-        if identity in self.files_read:
-            raise _would_replace(output, self.files_read[identity])
-        if identity in self._written and os.path.isfile(output):
-            raise OutputError(f"can't write {output}: it is {self._written[identity]}, which has just been written")
-
-    def _write(self, content, output) -> None:
-        folder = os.path.dirname(os.path.realpath(output))
-        try:
-            os.makedirs(folder, exist_ok=True)
-        except OSError as error:
-            what = f"can't write {output}: can't make the folder {folder}"
-            raise OutputError(f"{what}: {error.strerror or error}") from error
-        with _cleaning_up():
-            write_whole(output, content)
-        self._written[identity_of(output)] = output
-
-    def finish(self, messages) -> list[OutputError]:
-        """Write what waits; return what failed, after telling it."""
-        failures, waiting = [], self._waiting
-        self._waiting = []
-        for output, start, length in waiting:
-            try:
-                self._check(output)
-                self._store.seek(start)
-                self._write(self._store.read(length), output)
-                self.unwritten.discard(output)
-            except OutputError as error:
-                failures.append(error)
-                if messages is not None:
-                    messages.error(error)
-        return failures
+        while self.files_read:
+            path = self.files_read.pop()
+            self._taken[identity_of(path)] = _would_replace, path
+        for output in contents:
+            make_folder_of(output)
+            refuse, path = self._taken.get(identity_of(output), (None, ""))
+            if refuse is not None and os.path.isfile(output):
+                raise refuse(output, path)
+        write_all(contents)
+        for output in contents:
+            self._taken[identity_of(output)] = _was_written, output
 
 
-class ModelOutput:
-    """Write the outputs of one model; `files_read` is a list that takes the paths of the files it reads, `results` the
-    Results of the run."""
-
-    def __init__(self, outputs, number, results=None):
-        self._outputs, self._number, self.files_read, self.results = outputs, number, [], results
-
-    def write(self, content, output) -> None:
-        """Write an output, as `Outputs.write` does."""
-        self._outputs.files_read |= {identity_of(path): path for path in self.files_read}
-        self._outputs.write(content, output, self._number)
+def _would_replace(output, path) -> OutputError:
+    return OutputError(f"can't write {output}: it is {path}, which is read; give another name with -o")
 
 
-@contextmanager
-def _cleaning_up():
-    """Let SIGTERM end the process by an exception inside the block, so that no half file stays."""
-
-    def stop(*_):
-        raise SystemExit(_TERMINATED)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+def _was_written(output, path) -> OutputError:
+    return OutputError(f"can't write {output}: it is {path}, which has just been written")

@@ -85,18 +85,22 @@ def _fill_in_defaults(arguments) -> None:
 
     from ..options import Options
 
-    defaults = {field.name: field.default for field in fields(Options) if hasattr(arguments, field.name)}
-    defaults |= {"outputs": None, "size": getattr(arguments, "default_size", None)}
-    arguments.explicit = frozenset(name for name in defaults if getattr(arguments, name, None) is not None)
-    for name in defaults.keys() - arguments.explicit:
-        setattr(arguments, name, defaults[name])
+    explicit, own_defaults = [], {"outputs": None, "size": getattr(arguments, "default_size", None)}
+    for field in fields(Options):
+        if getattr(arguments, field.name, None) is not None:
+            explicit.append(field.name)
+        elif field.name in own_defaults or field.name in arguments:
+            setattr(arguments, field.name, own_defaults.get(field.name, field.default))
+    arguments.explicit = frozenset(explicit)
 
 
 def _take_seed(arguments) -> None:
     """Give random views their names; SceneError for a seed that is missing, or in vain."""
     from ..choices import RANDOM
 
-    is_random = RANDOM in arguments.lights or any(view.startswith(RANDOM) for view in arguments.views)
+    is_random = RANDOM in arguments.lights
+    for view in arguments.views:
+        is_random = is_random or view.startswith(RANDOM)
     if is_random and arguments.seed is None:
         raise SceneError("what is random needs --seed N, a whole number of at least 0")
     if arguments.seed is not None and not is_random:

@@ -10,7 +10,8 @@ a message.
 
 import os
 from collections.abc import Callable
-from copy import copy
+from contextlib import closing
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ..batch.draw_run import identify
@@ -19,9 +20,9 @@ from ..batch.tasks import RenderSummary
 from ..compiler.kernels import noticing_compilation
 from ..errors import RasterizerError
 from ..processes import Died, Done, Job, SharedObject
-from .cameras import check_camera
+from .drawing import Settings
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
-from .models import Settings, load_scene, make_settings
+from .models import load_scene
 from .outputs import Outputs, Target, by_view
 
 
@@ -39,7 +40,7 @@ class ModelDone(NamedTuple):
     """What comes back."""
 
     notes: dict[str | None, tuple]  # of each view what the manifest says of it, and the outputs of its frame
-    contents: list[tuple[bytes, str]]  # of files, and the names of these
+    contents: list[dict[str, bytes]]  # of the files of each picture, by their names
     said: list[tuple[str, tuple]]  # methods of Messages, or of Results, and what they are called with
     failures: list[RasterizerError]
     files_read: list[str]
@@ -79,9 +80,9 @@ class HeldOutput:
         """Keep that a picture is done; see `Results`."""
         self._said.append(("tell", of_picture))
 
-    def write(self, content, output) -> None:
-        """Keep the content of a file."""
-        self.contents.append((content, output))
+    def write(self, contents) -> None:
+        """Keep the contents of the files of a picture."""
+        self.contents.append(contents)
 
 
 def draw_job(work: ModelWork, loaded, kept) -> ModelDone | None:
@@ -113,7 +114,9 @@ def can_use_processes(arguments) -> bool:
     return STDIO not in (*arguments.models, arguments.output, *(output for output, _ in arguments.files))
 
 
-def draw_in_processes(arguments, messages, plan, draw, executor=None, note=None) -> tuple[list, int, RenderSummary]:
+def draw_in_processes(
+    arguments, settings, messages, plan, draw, executor=None, note=None
+) -> tuple[list, int, RenderSummary]:
     """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
 
     `draw` is `render_model`, or another function of a module that is called as that. `note` is called with the targets
@@ -124,13 +127,13 @@ def draw_in_processes(arguments, messages, plan, draw, executor=None, note=None)
     -------
     the failures, one error for each model that failed; the number of models; and what was done
     """
-    settings = make_settings(arguments)
-    check_camera(arguments)
+    threads = settings.options.threads or 1
+    settings = settings._replace(options=replace(settings.options, threads=threads))
     pool = local_pool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
     if not getattr(pool, "is_warm", True):
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
-    with compilation_shown(messages), results:
+    with compilation_shown(messages), closing(results):
         try:
             work = _Work(arguments, settings, messages, pool, plan, (draw, note), results)
             return work.run() if plan else ([], 0, RenderSummary())
@@ -142,27 +145,17 @@ class _Work:
     """The pictures of a plan on their way to a pool of processes and back."""
 
     def __init__(self, arguments, settings, messages, pool: Pool, plan, draw, results):
-        self._arguments, self._settings, self._messages = copy(arguments), settings, messages
+        self._arguments, self._settings, self._messages = arguments, settings, messages
         self._pool, self._plan, (self._draw, self._note), self._results = pool, plan, draw, results
-        self._arguments.threads = arguments.threads or 1
-        self._late = []  # what the manifest says of views that have files that wait
         self._failed = {}  # the first error of each model that failed, by its number
         self._summary = RenderSummary()
 
     def run(self) -> tuple[list, int, RenderSummary]:
         """Draw everything; return what `draw_in_processes` does."""
-        # No model is done before another is begun: whatever exists may be read by one of them. The plan has one more
-        # model than there are, so that all others come after it.
-        with Outputs([self._plan[0], *self._plan], self._arguments) as outputs:
-            for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
-                self._settle(job, outcome, outputs)
-            late = outputs.finish(self._messages)
-            for targets, note in self._late:
-                if all(target.output not in outputs.unwritten for target in targets):
-                    self._note(targets, *note)
-        self._summary.drawn -= len(late)
-        self._summary.failed += len(late)
-        failures = [self._failed[number] for number in sorted(self._failed)] + late
+        outputs = Outputs(self._plan)
+        for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
+            self._settle(job, outcome, outputs)
+        failures = [self._failed[number] for number in sorted(self._failed)]
         self._summary.first_error = str(failures[0]) if failures else None
         return failures, len(self._plan), self._summary
 
@@ -206,22 +199,19 @@ class _Work:
 
     def _settle(self, job, outcome, outputs) -> None:
         """Write what was drawn, and say what there is to say."""
-        model, output = job.argument.targets[0].model, outputs.of_model(0)
+        model = job.argument.targets[0].model
         failures = Failures(self._messages, self._arguments.json)
         written: list[str] = []
         if isinstance(outcome, Done) and outcome.value is not None:
             done: ModelDone = outcome.value
-            output.files_read += done.files_read
-            for content, name in done.contents:
+            outputs.files_read += done.files_read
+            for contents in done.contents:
                 with failures.caught(model):
-                    output.write(content, name)
-                    written.append(name)
+                    outputs.write(contents)
+                    written += contents
             for targets in by_view(job.argument.targets) if self._note else ():
-                names, note = {target.output for target in targets}, done.notes.get(targets[0].view)
-                if names.isdisjoint(outputs.unwritten) and names.issubset(written):
-                    self._note(targets, *note)
-                elif names.issubset(written):
-                    self._late.append((targets, note))
+                if {target.output for target in targets}.issubset(written):
+                    self._note(targets, *done.notes[targets[0].view])
             for name, what in done.said:
                 getattr(self._results if name == "tell" else self._messages, name)(*what)
             failures += done.failures

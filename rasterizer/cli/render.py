@@ -11,7 +11,6 @@ from ..choices import RANDOM
 from ..errors import counted
 from ..options import Options
 from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
-from .values import seed_of
 
 IMPORTS = ("drawing",)
 _EXAMPLES = """\
@@ -43,74 +42,67 @@ def add_flags(parser) -> None:
 
 def run(arguments, messages) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import draw_models, plan_missing
+    from .drawing import draw_models, make_settings, plan_missing
+    from .outputs import check_scale
 
-    check_options(arguments)
+    settings = make_settings(arguments)
+    check_scale(arguments)
     if arguments.n_process is not None:
         from .processes import can_use_processes, draw_in_processes
 
         if can_use_processes(arguments):
             plan, n_model = plan_missing(arguments, messages)
-            return draw_in_processes(arguments, messages, plan, render_model)[0], n_model
-    return draw_models(arguments, messages, render_model)
-
-
-def check_options(arguments) -> None:
-    """Raise SceneError for what is not legal, before a model is loaded."""
-    from .drawing import make_options
-    from .outputs import check_scale
-
-    make_options(arguments)
-    check_scale(arguments)
+            return draw_in_processes(arguments, settings, messages, plan, render_model)[0], n_model
+    return draw_models(arguments, settings, messages, render_model)
 
 
 def render_model(targets, arguments, settings, messages, output, loaded=None) -> None:
     """Draw all views of one model; `loaded` is the model, Loaded, where it has been loaded before."""
-    from .cameras import camera_of
-    from .drawing import make_renderer, picture_warnings, take_options
-    from .messages import STDIO
+    from .drawing import camera_of, make_renderer, picture_warnings
+    from .messages import STDIO, VERBOSE
     from .models import load_scene
-    from .outputs import encode_target, holds_arrays
+    from .outputs import by_view, encode_target
 
     start = perf_counter()
     model = targets[0].model
     loaded = loaded or load_scene(model, arguments, settings, messages, output.files_read)
-    scene = loaded.scene
-    # What is written is known before a scene file is read, but for which arrays a file of arrays holds.
-    is_array = holds_arrays(arguments)
-    arguments, options = take_options(arguments, loaded, model, but=() if is_array else ("outputs",))
-    with make_renderer(scene, options) as renderer, _annotating(arguments, scene, options) as annotator:
-        for k, target in enumerate(targets):
-            if k == 0 or target.view != targets[k - 1].view:
-                with _in_lights(renderer, target, loaded, settings) as lit:
-                    camera = camera_of(arguments, target.view, scene, loaded.framing, lambda lit=lit: lit.subject)
-                    frame, scene = lit.render(camera), lit.scene
-                warnings = picture_warnings(frame, scene, arguments, camera, model)
-                messages.warn(*warnings)
-                if annotator is not None:
-                    output.notes[target.view] = annotator.annotate(frame), options.outputs
-            content = encode_target(frame, target, options.outputs, arguments.scale)
-            output.write(content, target.output)
+    scene, options = loaded.scene, loaded.options
+    annotating = _annotating(scene, options) if getattr(arguments, "manifest", None) else nullcontext()
+    with make_renderer(scene, options) as renderer, annotating as annotator:
+        for of_view in by_view(targets):
+            lights = nullcontext(renderer)
+            if settings.has_random_lights:
+                lights = _in_lights(renderer, of_view[0], loaded, settings)
+            with lights as lit:
+                camera = camera_of(settings, of_view[0].view, loaded, lambda lit=lit: lit.subject)
+                frame, scene = lit.render(camera), lit.scene
+            warnings = picture_warnings(frame, scene, arguments, camera, model)
+            messages.warn(*warnings)
+            if annotator is not None:
+                output.notes[of_view[0].view] = annotator.annotate(frame), options.outputs
+            contents = {}
+            for target in of_view:
+                contents[target.output] = encode_target(frame, target, options.outputs, arguments.scale)
+            output.write(contents)
             seconds, start = perf_counter() - start, perf_counter()
-            output.results.tell(target.output, frame.size, len(content), seconds)
-            messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
-            messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
-            messages.detail(f"{model}: {describe_bounds(frame.stats)}")
-            messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
-            if arguments.json:
-                record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
-                messages.record(record, target.output == STDIO)
+            for target in of_view:
+                output.results.tell(target.output, frame.size, len(contents[target.output]), seconds)
+                if messages.level >= VERBOSE:
+                    messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+                    messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
+                    messages.detail(f"{model}: {describe_bounds(frame.stats)}")
+                    messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
+                if arguments.json:
+                    record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
+                    messages.record(record, target.output == STDIO)
 
 
 @contextmanager
 def _in_lights(renderer, target, loaded, settings):
-    """Yield what draws a view: another Renderer, where each view has random lights."""
+    """Yield another Renderer, which draws a view in random lights of its own."""
     from ..look import Look
     from ..scene.lights import random_lights
 
-    if not settings.has_random_lights:
-        yield renderer
-        return
     lights = random_lights(target.seed, up=loaded.scene.up)
     look = Look(lights=lights, preset=settings.look.preset, shadows=loaded.look.shadows)
     options = renderer.options
@@ -119,10 +111,8 @@ def _in_lights(renderer, target, loaded, settings):
         yield lit
 
 
-def _annotating(arguments, scene, options):
-    """Make what says of pictures what a manifest holds, a context manager; None inside it where none is written."""
-    if not getattr(arguments, "manifest", None):
-        return nullcontext()
+def _annotating(scene, options):
+    """Make what says of pictures what a manifest holds, a context manager."""
     from ..batch.annotations import Annotator
 
     return Annotator(scene, options)
@@ -150,6 +140,8 @@ def describe_bounds(stats) -> str:
 
 def _record(target, frame, scene, seconds, warnings) -> dict:
     """What --json says of a picture."""
+    from .outputs import seed_of
+
     return {
         "status": "drawn",
         "model": target.model,

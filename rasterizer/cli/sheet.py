@@ -5,6 +5,7 @@
 A model that fails leaves its cells empty, and its label says so.
 """
 
+from contextlib import closing
 from pathlib import Path
 from time import perf_counter
 
@@ -54,29 +55,26 @@ def run(arguments, messages) -> tuple[list, int]:
     """
     import numpy as np
 
-    from .cameras import check_camera
-    from .drawing import make_options
-    from .models import make_settings
+    from .drawing import make_settings
     from .outputs import Outputs, plan_sheet
 
     start = perf_counter()
     _check_grid(arguments)
-    make_options(arguments)  # what is not legal is told before a model is loaded
-    settings = make_settings(arguments)
     if not arguments.views and not arguments.eye and arguments.azimuth is None and arguments.elevation is None:
         n_model = len(plan_sheet(arguments))
         arguments.views = list(_VIEWS) if n_model == 1 else []
-    check_camera(arguments)
+    settings = make_settings(arguments, but=("size",))  # its pictures are of one size, whatever a scene file says
     plan = plan_sheet(arguments)
     failures, names = Failures(messages, arguments.json), _short_names([targets[0].model for targets in plan])
     pictures, labels, records = [], [], []
-    with compilation_shown(messages), Outputs(plan, arguments) as outputs:
-        with Bar(messages) as bar:
+    outputs = Outputs(plan)
+    with compilation_shown(messages):
+        with closing(Bar(messages)) as bar:
             for number, targets in enumerate(plan):
                 bar.show(number, len(plan), f"drawing {targets[0].model}")
                 n_failed = len(failures)
                 with failures.caught(targets[0].model, arguments.size, targets[0].output == STDIO):
-                    drawn, record = _draw(targets, arguments, settings, messages, outputs.of_model(number).files_read)
+                    drawn, record = _draw(targets, arguments, settings, messages, outputs.files_read)
                     pictures += drawn
                     records.append(record)
                 if len(failures) > n_failed:
@@ -86,7 +84,6 @@ def run(arguments, messages) -> tuple[list, int]:
             size, n_byte = _write(pictures, labels, plan, arguments, outputs)
             results = Results(messages, 1, is_told=not arguments.json)
             results.tell(plan[0][0].output, size, n_byte, perf_counter() - start)
-        failures += outputs.finish(messages)
     if arguments.json and len(failures) < len(plan):
         seconds = round(perf_counter() - start, 4)
         record = {"status": "drawn", "output": plan[0][0].output, "models": records, "seconds": seconds}
@@ -108,18 +105,15 @@ def _check_grid(arguments) -> None:
 
 def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dict]:
     """Draw all views of one model; return the pictures, and what --json says of them."""
-    from .cameras import camera_of
-    from .drawing import make_renderer, picture_warnings, take_options
+    from .drawing import camera_of, make_renderer, picture_warnings
     from .models import load_scene
 
     model = targets[0].model
     loaded = load_scene(model, arguments, settings, messages, files_read)
-    # A sheet's pictures are of one size, whatever a scene file says of its own.
-    arguments, options = take_options(arguments, loaded, model, but=("outputs", "size"))
     frames, warnings = [], []
-    with make_renderer(loaded.scene, options) as renderer:
+    with make_renderer(loaded.scene, loaded.options) as renderer:
         for target in targets:
-            camera = camera_of(arguments, target.view, loaded.scene, loaded.framing, lambda: renderer.subject)
+            camera = camera_of(settings, target.view, loaded, lambda: renderer.subject)
             frames.append(renderer.render(camera))
             warnings += picture_warnings(frames[-1], loaded.scene, arguments, camera, model)
     warnings = list(dict.fromkeys(warnings))
@@ -172,7 +166,7 @@ def _write(pictures, labels, plan, arguments, outputs) -> tuple[tuple[int, int],
     )
     output = plan[0][0].output
     content = encode_sheet(image, output)
-    outputs.of_model(len(plan) - 1).write(content, output)
+    outputs.write({output: content})
     return image.size, len(content)
 
 

@@ -5,6 +5,7 @@ load ─ cameras on a circle ─ one Renderer ─ frames ─┬─ a moving pict
 """
 
 import math
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -59,16 +60,17 @@ def add_flags(parser) -> None:
 
 def run(arguments, messages) -> tuple[list, int]:
     """Turn every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import draw_models, make_options
+    from .drawing import draw_models, make_settings
     from .outputs import writes_frames
 
     _fill_in_timing(arguments)
-    make_options(arguments)  # what is not legal is told before a model is loaded
+    settings = make_settings(arguments)
 
     def check_animation(output, _) -> None:
         _check_animation(output, arguments)
 
-    return draw_models(arguments, messages, _turn_model, None if writes_frames(arguments) else check_animation)
+    check = None if writes_frames(arguments) else check_animation
+    return draw_models(arguments, settings, messages, _turn_model, check)
 
 
 def _fill_in_timing(arguments) -> None:
@@ -111,16 +113,16 @@ def _suffix_of(output) -> str:
     return ".gif" if output == STDIO else Path(output).suffix
 
 
-def _cameras(arguments, model, loaded, subject) -> list:
+def _cameras(arguments, settings, model, loaded, subject) -> list:
     """The cameras of a round; a full one ends a step before it would begin again. A model's own camera has a target in
     scene files alone; other formats know a direction."""
     from ..io import formats
-    from .cameras import cameras_round
 
     angles = [arguments.turn * k / arguments.frames for k in range(arguments.frames)]
     entry = formats.find(arguments.input_format or Path(model).suffix)
     has_target = entry is not None and entry.is_scene
-    return cameras_round(arguments, angles, loaded.scene, loaded.framing, subject, has_target)
+    viewpoint = settings.viewpoints[None].over(loaded.framing)
+    return viewpoint.cameras_round(angles, loaded.scene, loaded.options.size, subject, has_target=has_target)
 
 
 class _Frames:
@@ -163,14 +165,13 @@ class _Frames:
 def _turn_model(targets, arguments, settings, messages, output) -> None:
     """Turn one model."""
     from ..io.animation import Timing, animation_format, encode_animation
-    from .drawing import make_renderer, picture_warnings, take_options
+    from .drawing import make_renderer, picture_warnings
     from .models import load_scene
     from .outputs import encode_picture, writes_frames
 
     start, model = perf_counter(), targets[0].model
     loaded = load_scene(model, arguments, settings, messages, output.files_read)
-    scene, is_apart = loaded.scene, writes_frames(arguments)
-    arguments, options = take_options(arguments, loaded, model)
+    scene, options, is_apart = loaded.scene, loaded.options, writes_frames(arguments)
     suffix = _suffix_of(targets[0].output)
     if scene.background is None and not (is_apart or animation_format(suffix).has_alpha):
         scene = replace(scene, background="white")
@@ -179,8 +180,8 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
     if is_hard and options.ground:
         options = replace(options, ground=False)
         messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
-    with make_renderer(scene, options) as renderer, Bar(messages) as bar:
-        cameras = _cameras(arguments, model, loaded, lambda: renderer.subject)
+    with make_renderer(scene, options) as renderer, closing(Bar(messages)) as bar:
+        cameras = _cameras(arguments, settings, model, loaded, lambda: renderer.subject)
         frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))
         warnings = picture_warnings(frames.first, scene, arguments, cameras[0], model)
         messages.warn(*warnings)
@@ -189,8 +190,8 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
                 content = encode_picture(frames.draw(target.frame), target.output)
             else:
                 content = encode_animation(frames, suffix, Timing(arguments.seconds, arguments.loop))
-            output.write(content, target.output)
-            bar.end()
+            output.write({target.output: content})
+            bar.close()
             output.results.tell(target.output, options.size, len(content), perf_counter() - start)
     seconds = perf_counter() - start
     messages.detail(f"{model}: {targets[-1].output}, {counted(len(cameras), 'frame')}, {seconds:.2f} s in all")

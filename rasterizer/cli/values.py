@@ -7,7 +7,7 @@ before a light is made.
 import argparse
 import re
 
-from ..choices import DISTRIBUTIONS, RANDOM, VIEWS
+from ..choices import DISTRIBUTIONS, EDGE_TYPES, VIEWS
 from ..errors import SceneError
 from .parser import did_you_mean
 
@@ -118,6 +118,7 @@ def list_of(read, legal=()):
     return values
 
 
+edge_types = list_of(str, EDGE_TYPES)
 _MAX_VIEWS = 1_000_000
 
 
@@ -134,11 +135,6 @@ def views(text) -> tuple[str, ...]:
 
 
 views.legal = (*VIEWS, "random:20")  # for the completion of shells
-
-
-def seed_of(view) -> int | None:
-    """Return the seed of a random view by its name; None of others."""
-    return int(view.rpartition("-")[2]) if view and view.startswith(f"{RANDOM}-") else None
 
 
 def seed(text) -> int:

@@ -26,7 +26,7 @@ def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster view MODEL [options]"
     parser.description = _DESCRIPTION
-    parser.set_defaults(outputs=None, default_size=None)
+    parser.set_defaults(outputs=None, output=None, default_size=None)
     add_models(parser)
     page = parser.add_topic("page", _PAGE, is_own=True)
     page.add_argument("--open", dest="is_opened", action="store_true", help="open the page in a browser")
@@ -52,14 +52,13 @@ def run(arguments, messages) -> tuple[list, int]:
     OutputError : a port that can't be listened on
     """
     from ..viewer.server import Server
-    from .cameras import check_camera
-    from .models import list_models, make_settings
+    from .drawing import make_settings
+    from .models import list_models
 
     if not 0 <= arguments.port <= _MAX_PORT:
         raise SceneError(f"--port must be within 0..{_MAX_PORT}; given {arguments.port}")
-    settings = make_settings(arguments)
     arguments.size = _SIZE
-    check_camera(arguments)
+    settings = make_settings(arguments, but=("size",))
     (model, *others), (view, *other_views) = list_models(arguments), arguments.views or [None]
     if others or other_views:
         given = f"{1 + len(others)} models, {1 + len(other_views)} views"
@@ -82,16 +81,13 @@ def _open_session(model, view, arguments, settings, messages):
     """Load the model and draw it once, so that what is wrong is said here, and all kernels are compiled; return the
     Session."""
     from ..viewer.session import PAPER, Session
-    from .cameras import camera_of, is_camera_given
-    from .drawing import OPTIONS, picture_warnings
-    from .models import load_scene, with_options
+    from .drawing import OPTIONS, camera_of, is_camera_given, picture_warnings
+    from .models import load_scene
 
     loaded = load_scene(model, arguments, settings, messages)
-    scene, framing, names = loaded.scene, loaded.framing, OPTIONS - {"size", "outputs"}
-    arguments = with_options(arguments, loaded.options, names, model)
-    options = {name: getattr(arguments, name) for name in names}
-    is_own = scene.camera is None and framing is None and not is_camera_given(arguments) and arguments.zoom == 1.0
-    camera = None if is_own else camera_of(arguments, view, scene, framing)
+    scene, options = loaded.scene, {name: getattr(loaded.options, name) for name in OPTIONS - {"size", "outputs"}}
+    is_framed = scene.camera is None and loaded.framing is None and not is_camera_given(arguments)
+    camera = None if is_framed and arguments.zoom == 1.0 else camera_of(settings, view, loaded)
     session = Session(scene, camera=camera, title=os.path.basename(model), **options)
     with compilation_shown(messages):
         for is_rest in (False, True):

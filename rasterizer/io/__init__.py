@@ -5,8 +5,7 @@ A format's reader is one file; loader.py is where reading begins.
     loader              load: files of every format, and whatever is a mesh already
     formats             the table of formats, and who reads each
     files               which files may be read, and how they are written
-    limits              how much may be made of a file, and how long its text is
-    model_file          what the readers of models share
+    model_file          what the readers of models share, and how much may be made of a file
     obj, mtl            OBJ, and its materials
     ply, stl, gltf      PLY; STL; glTF and GLB
     threemf             3MF, by lib3mf

@@ -18,8 +18,7 @@ of MTL files, buffers and images of glTF files, models, arrays and textures of s
 is in no message.
 
 Files are written whole or not at all: first hidden beside their places, then renamed. A file that is protected against
-writing is refused, though its folder may be written; one that is replaced keeps its mode, and its owner where that is
-allowed.
+writing is refused, though its folder may be written.
 """
 
 import contextlib
@@ -276,8 +275,8 @@ def identity_of(path) -> tuple[int, int] | None:
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
-    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are.
+    A link keeps its name and gets a new target. A file that is protected against writing is refused. Devices and pipes
+    can't be replaced: they are written as they are.
 
     Raises OutputError where it can't be written.
     """
@@ -295,12 +294,18 @@ def write_all(contents: Mapping[str, bytes]) -> None:
     try:
         for path, content in contents.items():
             place = os.path.realpath(path)
-            if len(contents) == 1 and os.path.exists(place) and not os.path.isfile(place):
+            if os.path.isfile(place) and not (os.stat(place).st_mode & 0o222 and os.access(place, os.W_OK)):
+                # for the superuser the mode counts, too
+                raise PermissionError(13, "the file that is there is protected against writing")
+            if os.path.exists(place) and not os.path.isfile(place):
+                if len(contents) > 1:
+                    raise IsADirectoryError(21, "it is no file")
                 with open(place, "wb") as stream:  # a device or pipe
                     stream.write(content)
                 continue
             hidden[path] = place, os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}")
-            _write_hidden(hidden[path][1], place, content)
+            with open(hidden[path][1], "xb") as stream:
+                stream.write(content)
         for path, (place, name) in hidden.items():
             os.replace(name, place)
             moved.append(path)
@@ -315,29 +320,6 @@ def write_all(contents: Mapping[str, bytes]) -> None:
         for _, name in hidden.values():
             if os.path.lexists(name):
                 os.unlink(name)
-
-
-def _write_hidden(name: str, place: str, content: bytes) -> None:
-    """Write the file that will replace the one at `place`, if there is one: nobody else may read it before, and it has
-    the owner and mode of the old one. OSError where that is protected, or the disk is full."""
-    old = None
-    with contextlib.suppress(FileNotFoundError):
-        old = os.stat(place)
-    if old is not None and not stat.S_ISREG(old.st_mode):
-        raise IsADirectoryError(21, "it is no file")
-    if old is not None and not (old.st_mode & 0o222 and os.access(place, os.W_OK)):
-        # for the superuser the mode counts, too
-        raise PermissionError(13, "the file that is there is protected against writing")
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    mode = 0o666 if old is None else 0o600  # without an old file, what the process's umask leaves
-    with os.fdopen(os.open(name, flags, mode), "wb") as stream:
-        stream.write(content)
-        if old is not None:
-            new = os.fstat(stream.fileno())
-            if hasattr(os, "fchown") and (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
-                with contextlib.suppress(PermissionError):  # only the superuser gives files away
-                    os.fchown(stream.fileno(), old.st_uid, old.st_gid)
-            os.chmod(name, stat.S_IMODE(old.st_mode))
 
 
 def make_folder_of(output: str) -> None:

@@ -99,9 +99,8 @@ class Format(NamedTuple):
 
     Parameters
     ----------
-    name : text in lower case, what `format=` and messages call it
+    name : text in lower case, what `format=`, messages and suffixes of files call it
     reader : text "module:function", imported when a file of the format is first read
-    suffixes : of files, in lower case without a dot; None = the name alone
     is_scene : whether a file is a whole scene, instead of a model
     is_binary : whether it can't be given as a file object of text
     companions : text, what other files a file may name; empty = none
@@ -110,23 +109,24 @@ class Format(NamedTuple):
         those at which texture coordinates or colours change. False = there are none, or the reader has joined them
     in_parts : whether the reader takes `LongFile` in the place of bytes, so that a file need not fit into memory
     packages : tuples of names of packages, all of one of which the reader imports beside what is required; the extra
-        `formats` brings them
+        `formats` brings them. Empty = none
     """
 
     name: str
     reader: str
-    suffixes: tuple[str, ...] | None = None
     is_scene: bool = False
     is_binary: bool = False
     companions: str = ""
     up: str = "y"
     repeats_vertices: bool = True
     in_parts: bool = False
-    packages: tuple[tuple[str, ...], ...] = ((),)
+    packages: tuple[tuple[str, ...], ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
         """The packages that must be installed before files of the format can be read; none of them is imported."""
+        if not self.packages:
+            return ()
         absent = [tuple(name for name in names if find_spec(name) is None) for names in self.packages]
         return min(absent, key=len)
 
@@ -186,7 +186,7 @@ def formats() -> list[dict[str, Any]]:
         found.append(
             {
                 "name": entry.name,
-                "suffixes": [f".{word}" for word in entry.suffixes or (entry.name,)],
+                "suffixes": [f".{entry.name}"],
                 "reads": "scene" if entry.is_scene else "model",
                 "by": "lib3mf or trimesh" if entry.name == "3mf" else own,
                 "needs": list(missing),
@@ -196,16 +196,9 @@ def formats() -> list[dict[str, Any]]:
     return found
 
 
-def names(*, is_scene: bool | None = None) -> tuple[str, ...]:
-    """Return the names of the formats of scene files, of models, or (None) of both."""
-    return tuple(each.name for each in FORMATS.values() if is_scene in (None, each.is_scene))
-
-
 def find(word: str) -> Format | None:
     """Return the format of a name or suffix, whatever its capitals, with a dot or without; None where there is none."""
-    word = word.lower().removeprefix(".")
-    found = FORMATS.get(word)
-    return found or next((each for each in FORMATS.values() if word in (each.suffixes or ())), None)
+    return FORMATS.get(word.lower().removeprefix("."))
 
 
 def format_of(name: str, wanted: str | None, *, is_scene: bool | None = None) -> Format:
@@ -222,13 +215,13 @@ def format_of(name: str, wanted: str | None, *, is_scene: bool | None = None) ->
     ModelError : no legal format, or no suffix that tells it
     SceneError : `wanted` is no text
     """
-    legal = ", ".join(names(is_scene=is_scene))
-    if wanted is not None and not isinstance(wanted, str):
-        raise SceneError(f"format must be text, one of {legal}; given {shown(wanted)}")
     word = Path(name).suffix if wanted is None else wanted
-    found = find(word)
+    found = find(word) if isinstance(word, str) else None
     if found is not None and is_scene in (None, found.is_scene):
         return found
+    legal = ", ".join(each.name for each in FORMATS.values() if is_scene in (None, each.is_scene))
+    if not isinstance(word, str):
+        raise SceneError(f"format must be text, one of {legal}; given {shown(wanted)}")
     if word := word.lower().removeprefix("."):
         what = f"format '{word}'" + " of a scene file" * (is_scene is True)
         hint = f"; {_BY_SUFFIX[word]}" if word in _BY_SUFFIX else ""

@@ -3,7 +3,7 @@
     bytes ─ tree ─ primitives ─ parts ─ placed by their nodes
                    buffers      each as often as nodes show it
 
-Nothing of a file is followed before it has been checked, and what it asks for is counted first, as `limits.py` says.
+Nothing of a file is followed before it has been checked, and what it asks for is counted first, see `model_file.py`.
 Meshes stand as their nodes, joints and weights of morph targets do: in the pose of the file, without its animations.
 Format: Khronos, glTF 2.0 Specification, 2021.
 """
@@ -27,8 +27,7 @@ from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.texture import Texture, decode_ahead, least_of, read_picture
-from .limits import name_in
-from .model_file import WHITE, Contents, ModelFile, Part
+from .model_file import WHITE, Contents, ModelFile, Part, name_in
 
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6

@@ -32,8 +32,17 @@ from ..scene.triangulation import listed
 from ..scene.validate import picture_size
 from . import formats
 from .files import Folder, name_of, opened_source
-from .limits import name_in
-from .model_file import Contents, MeshSettings, ModelFile, Part, Report, bytes_of_copy, materials_of
+from .model_file import (
+    Contents,
+    MeshSettings,
+    ModelFile,
+    Part,
+    Report,
+    bytes_of_copy,
+    materials_of,
+    name_in,
+    without_none,
+)
 
 if TYPE_CHECKING:
     from ..look import Look
@@ -179,7 +188,7 @@ def read_source(
         raise SceneError(f"allow_outside must be True or False; given {shown(allow_outside)}")
     is_own_camera = isinstance(camera, str) and camera == "file"
     camera = None if is_own_camera else camera
-    settings = {key: value for key, value in (settings | {"camera": camera}).items() if value is not None}
+    settings = without_none(settings | {"camera": camera})
     if isinstance(source, Scene):
         if changes := mesh_settings.arguments():
             settings["meshes"] = meshes_from(source.meshes, changes)
@@ -264,10 +273,10 @@ def load_model(
         with opened_source(source, name, entry.name if entry.is_binary else "", entry.in_parts) as data:
             if not data[: formats.HEAD].strip() and not data[:].strip():
                 raise ModelError(f"{name}: the file is empty")
-            model = ModelFile(name, entry.name, data, files, log or keep_quiet)
+            model = ModelFile(name, entry.name, data, files, log)
             contents = _read(entry, model)
         own = {"up": contents.up or entry.up, "lights": contents.lights, "camera": contents.camera}
-        settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
+        settings = without_none(own) | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
         if contents.camera is not None and scene.camera is contents.camera:
             return replace(scene, camera=aimed(contents.camera, scene.bounds))
@@ -293,44 +302,39 @@ def _read(entry, model) -> Contents:
     return contents
 
 
-def keep_quiet(_text: str) -> None:
-    """Take a fact that nobody wants."""
-
-
 # --- meshes -----------------------------------------------------------------------------------------------------------
 
 
 def _make_meshes(model, contents, settings) -> list[Mesh]:
     """Make the meshes of the parts of a file, each once, and move them to where their nodes are."""
-    placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
-    parts = {id(part): part for part, _ in placed}
-    for part in parts.values():
+    placed, parts = [], {}
+    for pair in contents.parts:
+        part, matrix = pair if isinstance(pair, tuple) else (pair, None)
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
         part["name"] = name_in(part["name"])
+        placed.append((part, matrix))
+        parts[id(part)] = part
     model.textures.warn()
     for part in parts.values() if model.textures.n_halving else ():
         many = "materials" in part
         fitted = tuple(model.textures.fit_material(material) for material in materials_of(part))
         part.update({"materials": fitted} if many else {"material": fitted[0]})
-    _report(model, contents, [part for part, _ in placed], settings.crease_angle)
+    unused = _list_unused(contents, parts.values())
+    if unused:
+        model.warn(f"not used: {listed(unused)}")
+    if model.log is not None:
+        _report(model, contents, [part for part, _ in placed], settings.crease_angle, unused)
     if len(placed) > 1:
         drawn = {key for key, part in parts.items() if _is_worth_drawing(part, settings.drop_bad_faces)}
         placed = [pair for pair in placed if id(pair[0]) in drawn] or placed[:1]
-    made = {id(part): None for part, _ in placed}
-    seen = (material.opacity > 0.0 for key in made for material in materials_of(parts[key]))
-    if model.format != "obj" and not any(seen):  # MTL warns of each such material
-        model.warn("all its materials are invisible: opacity 0")
-    for key in made:
-        part = _prepare(model, parts[key], settings)
-        # The reader's own arrays, which nobody else has: the mesh needs no copies.
-        arrays = {key: fixed(value) for key, value in part.items() if isinstance(value, np.ndarray)}
-        try:
-            made[key] = Mesh(**part | arrays, **settings.arguments())
-        except ModelError as fault:
-            raise model.error(f"{_label(part)}{fault}") from fault
-    meshes = []
+    if model.format != "obj":  # MTL warns of each such material
+        if not any(material.opacity > 0.0 for part, _ in placed for material in materials_of(part)):
+            model.warn("all its materials are invisible: opacity 0")
+    made, meshes = {}, []
     for part, matrix in placed:
+        if id(part) not in made:
+            made[id(part)] = _make_mesh(model, part, settings)
         mesh = made[id(part)]
         if matrix is not None and not np.array_equal(matrix, np.eye(4)):
             model.allowance.make(bytes_of_copy(mesh))
@@ -356,18 +360,28 @@ def _why_no_faces(contents) -> str:
     return f"no faces; not used: {', '.join(contents.left_out)}" if contents.left_out else "no faces"
 
 
-def _prepare(model, part, settings) -> Part:
-    """Join copied vertices if normals are to be averaged across them; mend the file's own normals."""
+def _make_mesh(model, part, settings) -> Mesh:
+    """Make the mesh of a part: copied vertices are joined if normals are to be averaged across them, and the file's own
+    normals mended."""
     repeats = formats.FORMATS[model.format].repeats_vertices
     if repeats and (settings.crease_angle is not None or "normals" not in part):
         part = weld(part)
-    return _mend_normals(model, _without_useless_textures(model, part))
+    words = {}
+    for key, value in _mend_normals(model, _without_useless_textures(model, part)).items():
+        # The reader's own arrays, which nobody else has: the mesh needs no copies.
+        words[key] = fixed(value) if isinstance(value, np.ndarray) else value
+    try:
+        return Mesh(**words, **settings.arguments())
+    except ModelError as fault:
+        raise model.error(f"{_label(part)}{fault}") from fault
 
 
 def _without_useless_textures(model, part: Part) -> Part:
     """Take the textures off the materials of a part that has no texture coordinates."""
+    if "uv" in part:
+        return part
     useless = [material.name for material in materials_of(part) if material.texture is not None]
-    if "uv" in part or not useless:
+    if not useless:
         return part
     names = listed([f"'{cut(name, 40)}'" for name in useless])
     what = f"mesh '{cut(part['name'], 80)}' has no texture coordinates"
@@ -404,18 +418,25 @@ def _mend_normals(model, part: Part) -> Part:
     return {**part, "normals": np.where(is_bad[..., None], 0.0, normals)}
 
 
-def _report(model, contents, parts, crease_angle):
-    """Say in one line what the file had, what is used of it, and what is not."""
+def _list_unused(contents, parts) -> list[str]:
+    """List what the file has that would be seen if it were used."""
+    seen = [counted(contents.n_point, "point")] * bool(contents.n_point)
+    seen += [counted(contents.n_line, "line")] * bool(contents.n_line)
+    for what in contents.left_out:
+        seen.append(cut(what, 80))
+    for part in parts:
+        for colors in (part.get("colors"), part.get("face_colors")):
+            if colors is not None and colors.shape[-1] == 4:
+                if colors[..., 3].min(initial=255) < _OPAQUE[colors.dtype.kind]:
+                    return [*seen, "the alpha of vertex colours"]
+    return seen
+
+
+def _report(model, contents, parts, crease_angle, seen):
+    """Say in one line what the file had, what is used of it, and what is not: `seen`, and what would not be seen."""
     has = {key for part in parts for key in part}
     facts = [counted(sum(len(part["faces"]) for part in parts), "face"), *_counts(contents, parts)]
     facts += [what for key, what in _ATTRIBUTES.items() if key in has]
-    seen = [counted(n, what) for n, what in ((contents.n_point, "point"), (contents.n_line, "line")) if n]
-    seen += [cut(what, 80) for what in contents.left_out]
-    colors = [part[key] for part in parts for key in ("colors", "face_colors") if key in part]
-    if any(array.shape[-1] == 4 and array[..., 3].min(initial=255) < _OPAQUE[array.dtype.kind] for array in colors):
-        seen.append("the alpha of vertex colours")
-    if seen:
-        model.warn(f"not used: {listed(seen)}")
     left_out = [*seen]
     if "uv" in has and not any(material.needs_uv for part in parts for material in materials_of(part)):
         left_out.append("texture coordinates")

@@ -1,4 +1,4 @@
-"""What the readers of model files share.
+"""What the readers of model files share; and how much may be made of a file.
 
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
@@ -16,7 +16,6 @@ from ..scene.material import Material
 from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder, LongFile
-from .limits import MAX_WARNINGS, Allowance
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
 WHITE = Material(diffuse=1.0)
@@ -79,8 +78,12 @@ class MeshSettings(NamedTuple):
 
     def arguments(self) -> dict:
         """Return those that are asked for, as arguments of Mesh."""
-        asked = self._replace(drop_bad_faces=self.drop_bad_faces or None)._asdict()
-        return {name: value for name, value in asked.items() if value is not None}
+        return without_none(self._replace(drop_bad_faces=self.drop_bad_faces or None)._asdict())
+
+
+def without_none(words: dict) -> dict:
+    """Return the arguments that are given."""
+    return {name: value for name, value in words.items() if value is not None}
 
 
 def bytes_of_copy(mesh) -> int:
@@ -104,8 +107,8 @@ class ModelFile:
     format: str
     data: bytes | LongFile  # the latter where the format is read in parts
     beside: Folder
-    log: Callable[[str], object]
-    allowance: Allowance = None  # None = its own, by its size
+    log: Callable[[str], object] | None  # None = nobody wants facts
+    allowance: "Allowance" = None  # None = its own, by its size
     textures: Budget = None  # counts those that are made of it
 
     def __post_init__(self) -> None:
@@ -128,7 +131,8 @@ class ModelFile:
 
     def tell(self, fact: object, line: int | None = None) -> None:
         """Log `name:line: fact`, cut."""
-        self.log(f"{self._place(line)}: {cut(fact, MAX_MESSAGE)}")
+        if self.log is not None:
+            self.log(f"{self._place(line)}: {cut(fact, MAX_MESSAGE)}")
 
     def _place(self, line) -> str:
         return self.name if line is None else f"{self.name}:{line}"
@@ -190,6 +194,69 @@ def check_indices(model, corners, counts, n_vertex, place_of) -> None:
     polygon = int(np.searchsorted(np.cumsum(counts), bad, side="right"))
     legal = f"the file has {n_vertex}, legal is 0..{n_vertex - 1}"
     raise ModelError(f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; {legal}")
+
+
+# ----------------------------------------------------------------
+# How much may be made of a file: what it states is counted before it is spent, and its text is cut.
+#
+# A file of some bytes can ask for any number of others: by packing them, by stating counts, by referring to the same
+# ones again and again. So everything that is unpacked, copied or repeated is counted, in bytes and in meshes, and
+# together it may have
+#
+#     bytes    RATIO times those of the files that were read, or LEAST where that is more
+#     meshes   one for MESH_BYTES bytes of these files, and LEAST_MESHES
+#
+# Loading a file below 1 MB takes up to 300 MB and 10 s then: arrays are there four times at most while meshes are made,
+# and a mesh takes half a millisecond. Real files stay far below: text of numbers packs to a tenth, quantised vertices
+# grow eightfold, and 128 bytes for a mesh are less than its name, place and faces.
+
+RATIO = 32
+LEAST = 2**26
+LEAST_TEXT = 2**23  # of what is unpacked and then parsed: trees of XML take several times as much
+LEAST_MESHES, MESH_BYTES = 2**13, 128
+MAX_NAME = 200  # letters of the name of a mesh or material
+MAX_WARNINGS = 20  # of one file
+
+
+def most(n_byte: int, least: int = LEAST) -> int:
+    """Return how many bytes may be made of a file of `n_byte` bytes."""
+    return max(least, RATIO * n_byte)
+
+
+def name_in(text: object) -> str:
+    """Return a name that stands in a file, cut: it may be as long as the file, and thousands of things may bear it."""
+    return text[:MAX_NAME] if isinstance(text, str) else str(text)[:MAX_NAME]
+
+
+class Allowance:
+    """Count what is made of one file and those that it names.
+
+    Parameters
+    ----------
+    n_byte : bytes of the file
+    name : text, the file's name in errors, with what follows it; empty = the caller says where
+    """
+
+    def __init__(self, n_byte: int, name: str = ""):
+        self.n_byte, self.name = n_byte, name
+        self.n_made = self.n_mesh = self.n_warning = 0
+
+    def make(self, n_byte: int) -> None:
+        """Count bytes of arrays before they are made; ModelError where they are too many."""
+        self.n_made += n_byte
+        if self.n_made > most(self.n_byte):
+            size = f"a file of {self.n_byte} bytes"
+            raise ModelError(
+                f"{self.name}asks for {self.n_made} bytes of arrays: too many for {size}, {most(self.n_byte)} are legal"
+            )
+
+    def show(self, n_mesh: int) -> None:
+        """Count meshes, each as often as it is shown; ModelError where they are too many."""
+        self.n_mesh += n_mesh
+        legal = LEAST_MESHES + self.n_byte // MESH_BYTES
+        if self.n_mesh > legal:
+            size = f"a file of {self.n_byte} bytes"
+            raise ModelError(f"{self.name}shows {self.n_mesh} meshes or nodes: too many for {size}, {legal} are legal")
 
 
 # ----------------------------------------------------------------

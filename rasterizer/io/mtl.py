@@ -57,8 +57,7 @@ from ..scene.spectrum import rgb_from_xyz
 from ..scene.texture import Texture, decode_ahead, read_picture
 from ..scene.triangulation import listed
 from .files import OutsideError, identity_of
-from .limits import name_in
-from .model_file import ModelFile, text_of
+from .model_file import ModelFile, name_in, text_of
 
 MAX_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
 LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones

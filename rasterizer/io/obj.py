@@ -15,9 +15,9 @@ Visualizer manual, appendix B1, 1995.
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import replace
-from itertools import accumulate, compress
+from functools import partial
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,8 +28,7 @@ from ..errors import counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from .limits import name_in
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, report_progress, text_of
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, name_in, report_progress, text_of
 from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
 
@@ -61,13 +60,16 @@ def read_obj(model: ModelFile) -> Contents:
 
 def _with_others(parts, lines) -> Contents:
     """Say what the file has beside faces that are drawn."""
-    n_point = sum(len(words.partition("#")[0].split()) for words in lines.names_of("p")[1])
+    n_point, curved = 0, []
+    for words in lines.names_of("p")[1]:
+        n_point += len(words.partition("#")[0].split())
+    for keyword in ("curv", "curv2", "surf"):
+        curved += [keyword] * (len(lines.lines_of(keyword)) > 0)
     n_line = len(lines.lines_of("l")) + lines.n_short_face
-    curved = [keyword for keyword in ("curv", "curv2", "surf") if len(lines.lines_of(keyword))]
     if not parts and n_point + n_line == 0 and not curved:
         n_point = len(lines.lines_of("v"))
     left_out = (f"curved elements ({', '.join(curved)})",) if curved else ()
-    has_rest = parts and not all("normals" in part for part in parts) and len(lines.lines_of("vn"))
+    has_rest = len(lines.lines_of("vn")) and not all("normals" in part for part in parts or [{"normals"}])
     unused = ("normals of meshes in which some faces have none",) if has_rest else ()
     return Contents(parts, n_point=n_point, n_line=n_line, left_out=left_out, unused=unused)
 
@@ -91,15 +93,17 @@ def _read_parts(model, lines) -> list[Part]:
     material_begins, names = _in_force(lines, "usemtl", face_lines)
     object_begins, objects = _in_force(lines, "o", face_lines)
     # A material has one number, however often its name stands there; an object is another each time.
-    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    whole["face_material"] = np.repeat([-1, *(numbers[name] for name in names)], np.diff(material_begins))
+    numbers = dict(zip(dict.fromkeys(names), range(len(names)), strict=False))
+    whole["face_material"] = np.repeat([-1, *map(numbers.get, names)], np.diff(material_begins))
     materials = {}
     if numbers:
         from .mtl import find_materials
 
         materials = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
-    default = replace(whole["material"], name="")
-    palette = [materials.get(name, replace(default, name=name_in(name))) for name in numbers] + [default]
+    default, palette = whole["material"], []
+    for name in numbers:
+        palette.append(materials.get(name) or replace(default, name=name_in(name)))
+    palette.append(default)
     groups = set(lines.names_of("g")[1])
     objects.append(groups.pop() if len(groups) == 1 else "")  # the only group names what stands before the first object
     if cut.polygons is not None:
@@ -108,12 +112,11 @@ def _read_parts(model, lines) -> list[Part]:
     if groups:
         of_groups = np.array([0, *map(_smoothing_group, groups)], np.int32)
         whole["smoothing"] = np.repeat(of_groups, np.diff(group_begins))
-    ranges = _object_ranges(whole, object_begins)
+    ranges, parts = _object_ranges(whole, object_begins), []
     model.allowance.show(len(ranges))
-    return [
-        _with_materials(model, _take_range(whole, begin, end), palette, objects[number])
-        for number, begin, end in ranges
-    ]
+    for number, begin, end in ranges:
+        parts.append(_with_materials(model, _take_range(whole, begin, end), palette, objects[number]))
+    return parts
 
 
 def _make_part(lines, points, corners: "Corners", cut) -> Part:
@@ -157,30 +160,32 @@ def _object_ranges(whole: Part, edges: list[int]) -> list[tuple[int, int, int]]:
     Objects without a face that has an area go with their neighbour, so that the faces keep their numbers: a mesh must
     have such a face.
     """
-    spans = zip(edges[:-1], edges[1:], strict=True)
-    found = [(number, begin) for number, (begin, end) in enumerate(spans, -1) if begin < end]
+    found = np.flatnonzero(np.diff(edges))
+    begins = np.array(edges)[found]
     if len(found) > 1:
-        begins = [begin for _, begin in found]
         is_kept = np.logical_or.reduceat(has_area(whole["vertices"], whole["faces"]), begins)
         is_kept[is_kept.argmax()] = True
-        found = list(compress(found, is_kept))
-    numbers, begins = zip(*found, strict=True)
-    return list(zip(numbers, [0, *begins[1:]], [*begins[1:], edges[-1]], strict=True))
+        found, begins = found[is_kept], begins[is_kept]
+    between = begins[1:].tolist()
+    return list(zip((found - 1).tolist(), [0, *between], [*between, edges[-1]], strict=True))
 
 
 def _take_range(whole: Part, begin, end) -> Part:
     """Return the triangles from `begin` to `end` with the vertices that they use; what some lack is left out."""
     used, faces = _compact(whole["faces"][begin:end])
-    part = {key: whole[key][used] for key in ("vertices", "colors") if key in whole}
-    part |= {"faces": faces, "face_material": whole["face_material"][begin:end]}
-    indices = {key: whole[key][1][begin:end] for key in ("normals", "uv") if key in whole}
-    if "normals" in indices and indices["normals"].min() >= 0:
-        part["normals"] = _rows_of(whole["normals"][0], indices["normals"], faces, len(part["vertices"]))
-    if "uv" in indices and indices["uv"].max() >= 0:
-        has_uv = (indices["uv"] >= 0).all(axis=1) if indices["uv"].min() < 0 else None
-        if has_uv is None or has_uv.any():
-            uv = _rows_of(whole["uv"][0], indices["uv"], faces, len(part["vertices"]))
-            part |= {"uv": uv, "has_uv": has_uv}
+    part = {"vertices": whole["vertices"][used], "faces": faces, "face_material": whole["face_material"][begin:end]}
+    if "colors" in whole:
+        part["colors"] = whole["colors"][used]
+    if "normals" in whole:
+        table, indices = whole["normals"][0], whole["normals"][1][begin:end]
+        if indices.min() >= 0:
+            part["normals"] = _rows_of(table, indices, faces, len(part["vertices"]))
+    if "uv" in whole:
+        table, indices = whole["uv"][0], whole["uv"][1][begin:end]
+        has_uv = (indices >= 0).all(axis=1)
+        if has_uv.any():
+            part["uv"] = _rows_of(table, indices, faces, len(part["vertices"]))
+            part["has_uv"] = None if has_uv.all() else has_uv
     if "polygons" in whole:
         polygons = np.cumsum(np.diff(whole["polygons"][begin:end], prepend=whole["polygons"][begin]) > 0)
         if polygons[-1] + 1 < len(polygons):
@@ -226,7 +231,7 @@ def _with_materials(model, part: Part, palette, name) -> Part:
     """
     numbers = part.pop("face_material")
     has_uv = part.pop("has_uv", None)
-    if has_uv is not None and not has_uv.all():
+    if has_uv is not None:
         numbers, palette = numbers.copy(), list(palette)
         for number in distinct(numbers[~has_uv]).tolist():
             if palette[number].texture is not None:
@@ -293,23 +298,19 @@ class ObjLines:
             self._index(re.sub(rb"^ +", b"", text, flags=re.MULTILINE))
 
     def _index(self, text) -> None:
-        """Find where the lines of a text begin and end."""
+        """Find where the lines of a text begin and end, and the first two letters of each as one number."""
         self._text, self._letters = text, np.frombuffer(text, np.uint8)
-        self._ends = np.concatenate(self._map(self._newlines_from, len(text), _LETTERS))
-        self._starts = np.concatenate(([0], self._ends[:-1] + 1))
-        self._heads = np.concatenate(self._map(self._heads_from, len(self._starts), _LETTERS))
+        blocks = self._workers.map(self._lines_from, range(0, len(text), _LETTERS))
+        ends, heads = map(np.concatenate, zip(*blocks, strict=True))
+        self._ends, self._starts = ends, np.concatenate(([0], ends[:-1] + 1))
+        first = np.array([int.from_bytes(text[:2], "little")], np.uint16)
+        self._heads = np.concatenate((first, heads[:-1]))
 
-    def _map(self, function: Callable[[int], Any], n: int, size: int) -> list:
-        """Call a function with 0, `size`, 2 `size` … below n, on threads where the file is long; with 0 at least."""
-        return self._workers.map(function, range(0, max(n, 1), size))
-
-    def _newlines_from(self, begin: int) -> NDArray[np.int64]:
-        return np.flatnonzero(self._letters[begin : begin + _LETTERS] == NEWLINE) + begin
-
-    def _heads_from(self, begin: int) -> NDArray[np.uint16]:
-        """Return the first two letters of lines as one number each; behind the last newline is another."""
-        starts = self._starts[begin : begin + _LETTERS]
-        return self._letters[starts] | self._letters.take(starts + 1, mode="clip").astype(np.uint16) << 8
+    def _lines_from(self, begin: int) -> tuple[NDArray[np.int64], NDArray[np.uint16]]:
+        """Return where lines end in some letters, and the first two letters of the line behind each of them."""
+        ends = np.flatnonzero(self._letters[begin : begin + _LETTERS] == NEWLINE) + begin
+        first, second = (self._letters.take(ends + k, mode="clip") for k in (1, 2))
+        return ends, first | second.astype(np.uint16) << 8
 
     def number_of(self, line: int) -> int:
         """Return the number of a line in the file, from 1; of lines that a backslash joins the first."""
@@ -340,7 +341,9 @@ class ObjLines:
         ------
         LineError : a line with too few numbers, or with something else
         """
-        tables = self._map_lines(keyword, self.lines_of(keyword), lambda lines: self._rows_in(keyword, lines))
+        tables = self._read_lines(keyword, self.lines_of(keyword))
+        if len(tables) == 1:
+            return tables[0]
         width = min(table.shape[1] for table in tables)
         return np.concatenate([table[:, :width] for table in tables])
 
@@ -351,14 +354,14 @@ class ObjLines:
         ------
         LineError : a word that is no corner, or refers to a vertex that there is not
         """
-        given = {attribute: self.lines_of(attribute) for attribute in _ATTRIBUTES}
+        self._given = dict(zip(_ATTRIBUTES, map(self.lines_of, _ATTRIBUTES), strict=True))
         face_lines = self.lines_of("f")
-        blocks = self._map_lines("f", face_lines, lambda lines: self._corners_in(given, lines))
-        *columns, missing = zip(*blocks, strict=True)
-        self.missing = dict(zip(("texture coordinates", "normals"), map(sum, zip(*missing, strict=True)), strict=True))
-        self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[0])
-        joined = (None if column[0] is None else np.concatenate(column) for column in columns)
-        return Corners(face_lines, *joined)
+        columns = [*zip(*self._read_lines("f", face_lines), strict=True)]
+        counts, missing = np.concatenate(columns[0]), np.sum(columns[-1], axis=0).tolist()
+        self.n_short_face = int((counts < 3).sum())
+        self.missing = dict(zip(("texture coordinates", "normals"), missing, strict=True))
+        indices = [None if column[0] is None else np.concatenate(column) for column in columns[1:-1]]
+        return Corners(face_lines, counts, *indices)
 
     def first_fault(self) -> tuple[int, str] | None:
         """Return the first line that can't be read, from 0, and why; None where all can be."""
@@ -370,14 +373,16 @@ class ObjLines:
                 faults.append(fault.args)
         return min(faults, default=None)
 
-    def _map_lines(self, keyword, lines, read: Callable[[NDArray[np.int64]], Any]) -> list:
-        """Call a function with the lines of v, vt, vn or f, some at a time; with none where there are none."""
+    def _read_lines(self, keyword, lines) -> list:
+        """Read the lines of v, vt, vn or f, some at a time, on threads where the file is long; what `_read_some` makes
+        of each, and of none where there are none."""
+        begins = range(0, max(len(lines), 1), _BLOCK)
+        return self._workers.map(partial(self._read_some, keyword, lines), begins)
 
-        def read_from(begin: int) -> Any:
-            report_progress(begin, len(lines), f"reading lines '{keyword}'")
-            return read(lines[begin : begin + _BLOCK])
-
-        return self._map(read_from, len(lines), _BLOCK)
+    def _read_some(self, keyword, lines, begin) -> Any:
+        report_progress(begin, len(lines), f"reading lines '{keyword}'")
+        lines = lines[begin : begin + _BLOCK]
+        return self._corners_in(lines) if keyword == "f" else self._rows_in(keyword, lines)
 
     def _rows_in(self, keyword, lines) -> NDArray[np.float64]:
         """Return the numbers of some lines, as many as all of these have."""
@@ -391,8 +396,9 @@ class ObjLines:
                 return out
         return _read_rows(keyword, lines, self._words_of(keyword, lines))
 
-    def _corners_in(self, given, lines) -> tuple[NDArray, ...]:
-        """Return what `Corners` holds of some face lines, but for these; `given` are all lines of v, vt and vn."""
+    def _corners_in(self, lines) -> tuple[NDArray, ...]:
+        """Return what `Corners` holds of some face lines, but for these, and how many name a vt, and a vn, that the
+        file doesn't have."""
         if self._is_long and len(lines):
             from .text_kernels import read_corners
 
@@ -401,10 +407,10 @@ class ObjLines:
             out = np.empty((3, n_letter // 2 + 1), np.int32)
             n_corner = read_corners(self._letters, starts, counts, out)
             if n_corner >= 0:
-                indices, missing, is_bad = _find_vertices(given, lines, counts, out[:, :n_corner])
+                indices, missing, is_bad = _find_vertices(self._given, lines, counts, out[:, :n_corner])
                 if not is_bad.any():
                     return counts, *indices, missing
-        return _read_corners(given, lines, self._words_of("f", lines))
+        return _read_corners(self._given, lines, self._words_of("f", lines))
 
     def _words_of(self, keyword, lines) -> Words:
         """Return the words of lines without keyword and comments."""
@@ -456,7 +462,7 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
 
 
 def _read_corners(given, lines, words) -> tuple[NDArray, ...]:
-    """Return what `Corners` holds of some face lines, but for these; `given` are all lines of v, vt and vn."""
+    """Return the same of words that may be anything; `given` are all lines of v, vt and vn."""
     pieces, counts = divide(words, b"/"), np.diff(words.first)
     numbers, is_number = read_integers(pieces)
     places = pieces.first[:-1] + np.arange(len(given))[:, None]

@@ -30,8 +30,7 @@ from ..scene.material import Material
 from ..scene.texture import Texture, read_picture
 from .files import unpack
 from .gltf import lit_fields
-from .limits import LEAST_TEXT, most, name_in
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, text_of
+from .model_file import LEAST_TEXT, WHITE, Contents, ModelFile, Part, bytes_of, most, name_in, text_of
 
 DEEPEST = 100  # nodes within nodes
 _TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take

@@ -17,6 +17,7 @@ Sources: W3C, Portable Network Graphics, third edition 2025: chunks in section 5
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,21 +123,22 @@ def encode_png(
         channels, pixels = pixels, np.empty(pixels.shape, np.uint8)
         for k in range(channels.shape[2]):
             pixels[..., k] = channels[..., k]
-    step = max(1, _BAND_BYTES // (width * pixels.shape[2]))
-    bands = list(map_bands(lambda y: _deflate_band(pixels, y, y + step, has_runs), list(range(0, height, step))))
-    checksum = 1
-    for _, of_band, n_byte in bands:
-        checksum = _join_checksums(checksum, of_band, n_byte)
-    stream = [_STREAM_HEAD, *(deflated for deflated, _, _ in bands), _LAST_BLOCK + struct.pack(">I", checksum)]
     header = struct.pack(">IIBBBBB", width, height, n_bit, _COLOR_TYPES[n_channel], 0, 0, 0)
-    fields = [f"{keyword}\0{value}".encode("latin-1") for keyword, value in (text or {}).items()]
-    head = [_chunk(b"IHDR", header), *(_chunk(b"tEXt", field) for field in fields)]
-    chunks = [*head, *(_chunk(b"IDAT", part) for part in stream), _chunk(b"IEND", b"")]
-    return _SIGNATURE + b"".join(chunks)
+    chunks = [_SIGNATURE, _chunk(b"IHDR", header)]
+    for keyword, value in (text or {}).items():
+        chunks.append(_chunk(b"tEXt", f"{keyword}\0{value}".encode("latin-1")))
+    chunks.append(_chunk(b"IDAT", _STREAM_HEAD))
+    n_row, checksum = max(1, _BAND_BYTES // (width * pixels.shape[2])), 1
+    deflate = partial(_deflate_band, pixels, n_row, has_runs)
+    for deflated, of_band, n_byte in map_bands(deflate, list(range(0, height, n_row))):
+        chunks.append(_chunk(b"IDAT", deflated))
+        checksum = _join_checksums(checksum, of_band, n_byte)
+    chunks += [_chunk(b"IDAT", _LAST_BLOCK + struct.pack(">I", checksum)), _chunk(b"IEND", b"")]
+    return b"".join(chunks)
 
 
-def _deflate_band(pixels, y_start, y_end, has_runs) -> tuple[bytes, int, int]:
-    """Filter and deflate the rows from `y_start` to before `y_end`.
+def _deflate_band(pixels, n_row, has_runs, y_start) -> tuple[bytes, int, int]:
+    """Filter and deflate `n_row` rows from `y_start` on, or as many as there are.
 
     Returns
     -------
@@ -144,7 +146,7 @@ def _deflate_band(pixels, y_start, y_end, has_runs) -> tuple[bytes, int, int]:
     checksum : int, Adler-32 of the filtered rows
     n_byte : int, how many bytes they are
     """
-    channels = pixels[y_start:y_end]
+    channels = pixels[y_start : y_start + n_row]
     rows = channels.reshape(len(channels), -1)
     above = pixels[y_start - 1].reshape(-1) if y_start else np.zeros(rows.shape[1], np.uint8)
     filtered = _filter_rows(rows, above, pixels.shape[2])

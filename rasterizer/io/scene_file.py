@@ -52,9 +52,8 @@ from ..scene.validate import number, picture_size, unit3, vector3
 from ..viewpoint import Viewpoint
 from . import formats
 from .files import Folder, name_of, open_member, read_source
-from .limits import Allowance, most
-from .loader import SceneFile, keep_quiet, load_model
-from .model_file import MeshSettings, bytes_of_copy
+from .loader import SceneFile, load_model
+from .model_file import Allowance, MeshSettings, bytes_of_copy, most
 
 _OWN_SETTINGS = MeshSettings()  # of the file, that is
 MAX_JSON, MAX_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
@@ -101,7 +100,7 @@ def read_scene(
     """
     name = name_of(source, "scene")
     files = Folder(Path(name).parent if folder is None else folder, None, allow_outside, files_read)
-    context = Context(name, files, log or keep_quiet, mesh_settings)
+    context = Context(name, files, log, mesh_settings)
     with one_file(name):
         root = _parse(source, name, format)
         context.allowance.n_byte += root.n_byte
@@ -845,7 +844,7 @@ class Arrays(Mapping):
 
     Raises
     ------
-    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than `limits.most`; also when an
+    ModelError : no .npz file, a damaged or encrypted one, or one that unpacks to more than `most` says; also when an
         array is asked for that is damaged or holds objects
     """
 

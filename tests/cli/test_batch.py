@@ -77,8 +77,8 @@ def test_where_nothing_is_drawn_the_exit_code_says_why(folder, capsys):
     (folder / "b.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
     (folder / "b.obj").write_text("mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
     (folder / "skin.obj").write_bytes(open(CUBE, "rb").read())
-    assert batch("skin.obj", "b.obj") == 1
-    assert "can't write skin.png: it is" in errors(capsys), "what another model reads stays"
+    assert batch("b.obj", "skin.obj") == 1
+    assert "can't write skin.png: it is" in errors(capsys), "what another model has read stays"
     assert picture("skin.png").shape == picture(ROOT / "models" / "globe.png").shape
 
 
@@ -227,7 +227,7 @@ def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
 
 
 def test_the_manifest_has_no_line_of_a_file_that_is_not_written(folder, capsys):
-    """One that is there already waits until all models are read; a later one reads it, so it stays."""
+    """What an earlier model has read stays."""
     for name in ("globe.obj", "globe.mtl", "globe.png"):
         shutil.copy(ROOT / "models" / name, folder / name.replace(".obj", "-of-earth.obj"))
     (folder / "models").mkdir()
@@ -235,11 +235,11 @@ def test_the_manifest_has_no_line_of_a_file_that_is_not_written(folder, capsys):
     shutil.copy(CUBE, folder / "models" / "late.obj")
     shutil.copy(CUBE, folder / "late.png")
     texture = (folder / "globe.png").read_bytes()
-    models = ["models/globe.obj", "models/late.obj", "globe-of-earth.obj"]
+    models = ["globe-of-earth.obj", "models/globe.obj", "models/late.obj"]
     assert batch(*models, "-o", "{stem}.png", "--allow-outside", "--manifest", "m.jsonl") == 1
     assert "can't write globe.png: it is globe.png, which is read" in errors(capsys)
     lines = [json.loads(line) for line in (folder / "m.jsonl").read_text().splitlines()]
-    assert [line["files"]["rgb"] for line in lines] == ["late.png", "globe-of-earth.png"]
+    assert [line["files"]["rgb"] for line in lines] == ["globe-of-earth.png", "late.png"]
     assert (folder / "globe.png").read_bytes() == texture
     assert (folder / "late.png").read_bytes()[:4] == b"\x89PNG"
 

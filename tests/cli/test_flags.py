@@ -8,15 +8,16 @@ from typing import get_args
 import numpy as np
 import pytest
 from helpers.arrays import differences
-from helpers.command import CUBE, PLAIN, assert_refused, errors, picture, run
+from helpers.command import CUBE, PLAIN, assert_refused, errors, loaded, picture, run
 from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer import choices
 from rasterizer.choices import AZIMUTH, ELEVATION, FOV
-from rasterizer.cli import cameras
-from rasterizer.cli.drawing import make_options
-from rasterizer.cli.models import make_settings
+from rasterizer.cli import drawing
+from rasterizer.cli.drawing import make_settings
+from rasterizer.cli.messages import Messages
+from rasterizer.cli.models import load_scene
 from rasterizer.cli.parser import make_command_parser, parse
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
@@ -37,7 +38,7 @@ def test_every_option_is_a_flag():
         (["--array", "face"], {"outputs": "face"}),
         (["-o", "x.npy"], {"outputs": "color"}),
     ):
-        found = make_options(parse(["render", "x.obj", *argv]))
+        found = make_settings(parse(["render", "x.obj", *argv])).options
         assert found == Options(**expected), f"{argv}: {found}"
 
 
@@ -64,8 +65,9 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
 def camera_of(*argv):
     """The camera that the arguments make for the cube."""
     parsed = parse(["render", CUBE, "-s", "300x200", *argv])
-    cameras.check_camera(parsed)
-    return cameras.camera_of(parsed, parsed.views[0] if parsed.views else None, rz.load(CUBE, up=parsed.up))
+    settings = make_settings(parsed)
+    loaded = load_scene(CUBE, parsed, settings, Messages())
+    return drawing.camera_of(settings, parsed.views[0] if parsed.views else None, loaded)
 
 
 def test_cameras():
@@ -102,8 +104,7 @@ def test_zoom_enlarges_and_orthographic_keeps_the_size_of_the_target():
 
 
 def lights_of(*argv):
-    look, *picture = make_settings(parse(["render", CUBE, *argv]))
-    return look.change(rz.load(CUBE), *picture).lights
+    return loaded(CUBE, *argv).scene.lights
 
 
 def test_lights():

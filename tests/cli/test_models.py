@@ -17,8 +17,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli.cameras import camera_of
-from rasterizer.cli.models import make_settings
+from rasterizer.cli.drawing import camera_of, make_settings
 from rasterizer.cli.parser import parse
 from rasterizer.cli.values import MATERIAL_FIELDS
 
@@ -124,8 +123,8 @@ def test_materials_that_are_not_legal(capsys):
 
 
 def lights_of(*argv):
-    look, fields, _ = make_settings(parse(["render", CUBE, *argv]))
-    return look.change(rz.load(CUBE), shadow_fields=fields).lights
+    settings = make_settings(parse(["render", CUBE, *argv]))
+    return settings.look.change(rz.load(CUBE), shadow_fields=settings.shadow_fields).lights
 
 
 def shadows_of(*argv) -> list:
@@ -238,7 +237,8 @@ def test_a_camera_of_the_file_is_used_unless_a_flag_asks_for_another(folder):
 def test_zoom_of_a_calibrated_camera_keeps_the_middle():
     camera = rz.Camera.from_opencv([[80, 7, 40], [0, 90, 20], [0, 0, 1]], np.eye(3), [0, 0, 5], (100, 60))
     scene = rz.Scene(rz.load(CUBE).meshes, camera=camera)
-    near = camera_of(parse(["render", CUBE, "--zoom", "2"]), None, scene)
+    found = loaded(CUBE, "--zoom", "2")._replace(scene=scene)
+    near = camera_of(make_settings(parse(["render", CUBE, "--zoom", "2"])), None, found)
     wide, near = camera.projection((100, 60)), near.projection((100, 60))
     assert (near.scale_x, near.scale_y, near.skew) == (2 * wide.scale_x, 2 * wide.scale_y, 2 * 7)
     for middle, before, after in ((50, wide.center_x, near.center_x), (30, wide.center_y, near.center_y)):
@@ -369,7 +369,7 @@ def test_a_bar_is_shown_while_a_large_file_is_read(monkeypatch, folder, is_termi
     stream, clock = io.StringIO(), itertools.count(0.0, 2.0)
     stream.isatty = lambda: is_terminal
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr("rasterizer.cli.models.perf_counter", lambda: next(clock))  # a file that takes long
+    monkeypatch.setattr("rasterizer.cli.messages.perf_counter", lambda: next(clock))  # a file that takes long
     assert raster("render", CUBE, "-s", "8", "--preset", "studio", *flags) == 0
     before, _, after = stream.getvalue().partition("reading lines")
     assert bool(after) == (is_terminal and not flags)

@@ -554,8 +554,8 @@ FAULTS = (
     Fault(
         "overwriting: a picture takes the place of a texture that the model names",
         "cli/outputs.py",
-        "if identity in self.files_read:",
-        "if identity in self.files_read and identity in self._written:",
+        "if refuse is not None and os.path.isfile(output):",
+        "if refuse is _was_written and os.path.isfile(output):",
         "cli",
     ),
     Fault(
@@ -1209,7 +1209,7 @@ HELD_OUT = (
     Fault(
         "overwriting: a file that is protected against writing is replaced",
         "io/files.py",
-        "not (old.st_mode & 0o222 and os.access(place, os.W_OK))",
+        "not (os.stat(place).st_mode & 0o222 and os.access(place, os.W_OK))",
         "not os.path.exists(place)",
         "io cli",
     ),

@@ -10,8 +10,9 @@ from PIL import Image
 
 from helpers.raster import ROOT
 from rasterizer.cli import main
+from rasterizer.cli.drawing import make_settings
 from rasterizer.cli.messages import Messages
-from rasterizer.cli.models import load_scene, make_settings
+from rasterizer.cli.models import load_scene
 from rasterizer.cli.parser import parse
 
 CUBE = str(ROOT / "models" / "cube.obj")

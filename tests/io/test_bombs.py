@@ -21,7 +21,7 @@ from helpers.refusals import assert_refused
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.io.limits import most
+from rasterizer.io.model_file import most
 from rasterizer.io.scene_file import MAX_DOTS, MAX_TOML, read_scene
 from rasterizer.scene.texture import ENVIRONMENT, Texture, read_picture
 

@@ -9,8 +9,8 @@ from helpers.model_bytes import gltf_with
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
-from rasterizer.io.limits import most
 from rasterizer.io.loader import load
+from rasterizer.io.model_file import most
 
 
 def add_view(tree, array) -> int:
