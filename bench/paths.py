@@ -141,15 +141,15 @@ PATHS = (
         (
             (
                 "pipeline/power.py",
-                "power_single if is_single(base) else power_double",
-                "power_libm if is_single(base) else power_double",
+                "power = by_type(power_single,",
+                "power = by_type(power_libm,",
             ),
             (
                 "pipeline/power.py",
                 "def power_double(",
                 "def power_libm(base, exponent):\n"
                 "    return np.float32(min(base, np.float32(1)) ** exponent) if base > 0 else np.float32(0)\n\n\n"
-                "def power_double(",
+                "@helper\ndef power_double(",
             ),
         ),
     ),

@@ -88,9 +88,9 @@ def compile_helper(function: Callable, is_inlined: bool = True):
     return numba.njit(forceinline=is_inlined, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
 
 
-def compile_choice(function: Callable, choose: Callable):
-    """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
-    function with the same parameters (kernels.choice)."""
+def compile_by_type(function: Callable, choose: Callable):
+    """Return a function that is compiled differently for different types: `choose` gets the types and returns the plain
+    function that is called in its place (kernels.by_type)."""
 
     def chosen(*arguments):  # one for callers that count references, and one for others
         return function(*arguments)
@@ -98,7 +98,7 @@ def compile_choice(function: Callable, choose: Callable):
     options = _INLINED
     if not is_counting():
         options = _OPTIONS | _UNWRAPPED | {"forceinline": True, "pipeline_class": HelperCompiler}
-    numba.extending.overload(chosen, jit_options=options)(choose)
+    numba.extending.overload(chosen, jit_options=options, strict=False)(choose)
     return chosen
 
 

@@ -91,7 +91,7 @@ def measure_code(function: Callable) -> int:
     seen, size = set(), 0
     open_ones = [function]
     while open_ones:
-        here = inspect.unwrap(open_ones.pop())  # a choice calls what the function that it wraps returns
+        here = inspect.unwrap(open_ones.pop())  # what goes by type wraps its float64 form
         code, names = here.__code__, here.__globals__
         if code in seen:
             continue

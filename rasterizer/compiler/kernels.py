@@ -1,9 +1,9 @@
 """The decorators of every compiled function.
 
 `kernel` is for loops over arrays: it releases the GIL, so that bands run on threads. `helper` is for scalar functions
-that kernels call: the compiler inlines them. `choice` is for those that are different functions for different types,
-`spelled_out` for those whose instructions the compiler is told. `batch_function` is for functions that kernels call by
-their address.
+that kernels call: the compiler inlines them. `by_type` is for those that are another function for float32 than for
+float64, `spelled_out` for those whose instructions the compiler is told. `batch_function` is for functions that kernels
+call by their address.
 
 Nothing here loads the compiler. A kernel's machine code comes from the store (store.py), for each signature
 (signatures.py) that it is called with, and is called through its entry point (entry_points.py). Only where the store
@@ -234,38 +234,18 @@ def helper(function: Callable) -> Callable:
     return Helper(function, lambda: _internals().compile_helper(function)) if IS_COMPILING else function
 
 
-def choice(choose: Callable) -> Callable:
-    """Decorate a function that returns which one of several helpers is called in its place, all with its parameters.
-
-    It goes by the types of its arguments alone: where a kernel calls it, the compiler asks it once, with types of its
-    own in the place of the arguments, and compiles nothing but what it returns. It looks at them by `field_of` and
-    `is_none`, which take either.
-    """
+def by_type(single: Callable, double: Callable) -> Callable:
+    """Return a function that is one of two helpers with the same parameters: `single` where its first argument, a
+    number or an array, is float32, else `double`. The compiler compiles no other."""
 
     def call(*arguments):
-        return choose(*arguments)(*arguments)
+        return (single if getattr(arguments[0], "dtype", None) == np.float32 else double)(*arguments)
 
-    def choose_plain(*types):
-        chosen = choose(*types)
-        if chosen._is_one:  # its plain function would be compiled: the same results, but slower
-            raise TypeError(f"{chosen.__name__} is spelled out: it can't be chosen, but a helper that calls it")
-        return chosen.py_func
+    def choose(*types):
+        return (single if str(getattr(types[0], "dtype", types[0])) == "float32" else double).py_func
 
-    functools.update_wrapper(call, choose)
-    functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
-    return Helper(call, lambda: _internals().compile_choice(call, choose_plain)) if IS_COMPILING else call
-
-
-def field_of(argument, name: str):
-    """Return a field of an argument of a choice that is a NamedTuple."""
-    if not hasattr(argument, "instance_class"):
-        return getattr(argument, name)
-    return dict(zip(argument.fields, argument.types, strict=True))[name]
-
-
-def is_none(argument) -> bool:
-    """Tell whether an argument of a choice is None."""
-    return argument is None or getattr(argument, "name", "") == "none"
+    functools.update_wrapper(call, getattr(double, "py_func", double))
+    return Helper(call, lambda: _internals().compile_by_type(call, choose)) if IS_COMPILING else call
 
 
 def spelled_out(name: str) -> Callable:

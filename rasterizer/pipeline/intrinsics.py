@@ -120,20 +120,20 @@ class _Ramp:
 # ---------------------------------------------------------------- planes
 
 
-def build_planes_of_row(typing_context, entries, group, first, out, start, stride):
+def build_planes_of_row(typing_context, entries, group, first, out, start):
     """Build `samples.evaluate_planes`."""
-    return _build_evaluation((_Rows(out, 0, has_slopes=False),), entries, group, stride)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False),), entries, group)
 
 
-def build_slopes_of_row(typing_context, entries, group, first, out, start, stride):
+def build_slopes_of_row(typing_context, entries, group, first, out, start):
     """Build `samples.evaluate_slopes`."""
-    return _build_evaluation((_Rows(out, 0, has_slopes=True),), entries, group, stride)
+    return _build_evaluation((_Rows(out, 0, has_slopes=True),), entries, group)
 
 
-def build_both_of_row(typing_context, entries, group, first, out, start, stride, behind, behind_start):  # noqa: PLR0917 - numba's context comes first
+def build_both_of_row(typing_context, entries, group, first, out, start, behind, behind_start):
     """Build `samples.evaluate_with_slopes`."""
     slopes = _Rows(behind, 3 * PLANE_GROUP, has_slopes=True)
-    return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), entries, group, stride)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), entries, group)
 
 
 class _Rows(NamedTuple):
@@ -144,7 +144,7 @@ class _Rows(NamedTuple):
     has_slopes: bool
 
 
-def _build_evaluation(groups, entries, group, stride):
+def _build_evaluation(groups, entries, group):
     """Build a loop that evaluates planes: LANES samples at a time, each with its four planes, which are then
     transposed."""
     numbers, *layout = group
@@ -152,13 +152,12 @@ def _build_evaluation(groups, entries, group, stride):
     is_flat = all(rows.out.layout == "C" for rows in groups)
     if not is_single or not is_flat or layout != [types.int64, types.int64, types.int64]:
         return None
-    rows, *behind = groups
-    places = [each for rows in behind for each in (rows.out, types.int64)]
+    places = [each for rows in groups for each in (rows.out, types.int64)]
     first = types.UniTuple(types.int64, 2)
-    signature = types.void(entries, group, first, rows.out, types.int64, types.int64, *places)
+    signature = types.void(entries, group, first, *places)
 
     def generate(context, builder, signature, arguments):
-        stride, places = arguments[5], [3, *range(6, len(arguments), 2)]
+        places, stride = range(3, len(arguments), 2), ir.Constant(ir.IntType(64), BATCH_SIZE)
         outs = [(data_of(context, builder, signature.args[k], arguments[k]), arguments[k + 1]) for k in places]
         reader = _PlaneReader(context, builder, signature, arguments)
         with side_by_side(builder, reader.n_entry, LANES) as (first, samples):

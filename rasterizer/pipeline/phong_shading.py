@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, is_none, kernel
+from ..compiler.kernels import by_type, helper, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, count_side_by_side, read_vector, set_vector
@@ -35,12 +35,11 @@ from .interpolate import (
     sample_weights,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
-from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes
 from .shade import fill_weights
 from .texcoords import S_PLANE
-from .texturing import RED, has_texcoord_planes, look_up_colors, put_in_metals
+from .texturing import RED, look_up_colors, put_in_metals
 from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -84,9 +83,9 @@ def shade_lit(band, screen, lighting, face_planes, tangent_attribute, texturing,
             entries = visibility.entries[start : start + n]
             if material >= 0:
                 where = first, y
-                gather_fragments(entries, band, where, material, texturing, screen, is_double, batch)
+                is_in_planes = gather_fragments(batch, entries, band, where, material, texturing, screen)
                 interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
-                weight_albedo(entries, band, where, material, texturing, start, batch)
+                weight_albedo(entries, band, where, material, texturing, start, is_in_planes, batch)
                 gather_face_planes(entries, band.records, lighting.shadows, face_planes, screen.eye, batch)
                 n_side = count_side_by_side(batch, n)
                 normalize_normals(batch, n_side)
@@ -154,62 +153,46 @@ def write_radiance(batch, n, n_channel, tint, out_radiance, start):
 
 
 @helper
-def gather_fragments(entries, band, first, material, texturing, screen, is_double, batch):
-    """Fill normals, distances and albedo of the samples, and evaluate planes of texture coordinates for them; `first`
-    says where they lie (samples.py).
+def gather_single(batch, entries, band, first, material, texturing, screen):
+    """Fill normals, distances and albedo of the samples in float32, and evaluate planes of texture coordinates for
+    them; `first` says where they lie (samples.py). Return whether any sample shows planes.
 
     Samples that show nothing get anything.
     """
+    shows_planes = band.counts.n_exact == 0 or has_planes(entries)
+    if shows_planes:
+        evaluate_fragments(entries, band, first, material, texturing, screen.is_perspective, batch)
+    gather_exact(batch, entries, band, first, material, texturing, screen)
+    return shows_planes
+
+
+@helper
+def gather_exact(batch, entries, band, first, material, texturing, screen):
+    """The same where no sample shows planes, in either type: what is lit in float64 stands in exact records."""
     has_albedo = band.coding.features[material] & HAS_ALBEDO != 0
-    if band.counts.n_exact == 0 or has_planes(entries):
-        gather_planes(entries, band, first, material, texturing, screen.is_perspective, batch)
     if band.counts.n_exact > 0 and has_exact(entries):
-        interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
+        interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, batch)
+    return False
 
 
-@choice
-def gather_planes(entries, band, first, material, texturing, is_perspective, batch):
-    """Fill what stands in planes: normals, texture coordinates, albedo; and distances."""
-    return evaluate_fragments if is_single(batch.dtype) else leave_fragments
-
-
-@helper
-def leave_fragments(entries, band, first, material, texturing, is_perspective, batch):
-    """Do nothing."""
-
-
-@choice
-def evaluate_normals(entries, band, first, material, texturing, batch):
-    """Evaluate the planes of normals, and those of texture coordinates where there are any."""
-    has_texcoords = not is_none(texturing) and has_texcoord_planes(band, batch)
-    return evaluate_with_texcoords if has_texcoords else evaluate_normals_alone
-
-
-@helper
-def evaluate_normals_alone(entries, band, first, material, texturing, batch):
-    """See `evaluate_normals`."""
-    evaluate_planes(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
-
-
-@helper
-def evaluate_with_texcoords(entries, band, first, material, texturing, batch):
-    """See `evaluate_normals`: texture coordinates stand right behind the normals, so both come in one go."""
-    group = plane_group(band.records, NORMALS)
-    if band.coding.features[material] & HAS_TEXTURE:
-        evaluate_with_slopes(entries, group, first, batch, f.NORMAL, f.NEXT, texturing.batch, S_PLANE)
-    else:
-        evaluate_planes(entries, group, first, batch, f.NORMAL, f.NEXT)
+gather_fragments = by_type(gather_single, gather_exact)
 
 
 @helper
 def evaluate_fragments(entries, band, first, material, texturing, is_perspective, batch):
-    """See `gather_planes`."""
+    """Fill what stands in planes: normals, texture coordinates, albedo; and distances."""
     depths, features = band.coding.depths, band.coding.features[material]
-    evaluate_normals(entries, band, first, material, texturing, batch)
+    group = plane_group(band.records, NORMALS)
+    if texturing is None:
+        evaluate_planes(entries, group, first, batch, f.NORMAL)
+    elif features & HAS_TEXTURE:  # texture coordinates stand right behind the normals, so both come in one go
+        evaluate_with_slopes(entries, group, first, batch, f.NORMAL, texturing.batch, S_PLANE)
+    else:
+        evaluate_planes(entries, group, first, batch, f.NORMAL)
     if features & HAS_ALBEDO:
         fill_weights(entries, depths, batch)
         group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if features & HAS_TEXTURE else 0))
-        evaluate_values(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
+        evaluate_values(entries, group, first, batch, f.ALBEDO, f.WEIGHT)
     if band.coding.needs_distance:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
         for k in range(len(entries)):
@@ -220,9 +203,9 @@ def evaluate_fragments(entries, band, first, material, texturing, is_perspective
 
 
 @helper
-def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
+def interpolate_fragments(entries, band, first, has_albedo, is_perspective, batch):
     """Put in the normals, distances and albedo of exact records; `first` says where they lie (samples.py)."""
-    records, real = band.records, batch.dtype.type
+    records, real, is_double = band.records, batch.dtype.type, batch.itemsize == 8
     start, end = next_exact_run(entries, 0)
     while start < end:
         if bool(band.coding.features[material_of(entries[start], records)] & DOUBLE_PRECISION) != is_double:
@@ -275,7 +258,7 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
 
 
 @helper
-def weight_albedo(entries, band, first, material, texturing, start, batch):
+def weight_albedo(entries, band, first, material, texturing, start, is_in_planes, batch):
     """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that.
 
     Put in what says how metallic and rough the surface is, too.
@@ -283,7 +266,7 @@ def weight_albedo(entries, band, first, material, texturing, start, batch):
     features, n = band.coding.features[material], len(entries)
     if texturing is not None:
         if features & HAS_TEXTURE:
-            look_up_colors(entries, band, first, material, texturing, start, batch)
+            look_up_colors(entries, band, first, material, texturing, start, is_in_planes)
             for channel in range(3):
                 albedo, texel = f.ALBEDO + channel * f.NEXT, RED + channel * f.NEXT
                 if features & HAS_ALBEDO:

@@ -7,16 +7,17 @@ argument's type, as plain Python does.
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper
+from ..compiler.kernels import by_type, helper
 
 
-def is_single(number) -> bool:
-    """Tell whether a number, a dtype, or what the compiler has in the place of these, its type, is float32."""
-    return str(getattr(number, "dtype", number)) == "float32"
+@helper
+def grazing_single(cosine):
+    """See `grazing`."""
+    return np.float32(2.0**-20)
 
 
-@choice
-def grazing(cosine):
+@helper
+def grazing_double(cosine):
     """Return the largest cosine that counts as 0 where a step lies at 0: 2^-40 in float64, 2^-20 in float32.
 
     A light that is exactly parallel to a face has N·L = 0, and rounding must not decide for each sample by itself which
@@ -28,60 +29,19 @@ def grazing(cosine):
 
     `cosine` is any number of the type that is asked for.
     """
-    return grazing_single if is_single(cosine) else grazing_double
-
-
-@helper
-def grazing_single(cosine):
-    """See `grazing`."""
-    return np.float32(2.0**-20)
-
-
-@helper
-def grazing_double(cosine):
-    """See `grazing`."""
     return 2.0**-40
 
 
-@choice
-def power(base, exponent):
-    """Return base ** exponent of a cosine, within 0..1, for any positive exponent.
-
-    It is 0 where base <= 0 or no number, and 1 where base >= 1 by a rounding error. Float32: see `power_single`.
-    """
-    return power_single if is_single(base) else power_double
+grazing = by_type(grazing_single, grazing_double)
 
 
 @helper
 def power_double(base, exponent):
-    """Return base ** exponent in float64, see `power`."""
-    return min(base, 1.0) ** exponent if base > 0.0 else 0.0
+    """Return base ** exponent of a cosine, within 0..1, for any positive exponent.
 
-
-@choice
-def exponential(x):
-    """Return e ** x for x <= 0. Float32: see `exponential_single`."""
-    return exponential_single if is_single(x) else exponential_double
-
-
-@helper
-def exponential_double(x):
-    """See `exponential`."""
-    return np.exp(x)
-
-
-@helper
-def exponential_single(x):
-    """Return e ** x in float32 for x <= 0, as 2 ** (x·log2 e), without a branch.
-
-    The error is 2^-24·(2 + |x|)·2 of the result. It is 0 below 2^-60, so that products of it are no denormal numbers,
-    and where x is no number.
+    It is 0 where base <= 0 or no number, and 1 where base >= 1 by a rounding error. Float32: see `power_single`.
     """
-    low, high = np.float32(-60), np.float32(0)
-    y = x * np.float32(1.4426950)
-    y = y if y > low else low
-    y = y if y < high else high
-    return power_of_two(y) if y > low else np.float32(0)
+    return min(base, 1.0) ** exponent if base > 0.0 else 0.0
 
 
 @helper
@@ -114,6 +74,32 @@ def power_single(base, exponent):
     y = y if y > low else low
     y = y if y < high else high
     return power_of_two(y) if (base > 0) & (y > low) else np.float32(0)
+
+
+power = by_type(power_single, power_double)
+
+
+@helper
+def exponential_double(x):
+    """Return e ** x for x <= 0. Float32: see `exponential_single`."""
+    return np.exp(x)
+
+
+@helper
+def exponential_single(x):
+    """Return e ** x in float32 for x <= 0, as 2 ** (x·log2 e), without a branch.
+
+    The error is 2^-24·(2 + |x|)·2 of the result. It is 0 below 2^-60, so that products of it are no denormal numbers,
+    and where x is no number.
+    """
+    low, high = np.float32(-60), np.float32(0)
+    y = x * np.float32(1.4426950)
+    y = y if y > low else low
+    y = y if y < high else high
+    return power_of_two(y) if y > low else np.float32(0)
+
+
+exponential = by_type(exponential_single, exponential_double)
 
 
 @helper

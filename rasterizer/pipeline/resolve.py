@@ -87,8 +87,10 @@ def make_pixel_batch() -> PixelBatch:
     return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MAX_FACTOR))
 
 
-def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out) -> int:
-    """Write rows of the picture from a band; clear the band.
+@kernel
+def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out):
+    """Write rows of the picture from a band: the mean of the samples of each pixel. Clear the band; return how many
+    samples are covered.
 
     Parameters
     ----------
@@ -100,73 +102,47 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
     encoding : Encoding
     batch : PixelBatch, scratch
     out : Picture
-
-    Returns
-    -------
-    how many samples are covered
-    """
-    if translucent is not None:
-        return resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out)
-    return resolve_averages(visibility, radiance, rows, grid, encoding, batch, out)
-
-
-@kernel
-def resolve_averages(visibility, radiance, rows, grid, encoding, batch, out):
-    """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
-
-    Parameters
-    ----------
-    visibility, radiance, rows, grid, encoding, batch, out : as in `resolve`
     """
     n_covered, factor, (y_start, y_end) = 0, factor_of(grid), rows
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
-        first, end = begin_row(visibility, row, factor, j, encoding, out)
-        left = first
-        while left < end:
-            width, is_blank, here = np.int64(min(end - left, BATCH_SIZE)), False, (row, left)
-            if factor == 1:
-                start = row * visibility.pitch + left
-                width, is_blank = next_stretch(visibility.entries[start : start + width])
-                width = width if is_blank else min(filled_up(width), end - left)
-            n = width
-            if is_blank:
-                fill_blank(out, j, left, left + width, encoding)
-            else:
-                n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
-            if not is_blank:
-                write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
-            left += width
-    clear(visibility, (y_end - y_start) * factor)
-    return n_covered
-
-
-@kernel
-def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out):
-    """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns.
-
-    The parameters are those of `resolve`.
-    """
-    n_covered, n_channel, (y_start, y_end) = 0, radiance.shape[0], rows
-    factor = factor_of(grid)
-    for j in range(y_start, y_end):
-        row = (j - y_start) * factor
-        first, end = begin_row(visibility, row, factor, j, encoding, out)
-        weighted, weighted_end = extent_of_pixels(translucent, row, factor, visibility.width)
-        weighted, weighted_end = (weighted, weighted_end) if weighted < weighted_end else (end, end)
-        left = first
+        left, end = begin_row(visibility, row, factor, j, encoding, out)
+        weighted, weighted_end = extent_of_translucent(translucent, row, factor, visibility.width, end)
         while left < end:
             is_weighted = weighted <= left < weighted_end
             stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
-            n, here = min(stretch_end - left, BATCH_SIZE), (row, left)
-            if is_weighted:
-                n_covered += average_samples(visibility, radiance, translucent, here, grid, n, batch)
+            n, is_blank, here = np.int64(min(stretch_end - left, BATCH_SIZE)), False, (row, left)
+            if factor == 1 and not is_weighted:
+                start = row * visibility.pitch + left
+                n, is_blank = next_stretch(visibility.entries[start : start + n])
+                n = n if is_blank else min(filled_up(n), stretch_end - left)
+            if is_blank:
+                fill_blank(out, j, left, left + n, encoding)
             else:
-                n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
-            write_pixels(batch, n, n_channel, encoding, (j, left), out)
+                n_covered += average_where(is_weighted, visibility, radiance, translucent, here, grid, n, batch)
+                write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
             left += n
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
+
+
+@helper
+def extent_of_translucent(translucent, row, factor, width, end):
+    """Return the columns of pixels in which samples may show something transparent and nothing opaque, half-open; where
+    there are none, those from `end` on."""
+    if translucent is None:
+        return end, end
+    first, last = extent_of_pixels(translucent, row, factor, width)
+    return (first, last) if first < last else (end, end)
+
+
+@helper
+def average_where(is_weighted, visibility, radiance, translucent, first, grid, n, batch):
+    """See `average_samples`; what is translucent counts where the samples lie in its extent."""
+    if translucent is not None:
+        if is_weighted:
+            return average_samples(visibility, radiance, translucent, first, grid, n, batch)
+    return average_samples(visibility, radiance, None, first, grid, n, batch)
 
 
 @helper

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, spelled_out
+from .fragments import NEXT
 from .visibility import LEVEL_BITS
 
 
@@ -37,7 +38,7 @@ class PlaneGroup(NamedTuple):
 
 
 @spelled_out("build_planes_of_row")
-def evaluate_planes(entries, group, first, out, start, stride):
+def evaluate_planes(entries, group, first, out, start):
     """Evaluate a group of four planes at the samples of a batch: the inner loop of the shade stage.
 
     The second and third number of a record are whole ones: the sample at which its planes have their values. Float32 is
@@ -48,19 +49,19 @@ def evaluate_planes(entries, group, first, out, start, stride):
     entries : (n,) int64; of those without the index of a record, the values of record 0
     group : PlaneGroup
     first : the sample (x, y) that the batch begins with
-    out : (n,) float32; written from `start` on, a row a plane, `stride` apart, both int64
+    out : (n,) float32; written from `start` on, a row a plane, NEXT apart, as a batch has them
     """
     for k in range(len(entries)):
         record = record_number(entries[k], group)
         across, down = offset_of_sample(first, k, group, record)
-        write_row(out, start + k, stride, values_of_planes(group.numbers, record + group.column, across, down))
+        write_row(out, start + k, values_of_planes(group.numbers, record + group.column, across, down))
 
 
 @helper
-def write_row(rows, place, stride, values):
+def write_row(rows, place, values):
     """Write four values of a sample, one a row."""
-    rows[place], rows[place + stride] = values[0], values[1]
-    rows[place + stride + stride], rows[place + stride + stride + stride] = values[2], values[3]
+    rows[place], rows[place + NEXT] = values[0], values[1]
+    rows[place + 2 * NEXT], rows[place + 3 * NEXT] = values[2], values[3]
 
 
 @helper
@@ -108,7 +109,7 @@ def anchor_of(group, record):
 
 
 @helper
-def evaluate_values(entries, group, first, out, start, stride, weights):
+def evaluate_values(entries, group, first, out, start, weights):
     """Evaluate a group of four planes as `evaluate_planes` does, multiply, and keep values within their ranges.
 
     Parameters
@@ -129,7 +130,7 @@ def evaluate_values(entries, group, first, out, start, stride, weights):
             within(v2 * weight, numbers, plane + behind + 2),
             within(v3 * weight, numbers, plane + behind + 3),
         )
-        write_row(out, start + k, stride, values)
+        write_row(out, start + k, values)
 
 
 @helper
@@ -144,14 +145,14 @@ def within(value, numbers, min_at):
 
 
 @spelled_out("build_both_of_row")
-def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start):
+def evaluate_with_slopes(entries, group, first, out, start, behind, behind_start):
     """Evaluate a group of four planes into four rows of `out`, and the group that stands right behind it, with slopes,
     into ten rows of `behind`, which begin at `behind_start`.
 
     See `evaluate_planes` and `evaluate_slopes`.
     """
-    evaluate_planes(entries, group, first, out, start, stride)
-    evaluate_slopes(entries, group_behind(group), first, behind, behind_start, stride)
+    evaluate_planes(entries, group, first, out, start)
+    evaluate_slopes(entries, group_behind(group), first, behind, behind_start)
 
 
 @helper
@@ -161,20 +162,20 @@ def group_behind(group):
 
 
 @spelled_out("build_slopes_of_row")
-def evaluate_slopes(entries, group, first, out, start, stride):
+def evaluate_slopes(entries, group, first, out, start):
     """Evaluate a group of four planes as `evaluate_planes` does, and copy the slopes of three for each sample.
 
     Ten rows are written: the planes, then d/dx of the first three, then d/dy of these.
     """
-    evaluate_planes(entries, group, first, out, start, stride)
-    copy_slopes(entries, group, out, start, stride)
+    evaluate_planes(entries, group, first, out, start)
+    copy_slopes(entries, group, out, start)
 
 
 @helper
-def copy_slopes(entries, group, out, start, stride):
+def copy_slopes(entries, group, out, start):
     """Copy the slopes of three planes for each sample: d/dx of each, then d/dy, behind the planes."""
     for k in range(len(entries)):
         first = record_number(entries[k], group) + group.column + PLANE_GROUP
         for i in range(PLANE_GROUP - 1):
-            out[start + (PLANE_GROUP + i) * stride + k] = group.numbers[first + i]
-            out[start + ((2 * PLANE_GROUP - 1) + i) * stride + k] = group.numbers[first + PLANE_GROUP + i]
+            out[start + (PLANE_GROUP + i) * NEXT + k] = group.numbers[first + i]
+            out[start + (2 * PLANE_GROUP - 1 + i) * NEXT + k] = group.numbers[first + PLANE_GROUP + i]

@@ -80,7 +80,7 @@ def decode_batch(entries, band, first, tint, batch, out_radiance, start):
             decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
         return
     if has_affine:
-        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL, f.NEXT)
+        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL)
     if has_weighted:
         decode_weighted(entries, band, first, n_channel, has_affine, batch)
     if band.counts.n_level == 0 and all_have_colors(band.coding.features):
@@ -155,7 +155,7 @@ def decode_weighted(entries, band, first, n_channel, has_others, batch):
     while start < end:
         run = entries[start:end]
         fill_weights(run, band.coding.depths, batch)
-        evaluate_values(run, group, (x + start, y), batch, WEIGHTED, f.NEXT, f.WEIGHT)
+        evaluate_values(run, group, (x + start, y), batch, WEIGHTED, f.WEIGHT)
         for channel in range(n_channel):
             target, source = f.NORMAL + channel * f.NEXT + start, WEIGHTED + channel * f.NEXT
             for k in range(end - start):

@@ -61,12 +61,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, choice, helper, kernel
+from ..compiler.kernels import as_array, by_type, helper, kernel
 from ..geometry.vectors import add, dot, length, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
 from .interpolate import row_extent
-from .power import is_single
 from .visibility import CLEAR, PAYLOAD_BITS, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
@@ -206,28 +205,16 @@ def look_up(batch, header, texels, number, start, end):
         count_lit(batch, texels, first, (size, n_tap), start, end)
 
 
-@choice
-def stored_index(whole, like):
-    """Return an int32 as a quantity of the batch, of the type of `like`, holds it: float32 holds its bits."""
-    return store_bits if is_single(like) else store_number
-
-
 @helper
-def store_bits(whole, like):
+def store_bits(like, whole):
     """Return the float32 with the same bits."""
     return np.int32(whole).view(np.float32)
 
 
 @helper
-def store_number(whole, like):
-    """Return the same number, float64."""
+def store_number(like, whole):
+    """Return an int32 as a quantity of the batch, of the type of `like`, holds it: float32 holds its bits."""
     return float(whole)
-
-
-@choice
-def index_of(stored):
-    """Return the number that `stored_index` has stored, int32."""
-    return read_bits if is_single(stored) else read_number
 
 
 @helper
@@ -238,8 +225,11 @@ def read_bits(stored):
 
 @helper
 def read_number(stored):
-    """Return the same number, int32."""
+    """Return the number that `stored_index` has stored, int32."""
     return np.int32(stored)
+
+
+stored_index, index_of = by_type(store_bits, store_number), by_type(read_bits, read_number)
 
 
 @helper
@@ -289,7 +279,7 @@ def compute_limits(batch, view, size, radius, start, end):
         is_free = view.is_perspective & ((depth <= zero) | (constant >= zero))
         batch[LIMIT + k] = infinite if is_free else limit
         batch[SLOPE_X + k], batch[SLOPE_Y + k] = zero if is_free else slope_x, zero if is_free else slope_y
-        batch[TEXEL_IDX + k] = stored_index(np.int32(np.int32(line * pitch) + column), zero)
+        batch[TEXEL_IDX + k] = stored_index(zero, np.int32(np.int32(line * pitch) + column))
 
 
 @helper

@@ -15,12 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, field_of, helper, is_none, kernel
+from ..compiler.kernels import helper, kernel
 from . import fragments as f
 from .fragments import BARYCENTRIC, BATCH_SIZE, get_vector
 from .gradients import HAS_TEXTURE, IS_TRANSPARENT
 from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
-from .power import is_single
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .samples import evaluate_planes, evaluate_slopes, evaluate_values, skip_to
 from .shade import fill_weights
@@ -82,8 +81,8 @@ def shade_textured(band, texturing, batch, out_radiance):
                 where = first, y
                 shows_planes = has_planes(entries)
                 if shows_planes:
-                    evaluate_texcoords(entries, band, where, material, texturing, batch)
-                look_up_colors(entries, band, where, material, texturing, start, batch)
+                    evaluate_texcoords(entries, band, where, material, texturing)
+                look_up_colors(entries, band, where, material, texturing, start, shows_planes)
                 if shows_planes:
                     shade_planes(entries, band, where, texturing, start, batch, out_radiance)
                 if has_exact(entries):
@@ -108,28 +107,15 @@ def run_of_texture(entries, band):
     return len(entries), material
 
 
-@choice
-def evaluate_texcoords(entries, band, first, material, texturing, batch):
-    """Evaluate the planes of texture coordinates into the batch of `texturing`, with their slopes where it needs them.
-
-    batch : see fragments.py; its type alone counts
-    """
-    return gather_texcoords if has_texcoord_planes(band, batch) else leave_texcoords
-
-
 @helper
-def leave_texcoords(entries, band, first, material, texturing, batch):
-    """Do nothing."""
-
-
-@helper
-def gather_texcoords(entries, band, first, material, texturing, batch):
-    """See `evaluate_texcoords`."""
+def evaluate_texcoords(entries, band, first, material, texturing):
+    """Evaluate the planes of texture coordinates into the batch of `texturing`; with slopes where the filter needs
+    them."""
     group = plane_group(band.records, BEHIND_VALUES)
     if texture_of(texturing.textures, material).filter == FILTER_TRILINEAR:
-        evaluate_slopes(entries, group, first, texturing.batch, S_PLANE, BATCH_SIZE)
+        evaluate_slopes(entries, group, first, texturing.batch, S_PLANE)
     else:
-        evaluate_planes(entries, group, first, texturing.batch, S_PLANE, BATCH_SIZE)
+        evaluate_planes(entries, group, first, texturing.batch, S_PLANE)
 
 
 @helper
@@ -141,9 +127,9 @@ def shade_planes(entries, band, first, texturing, start, batch, out_radiance):
     """
     records, rows, n = band.records, texturing.batch, len(entries)
     fill_weights(entries, band.coding.depths, batch)
-    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
+    evaluate_values(entries, plane_group(records, VALUES), first, batch, REST, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
-    evaluate_values(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
+    evaluate_values(entries, group, first, batch, WHOLE, f.WEIGHT)
     for channel in range(3):
         step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
         for k in range(n):
@@ -178,7 +164,7 @@ def shade_exact(entries, records, first, texturing, start, out_radiance):
 
 
 @helper
-def look_up_colors(entries, band, first, material, texturing, start, batch):
+def look_up_colors(entries, band, first, material, texturing, start, is_in_planes):
     """Look up what the texture of a material shows at samples that show it, after the planes of its coordinates are
     evaluated; keep the alpha of what lets light through.
 
@@ -190,9 +176,8 @@ def look_up_colors(entries, band, first, material, texturing, start, batch):
     band : ScannedBand
     first : where they lie (samples.py)
     start : index of the first entry's sample in the band
-    batch : see fragments.py; its type alone counts
+    is_in_planes : whether the batch of `texturing` holds texture coordinates as planes have them
     """
-    is_in_planes = show_planes(entries, band, batch)
     look_up(entries, band, first, material, texturing.textures, is_in_planes, texturing)
     if band.coding.features[material] & IS_TRANSPARENT:
         for k in range(len(entries)):
@@ -228,26 +213,3 @@ def look_up(entries, band, first, material, textures, is_in_planes, texturing):
         put_in_exact_texcoords(entries, band.records, first, material, textures.texcoord, texture, texturing.weights,
                                rows)  # fmt: skip
     read_texels(rows, n, texture)
-
-
-def has_texcoord_planes(band, batch) -> bool:
-    """Tell by their types whether texture coordinates stand in planes: not where a batch is of float64."""
-    return is_single(batch.dtype) and not is_none(field_of(field_of(band, "coding"), "textures"))
-
-
-@choice
-def show_planes(entries, band, batch):
-    """Tell whether any sample shows planes of texture coordinates."""
-    return find_planes if has_texcoord_planes(band, batch) else find_no_planes
-
-
-@helper
-def find_planes(entries, band, batch):
-    """See `show_planes`."""
-    return band.counts.n_exact == 0 or has_planes(entries)
-
-
-@helper
-def find_no_planes(entries, band, batch):
-    """See `show_planes`."""
-    return False

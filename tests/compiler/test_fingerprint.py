@@ -116,7 +116,7 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
     spec.loader.exec_module(copy)
     known = copy.hash_sources("")
     assert known == fingerprint.hash_sources("")
-    decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|choice|spelled_out)\b", re.MULTILINE)
+    decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|spelled_out)\b", re.MULTILINE)
     names = "kernels.py", "internals.py", "signatures.py", "entry_points.py", "short_passes.py"
     own = {package / "pipeline" / "intrinsics.py", *(package / "compiler" / name for name in names)}
     n_source = 0

@@ -113,20 +113,18 @@ def called_kernel(values, factor):
     return values[0] * factor
 
 
-@kernels.choice
-def say_type(x):
-    """Tell floats from others."""
-    return say_float if "float" in str(getattr(x, "dtype", x)) else say_other
-
-
 @kernels.helper
-def say_float(x):
+def say_single(x):
+    """Say that a number is float32."""
     return 1
 
 
 @kernels.helper
-def say_other(x):
+def say_double(x):
     return 2
+
+
+say_type = kernels.by_type(say_single, say_double)
 
 
 @kernels.helper
@@ -142,7 +140,7 @@ def calls(values, n):
     for k in range(n):
         product, _ = product_of(values[k : k + 2], k)
         total += product
-    told = say_type(values[0]), say_type(n)
+    told = say_type(np.float32(values[0])), say_type(values[0])
     return thrice(values[0]) + thrice(values[1]), called_kernel(values, 2.0), told, total, n / (values[0] - 2.0)
 
 

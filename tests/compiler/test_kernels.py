@@ -190,7 +190,8 @@ def test_with_the_jit_switched_off_kernels_are_plain_functions(monkeypatch):
     with np.errstate(all="raise"):
         assert module.kernel(lambda a, b: a / b)(np.float64(1), np.float64(0)) == np.inf
     assert module.helper(first_of) is first_of
-    assert module.choice(lambda x: first_of if len(x) > 1 else len)([3.0]) == 1
+    say = module.by_type(lambda x: "single", lambda x: "double")
+    assert [say(x) for x in (np.float32(1), np.zeros(2, "f4"), np.float64(1), 1.0)] == ["single"] * 2 + ["double"] * 2
     function = module.batch_function(doubles_plainly, np.float32)
     values, factor = np.arange(8, dtype="f4"), np.float32([2])
     assert isinstance(function, module.PlainBatchFunction)

@@ -39,7 +39,7 @@ def test_the_recorded_picture_that_is_most_like_another_one_counts():
     glass = rz.load(MODELS / "glass.obj")
     options = rz.Options(shading="phong", samples=16)
     listed = {kernels.title_of(function) for function, _ in list_kernels(glass, options)}
-    assert {"phong_shading.shade_lit", "a_buffer.composite", "resolve.resolve_translucent"} <= listed
+    assert {"phong_shading.shade_lit", "a_buffer.composite", "resolve.resolve"} <= listed
     assert not {"shade.shade_interpolated", "buffers.write_mask"} & listed
 
 

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.compiler.kernels import kernel
+from rasterizer.pipeline.fragments import NEXT
 from rasterizer.pipeline.samples import (
     PLANE_GROUP,
     PlaneGroup,
@@ -127,22 +128,22 @@ PLANES, VALUES, SLOPES, BOTH = range(4)
 @kernel
 def evaluate(form, entries, group, first, out, places, behind):
     """Evaluate planes in one of the ways in which the shade stage does, from a kernel."""
-    start, stride, weights, behind_start = places
+    start, weights, behind_start = places
     if form == PLANES:
-        evaluate_planes(entries, group, first, out, start, stride)
+        evaluate_planes(entries, group, first, out, start)
     elif form == VALUES:
-        evaluate_values(entries, group, first, out, start, stride, weights)
+        evaluate_values(entries, group, first, out, start, weights)
     elif form == SLOPES:
-        evaluate_slopes(entries, group, first, out, start, stride)
+        evaluate_slopes(entries, group, first, out, start)
     else:
-        evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start)
+        evaluate_with_slopes(entries, group, first, out, start, behind, behind_start)
 
 
 WAYS = {"vectors": evaluate, "plain": as_plain(evaluate, over="ignore", invalid="ignore")}
 ID_BIT, N_RECORD, UNIT_SHIFT = 24, 40, 4
 RECORD_MASK = (1 << 24) - 2  # as in the pipeline: bit 0 says whether a record is exact
-START, STRIDE, START_BEHIND, WEIGHTS = 5, 160, 3, 5 + 10 * 160
-PLACES = tuple(np.int64(place) for place in (START, STRIDE, WEIGHTS, START_BEHIND))
+START, START_BEHIND, WEIGHTS = 5, 3, 5 + 10 * NEXT
+PLACES = tuple(np.int64(place) for place in (START, WEIGHTS, START_BEHIND))
 
 
 def group_of(numbers, column):
@@ -208,7 +209,7 @@ def test_planes_are_those_of_plain_python(form, way):
         for array, start, plane, n_row in written:
             expected = evaluate_plainly(entries, group, plane, first, n_row, weights if form == VALUES else None)
             for row in range(n_row):
-                left = start + row * STRIDE
+                left = start + row * NEXT
                 found = array[left : left + n]
                 same = found.view(np.int32) == np.ascontiguousarray(expected[row]).view(np.int32)
                 assert same.all(), f"{n} samples, row {row}: {found[~same][:4]} != {expected[row][~same][:4]}"
@@ -223,10 +224,10 @@ def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant
     numbers[4:8] = (np.nan, np.inf, -np.inf, 1e38)
     numbers[16:20], numbers[20:24] = (0.25, 0.25, 0.25, 0.5), (0.75, 0.75, 0.25, 0.5)
     entries = np.full(8, 1 << ID_BIT, np.int64)
-    out = np.zeros(40, np.float32)
-    out[32:40] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
-    places = tuple(np.int64(place) for place in (0, 8, 32, 0))
+    out = np.zeros(4 * NEXT + 8, np.float32)
+    out[4 * NEXT :] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
+    places = tuple(np.int64(place) for place in (0, 4 * NEXT, 0))
     WAYS[way](VALUES, entries, group_of(numbers, 4), (np.int64(0), np.int64(0)), out, places, out.copy())
-    found = out[:32].reshape(4, 8)
+    found = out[: 4 * NEXT].reshape(4, NEXT)[:, :8]
     assert not differences(found[0], 0.25) and not differences(found[2], 0.25) and not differences(found[3], 0.5)
     assert found[1].tolist() == [0.75, 0.75, 0.25, 0.25, 0.75, 0.75, 0.75, 0.75]
