@@ -154,13 +154,15 @@ def add_reflected(batch, n, lighting, material, light, is_first):
     colors, n_term = lighting.colors[color_set, light], lighting.n_terms[material]
     for channel in range(lighting.n_channels[material]):
         diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
-        add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel], is_first)
-        if n_term > 1:
+        if n_term < 4:
+            add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel], is_first)
+        else:
+            add_both(batch, n, diffuse_sums, f.DIFFUSE, f.METAL, (colors[channel], colors[9 + channel]), is_first)
+        if n_term == 2:
             add_light(batch, n, specular_sums, f.SPECULAR, colors[3 + channel], is_first)
-        if n_term > 2:
-            add_light(batch, n, specular_sums, f.GRAZING, colors[6 + channel], False)
-        if n_term > 3:
-            add_light(batch, n, diffuse_sums, f.METAL, colors[9 + channel], False)
+        elif n_term > 2:
+            both = colors[3 + channel], colors[6 + channel]
+            add_both(batch, n, specular_sums, f.SPECULAR, f.GRAZING, both, is_first)
 
 
 @helper
@@ -177,6 +179,15 @@ def add_light(batch, n, sums, reflected, color, is_first):
     for k in range(n):
         before = zero if is_first else batch[sums + k]
         batch[sums + k] = before + color * batch[reflected + k]
+
+
+@helper
+def add_both(batch, n, sums, reflected, other, colors, is_first):
+    """Add two terms, in one loop; see `add_light`."""
+    zero = batch.dtype.type(0)
+    for k in range(n):
+        before = zero if is_first else batch[sums + k]
+        batch[sums + k] = (before + colors[0] * batch[reflected + k]) + colors[1] * batch[other + k]
 
 
 @helper
