@@ -45,6 +45,9 @@ def make_lighting(plan: Plan, dtype: np.dtype) -> Lighting:
             reflection_functions[k, is_lit[k]] = batch_function(model.function(material), dtype).address
     if is_share.any():
         reflection_functions[is_lit & is_share] = batch_function(ambient_share, dtype).address
+    n_channels, colors = np.where(of_materials.is_colored, 3, 1), color_lights(plan).astype(dtype)
+    by_channel = colors.reshape(len(colors), -1, 3)
+    is_grey = (by_channel == by_channel[..., :1]).all(axis=(1, 2))
     return Lighting(
         light_functions=light_functions,
         lights=np.zeros((n_light, N_LIGHT_COEFFICIENT), dtype),
@@ -54,12 +57,13 @@ def make_lighting(plan: Plan, dtype: np.dtype) -> Lighting:
         materials=list_materials(plan, dtype),
         n_terms=np.array(tables.n_terms),
         is_view_dependent=needs_view,
-        n_channels=np.where(of_materials.is_colored, 3, 1),
+        n_channels=n_channels,
+        n_sums=np.where(is_grey, 1, n_channels),
         tint=plan.tint,
         needs_view=bool(needs_view.any()),
         needs_position=plan.needs_position,
         has_albedo=of_materials.has_albedo,
-        colors=color_lights(plan).astype(dtype),
+        colors=colors,
         shadows=None,
     )
 

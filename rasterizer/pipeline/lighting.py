@@ -42,6 +42,7 @@ class Lighting(NamedTuple):
     n_terms: np.ndarray  # (n_material,) int64: of DIFFUSE, SPECULAR, GRAZING and METAL so many are summed
     is_view_dependent: np.ndarray  # (n_material,) bool: the reflection functions read N·V and the view directions
     n_channels: np.ndarray  # (n_material,) int64: 1 or 3
+    n_sums: np.ndarray  # (n_material,) int64: the sums over the lights have so many, 1 where all their factors are grey
     tint: np.ndarray  # (3,) float32, the colour of what has one channel, where a band has three
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a position
@@ -116,7 +117,7 @@ def sum_lights(batch, n, n_side, lighting, material):
     A light that doesn't arrive at any of the n points adds 0: it is left out. Shadows are looked up for these alone,
     all else is computed for `n_side`.
     """
-    n_channel, is_first = lighting.n_channels[material], True
+    is_first = True
     for nth in range(lighting.n_lights[material]):
         light = lighting.light_idx[material, nth]
         coefficients = lighting.lights[light].ctypes.data
@@ -128,7 +129,7 @@ def sum_lights(batch, n, n_side, lighting, material):
         is_first = False
     if is_first:
         zero = batch.dtype.type(0)
-        for channel in range(n_channel):
+        for channel in range(lighting.n_sums[material]):
             for k in range(n_side):
                 batch[f.DIFFUSE_SUM + channel * f.NEXT + k] = batch[f.SPECULAR_SUM + channel * f.NEXT + k] = zero
 
@@ -152,7 +153,7 @@ def add_reflected(batch, n, lighting, material, light, is_first):
         batch.ctypes.data, n, lighting.materials[material].ctypes.data,
     )  # fmt: skip
     colors, n_term = lighting.colors[color_set, light], lighting.n_terms[material]
-    for channel in range(lighting.n_channels[material]):
+    for channel in range(lighting.n_sums[material]):
         diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
         if n_term < 4:
             add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel], is_first)
@@ -199,7 +200,8 @@ def combine_channel(batch, n, channel, lighting, material):
         materials[material, m.AMBIENT + channel],
     )
     kd, ks = materials[material, m.DIFFUSE + channel], materials[material, m.SPECULAR + channel]
-    diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
+    summed = min(channel, lighting.n_sums[material] - 1) * f.NEXT
+    diffuse_sums, specular_sums = f.DIFFUSE_SUM + summed, f.SPECULAR_SUM + summed
     albedo, out = f.ALBEDO + channel * f.NEXT, f.INTENSITY + channel * f.NEXT
     has_albedo, has_highlight = lighting.has_albedo[material], lighting.n_terms[material] > 1
     for k in range(n):
