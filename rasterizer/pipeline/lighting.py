@@ -117,21 +117,17 @@ def sum_lights(batch, n, n_side, lighting, material):
     A light that doesn't arrive at any of the n points adds 0: it is left out. Shadows are looked up for these alone,
     all else is computed for `n_side`.
     """
-    is_first = True
+    zero = batch.dtype.type(0)
+    for channel in range(lighting.n_sums[material]):
+        for k in range(n_side):
+            batch[f.DIFFUSE_SUM + channel * f.NEXT + k] = batch[f.SPECULAR_SUM + channel * f.NEXT + k] = zero
     for nth in range(lighting.n_lights[material]):
         light = lighting.light_idx[material, nth]
         coefficients = lighting.lights[light].ctypes.data
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n_side, coefficients)
-        if not arrives(batch, n):
-            continue
-        cast_shadow(batch, n, lighting.shadows, light)
-        add_reflected(batch, n_side, lighting, material, light, is_first)
-        is_first = False
-    if is_first:
-        zero = batch.dtype.type(0)
-        for channel in range(lighting.n_sums[material]):
-            for k in range(n_side):
-                batch[f.DIFFUSE_SUM + channel * f.NEXT + k] = batch[f.SPECULAR_SUM + channel * f.NEXT + k] = zero
+        if arrives(batch, n):
+            cast_shadow(batch, n, lighting.shadows, light)
+            add_reflected(batch, n_side, lighting, material, light)
 
 
 @helper
@@ -145,8 +141,8 @@ def arrives(batch, n):
 
 
 @helper
-def add_reflected(batch, n, lighting, material, light, is_first):
-    """Add what a light, after its function and its shadow, reflects to the sums; the first one starts them."""
+def add_reflected(batch, n, lighting, material, light):
+    """Add what a light, after its function and its shadow, reflects to the sums."""
     color_set = min(material, lighting.colors.shape[0] - 1)
     call_batch_function(
         lighting.reflection_functions[material, light],
@@ -155,15 +151,13 @@ def add_reflected(batch, n, lighting, material, light, is_first):
     colors, n_term = lighting.colors[color_set, light], lighting.n_terms[material]
     for channel in range(lighting.n_sums[material]):
         diffuse_sums, specular_sums = f.DIFFUSE_SUM + channel * f.NEXT, f.SPECULAR_SUM + channel * f.NEXT
-        if n_term < 4:
-            add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel], is_first)
-        else:
-            add_both(batch, n, diffuse_sums, f.DIFFUSE, f.METAL, (colors[channel], colors[9 + channel]), is_first)
-        if n_term == 2:
-            add_light(batch, n, specular_sums, f.SPECULAR, colors[3 + channel], is_first)
-        elif n_term > 2:
-            both = colors[3 + channel], colors[6 + channel]
-            add_both(batch, n, specular_sums, f.SPECULAR, f.GRAZING, both, is_first)
+        add_light(batch, n, diffuse_sums, f.DIFFUSE, colors[channel])
+        if n_term > 1:
+            add_light(batch, n, specular_sums, f.SPECULAR, colors[3 + channel])
+        if n_term > 2:
+            add_light(batch, n, specular_sums, f.GRAZING, colors[6 + channel])
+        if n_term > 3:
+            add_light(batch, n, diffuse_sums, f.METAL, colors[9 + channel])
 
 
 @helper
@@ -174,21 +168,10 @@ def cast_shadow(batch, n, shadows, light):
 
 
 @helper
-def add_light(batch, n, sums, reflected, color, is_first):
-    """Add a term of one light's reflection to the sums of one channel; the first one starts them."""
-    zero = batch.dtype.type(0)
+def add_light(batch, n, sums, reflected, color):
+    """Add a term of one light's reflection to the sums of one channel."""
     for k in range(n):
-        before = zero if is_first else batch[sums + k]
-        batch[sums + k] = before + color * batch[reflected + k]
-
-
-@helper
-def add_both(batch, n, sums, reflected, other, colors, is_first):
-    """Add two terms, in one loop; see `add_light`."""
-    zero = batch.dtype.type(0)
-    for k in range(n):
-        before = zero if is_first else batch[sums + k]
-        batch[sums + k] = (before + colors[0] * batch[reflected + k]) + colors[1] * batch[other + k]
+        batch[sums + k] += color * batch[reflected + k]
 
 
 @helper

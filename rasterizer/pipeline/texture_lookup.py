@@ -166,7 +166,7 @@ def product_of(s, n_texel):
 def fetch_texels(texels, batch, rows, n, out):
     """Read the texel of each sample; rows : (texel,)."""
     for k in range(n):
-        write_row(batch, out + k, BATCH_SIZE, texel_at(texels, bits_of(batch[rows[0] + k])))
+        write_row(batch, out + k, texel_at(texels, bits_of(batch[rows[0] + k])))
 
 
 @spelled_out("build_blend_texels")
@@ -174,7 +174,7 @@ def blend_texels(texels, batch, rows, n, out):
     """Mean the texels of each sample; rows : (top, bottom, right, down), see `mean_of_texels`."""
     for k in range(n):
         color = mean_of_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), k)
-        write_row(batch, out + k, BATCH_SIZE, color)
+        write_row(batch, out + k, color)
 
 
 @spelled_out("build_blend_mip_levels")
@@ -187,7 +187,7 @@ def blend_mip_levels(texels, batch, rows, n, out):
         if fraction != 0:
             other = mean_of_texels(texels, batch, (rows[4], rows[5], rows[6], rows[7]), k)
             color = mix(color, other, fraction)
-        write_row(batch, out + k, BATCH_SIZE, color)
+        write_row(batch, out + k, color)
 
 
 @helper
