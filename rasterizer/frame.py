@@ -115,7 +115,7 @@ class Frame:
         arrays: dict[str, NDArray[Any]],
         stats: Stats,
         size: tuple[int, int],
-        source: "FrameSource | None" = None,
+        source: FrameSource | None = None,
     ) -> None:
         self._rgba = rgba  # (height, width, 4) uint8 or None
         self._arrays = arrays
@@ -129,12 +129,10 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.size
-        names = [name for name in ("rgb", *self._arrays) if name != "alpha" and self.has(name)]
-        total = sum(self.stats.milliseconds.values())
-        return (
-            f"<Frame {' '.join([f'{width}x{height}', '+'.join(names)]).strip()}, {counted(self.stats.faces, 'face')}, "
-            f"{100 * self.stats.coverage:.1f} % covered, {total:.1f} ms>"
-        )
+        names = "+".join(["rgb"] * (self._rgba is not None) + list(self._arrays)).replace("+alpha", "")
+        total, faces = sum(self.stats.milliseconds.values()), counted(self.stats.faces, "face")
+        size = f"{width}x{height} {names}".strip()
+        return f"<Frame {size}, {faces}, {100 * self.stats.coverage:.1f} % covered, {total:.1f} ms>"
 
     def has(self, name: str) -> bool:
         """Tell whether the frame has `name`: "rgb" (a picture), "color", or a buffer: "depth", "face", "normal" …
@@ -423,7 +421,7 @@ class Frame:
         """
         name = picture_format(format)
         if name == "PNG" and not options:
-            return self._encode_png()
+            return encode_png(self._pixels(), self._map_bands)
         if name == "TIFF" and not options:
             options = {"icc_profile": srgb_profile()}
         image = self.to_pil()
@@ -436,9 +434,6 @@ class Frame:
             return encoded(on_white(image), name, options)
         except (OSError, ValueError) as error:
             raise OutputError(f"can't write a {name} file: {error}") from error
-
-    def _encode_png(self) -> bytes:
-        return encode_png(self._pixels(), self._map_bands)
 
     def _map_bands(self, function: Callable[[Any], Any], items: list) -> list:
         """Call a function with every item, on as many threads as have drawn the picture."""

@@ -1,8 +1,8 @@
 """What one pixel shows: which surface, and where on it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,26 +60,12 @@ class Pick:
     barycentric: Vector
 
 
-@dataclass
-class FrameSource:
-    """What a frame was rendered from, for what it doesn't hold.
-
-    Parameters
-    ----------
-    scene, camera : of the frame
-    make_renderer : returns a Renderer of the scene, for pictures of the frame's size
-    """
+class FrameSource(NamedTuple):
+    """What a frame was drawn from: its scene and camera, and what draws what the frame doesn't hold."""
 
     scene: Scene
     camera: Camera
-    make_renderer: Callable[[], Any]
-    _renderer: Any = field(default=None, init=False)  # made by the first pick, and kept
-
-    def pick(self, x: int, y: int) -> Pick | None:
-        """Tell what a pixel shows."""
-        if self._renderer is None:
-            self._renderer = self.make_renderer()
-        return self._renderer.pick(x, y, self.camera)
+    pick: Callable[[int, int], Pick | None]
 
 
 def checked_pixel(x: int, y: int, size: tuple[int, int]) -> tuple[int, int]:
@@ -96,15 +82,12 @@ def make_pick(arrays: dict[str, NDArray], x: int, y: int, scene: Scene | None) -
     values: dict[str, Any] = {name: arrays[name][y, x].tolist() for name in PICKED}
     if values["face"] < 0:
         return None
-    for name, value in values.items():
-        values[name] = tuple(value) if isinstance(value, list) else value
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
     if np.isnan(values["uv"]).any():
         values["uv"] = None
-    names: dict[str, Any] = {"object_name": None, "object_face": None, "material_name": None}
+    names: dict[str, Any] = dict.fromkeys(("object_name", "object_face", "material_name"))
     if scene is not None:
-        names = {
-            "object_name": scene.meshes[values["object"]].name,
-            "object_face": values["face"] - int(scene.face_offsets[values["object"]]),
-            "material_name": scene.materials[values["material"]].name,
-        }
+        names["object_name"] = scene.meshes[values["object"]].name
+        names["object_face"] = values["face"] - int(scene.face_offsets[values["object"]])
+        names["material_name"] = scene.materials[values["material"]].name
     return Pick(x=x, y=y, **values, **names)

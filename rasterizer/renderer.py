@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.plan import PlanSummary
-from .engine.prepared import DrawnPicture, PreparedScene, check_memory, checked_out
+from .engine.prepared import PreparedScene, check_memory, checked_out
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
@@ -185,7 +185,7 @@ class Renderer:
         points round most of the shadow, (n, 3) in world space."""
         if self._ground is None:
             return self.scene
-        return np.concatenate([*(mesh.used_vertices for mesh in self.scene.meshes), self._outline])
+        return np.concatenate([*(mesh.used_vertices for mesh in self.scene.meshes), self._ground.outline()])
 
     def __repr__(self) -> str:
         width, height = self.options.size
@@ -261,12 +261,13 @@ class Renderer:
         x, y = checked_pixel(x, y, self.options.size)
         camera = self._camera_of(viewpoint_of({"camera": camera}))
         with self._prepared.threads.lock:
-            self._check_open()
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)
 
     def _camera_of(self, viewpoint: Viewpoint) -> Camera:
-        """Return the camera that a picture is taken with."""
+        """Return the camera that a picture is taken with; SceneError after `close`."""
+        if self._is_closed:
+            raise SceneError("this Renderer is closed; make a new one")
         return viewpoint.over(self._framing).camera_of(self.scene, self.options.size, lambda: self.subject)
 
     def _list_kernels(self) -> list[Job]:
@@ -284,65 +285,46 @@ class Renderer:
 
         return GroundShadow(self.scene, threads=self.options.threads)
 
-    @cached_property
-    def _outline(self) -> NDArray[np.float64]:
-        """Points round most of that shadow."""
-        return self._ground.outline()
-
-    def _check_open(self) -> None:
-        """Raise SceneError after `close`."""
-        if self._is_closed:
-            raise SceneError("this Renderer is closed; make a new one")
-
     def _render(self, camera: Camera, out: NDArray[np.uint32] | None) -> Frame:
-        """Draw the picture if one is wanted, and then the buffers.
+        """Draw the picture if one is wanted, with edges over it and the ground's shadow under it, and then the buffers.
 
         `out` is what `PreparedScene.draw_picture` takes.
         """
-        self._check_open()
-        check_memory(self.options, has_out=out is not None)
-        prepared, outputs, clock, arrays = self._prepared, self.options.outputs, Clock(), {}
-        picture, counts = None, None
-        if "color" in outputs or "rgb" in outputs:
-            picture = self._draw_picture(camera, clock, out)
-            counts = picture.counts
-            if "color" in outputs:
-                arrays.update(color=picture.color, alpha=picture.alpha)
-        if not {"color", "rgb"}.issuperset(outputs):
-            buffers, counts_of_buffers, _ = prepared.draw_buffers(camera, clock)
-            counts = counts or counts_of_buffers
-            arrays.update(buffers)
-        # What a frame picks with draws the surfaces that it shows, and no colours.
-        shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "samples": 1}
-        source = FrameSource(
-            self.scene, camera, partial(Renderer, self.scene, self.options.size, threads=1, **shown_as)
-        )
-        rgba = None if picture is None else picture.rgba
-        return Frame(rgba, arrays, self._stats(counts, picture, clock), self.options.size, source)
-
-    def _draw_picture(self, camera: Camera, clock: Clock, out: NDArray[np.uint32] | None) -> DrawnPicture:
-        """Draw the picture, with edges over it and the ground's shadow under it, and keep what it needed."""
-        picture = self._prepared.draw_picture(camera, clock, out)
-        self._plan = picture.summary._replace(paths=picture.counts.paths)
-        linear = (picture.color, picture.alpha) if "color" in self.options.outputs else (None, None)
-        if self.options.edges:
-            self._prepared.draw_edges(camera, picture.rgba, *linear)
-            clock.lap("edges")
-        if self._ground is not None:
-            self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background, self._prepared.threads)
-            clock.lap("ground")
-        return picture
-
-    def _stats(self, counts, picture: DrawnPicture | None, clock) -> Stats:
-        """Say what happened; `picture` is None where none was drawn."""
-        return Stats(
-            *counts[:6],
-            threads=self._prepared.threads.n_thread,
+        options, prepared, clock, arrays = self.options, self._prepared, Clock(), {}
+        check_memory(options, has_out=out is not None)
+        picture = None
+        if "color" in options.outputs or "rgb" in options.outputs:
+            picture = prepared.draw_picture(camera, clock, out)
+            self._plan = picture.summary._replace(paths=picture.counts.paths)
+            if "color" in options.outputs:
+                arrays |= {"color": picture.color, "alpha": picture.alpha}
+            linear = arrays.get("color"), arrays.get("alpha")
+            if options.edges:
+                prepared.draw_edges(camera, picture.rgba, *linear)
+                clock.lap("edges")
+            if self._ground is not None:
+                self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background, prepared.threads)
+                clock.lap("ground")
+        if not {"color", "rgb"}.issuperset(options.outputs):
+            buffers, counts, _ = prepared.draw_buffers(camera, clock)
+            arrays |= buffers
+        stats = Stats(
+            *(counts if picture is None else picture.counts)[:6],
+            threads=prepared.threads.n_thread,
             error_bound=0.0 if picture is None else picture.error_bound,
             steps=() if picture is None else picture.steps,
             milliseconds=clock.milliseconds,
             plan=self._plan,
         )
+        # What a frame picks with draws the surfaces that it shows, and no colours.
+        shown_as = {"shading": options.shading, "cull": options.cull, "outputs": "face", "samples": 1, "threads": 1}
+        make_renderer = cache(partial(Renderer, self.scene, options.size, **shown_as))
+
+        def draw_pick(x: int, y: int) -> Pick | None:
+            return make_renderer().pick(x, y, camera)
+
+        rgba = None if picture is None else picture.rgba
+        return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, draw_pick))
 
 
 def load_look(
