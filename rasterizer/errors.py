@@ -124,15 +124,7 @@ def counted(n: int, noun: str) -> str:
     return f"{n} {noun if n == 1 else plural}"
 
 
-def _short_repr() -> reprlib.Repr:
-    """Make what writes the beginning of a value: enough for a message."""
-    short = reprlib.Repr()
-    short.maxlevel = 5
-    for name in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
-        setattr(short, f"max{name}", 40)
-    for name in ("string", "long", "other"):
-        setattr(short, f"max{name}", 400)
-    return short
-
-
-_SHORT = _short_repr()
+_SHORT = reprlib.Repr()  # writes the beginning of a value: enough for a message
+vars(_SHORT).update(maxlevel=5, maxstring=400, maxlong=400, maxother=400)
+for _kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
+    setattr(_SHORT, f"max{_kind}", 40)

@@ -81,6 +81,11 @@ class MissingArray(SceneError, AttributeError):
     """A frame doesn't have what wasn't asked for; an AttributeError, so that `hasattr` and `getattr` can ask, too."""
 
 
+def _array(name: str, what: str) -> Any:
+    """Return the property of a frame that is one of its arrays; `what` is said of it."""
+    return property(lambda frame: frame.array(name), doc=f"{what}.")
+
+
 class Frame:
     """Hold a rendered picture.
 
@@ -183,65 +188,18 @@ class Frame:
             return self._arrays["alpha"]
         return self.rgba[..., 3] / np.float32(255)
 
-    @property
-    def color(self) -> NDArray[np.float32]:
-        """(height, width, 3) float32, linear."""
-        return self.array("color")
-
-    @property
-    def depth(self) -> NDArray[np.float32]:
-        """(height, width) float32, scene units along the viewing axis; inf where nothing is."""
-        return self.array("depth")
-
-    @property
-    def face(self) -> NDArray[np.int32]:
-        """(height, width) int32, face index as loaded; -1 where nothing is."""
-        return self.array("face")
-
-    @property
-    def normal(self) -> NDArray[np.float32]:
-        """(height, width, 3) float32, unit, world space; 0 where nothing is."""
-        return self.array("normal")
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """(height, width) bool: whether something is there."""
-        return self.array("mask")
-
-    @property
-    def object(self) -> NDArray[np.int32]:
-        """(height, width) int32, index into `Scene.meshes`; -1 where nothing is."""
-        return self.array("object")
-
-    @property
-    def material(self) -> NDArray[np.int32]:
-        """(height, width) int32, index into `Scene.materials`; -1 where nothing is."""
-        return self.array("material")
-
-    @property
-    def uv(self) -> NDArray[np.float32]:
-        """(height, width, 2) float32, texture coordinates; NaN where nothing is, or the mesh has none."""
-        return self.array("uv")
-
-    @property
-    def barycentric(self) -> NDArray[np.float32]:
-        """(height, width, 3) float32, weights of the corners of `face`; NaN where nothing is."""
-        return self.array("barycentric")
-
-    @property
-    def position(self) -> NDArray[np.float32]:
-        """(height, width, 3) float32, world space; NaN where nothing is."""
-        return self.array("position")
-
-    @property
-    def position_camera(self) -> NDArray[np.float32]:
-        """(height, width, 3) float32, x right, y up, z backwards from the camera; NaN where nothing is."""
-        return self.array("position_camera")
-
-    @property
-    def normal_camera(self) -> NDArray[np.float32]:
-        """(height, width, 3) float32, `normal` along the camera's axes; 0 where nothing is."""
-        return self.array("normal_camera")
+    color: NDArray[np.float32] = _array("color", "(height, width, 3) float32, linear")
+    depth: NDArray[np.float32] = _array("depth", "(height, width) float32, scene units along the viewing axis, or inf")
+    face: NDArray[np.int32] = _array("face", "(height, width) int32, face index as loaded; -1 where nothing is")
+    normal: NDArray[np.float32] = _array("normal", "(height, width, 3) float32, unit, world space; 0 where nothing is")
+    mask: NDArray[np.bool_] = _array("mask", "(height, width) bool: whether something is there")
+    object: NDArray[np.int32] = _array("object", "(height, width) int32, index into `Scene.meshes`, or -1")
+    material: NDArray[np.int32] = _array("material", "(height, width) int32, index into `Scene.materials`, or -1")
+    uv: NDArray[np.float32] = _array("uv", "(height, width, 2) float32, texture coordinates, or NaN")
+    barycentric: NDArray[np.float32] = _array("barycentric", "(height, width, 3) float32, weights of corners, or NaN")
+    position: NDArray[np.float32] = _array("position", "(height, width, 3) float32, world space; NaN where nothing is")
+    position_camera: NDArray[np.float32] = _array("position_camera", "(height, width, 3) float32, along its axes")
+    normal_camera: NDArray[np.float32] = _array("normal_camera", "(height, width, 3) float32, along the camera's axes")
 
     def pick(self, x: int, y: int) -> Pick | None:
         """Tell what a pixel shows at its centre.

@@ -21,7 +21,6 @@ one's own are compiled in every process: the disk cache keeps only kernels of th
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
 from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar
 
@@ -242,10 +241,12 @@ def _enter(
             raise SceneError(f"there is {what} {word!r} already; taken are {', '.join(table)}")
     for table, entry in entries:
         table[word] = entry
-    with ExitStack() as undo:
-        registration = undo.enter_context(Registration(word, [table for table, _ in entries]))
+    registration = Registration(word, [table for table, _ in entries])
+    try:
         compare()
-        undo.pop_all()
+    except BaseException:
+        registration.remove()
+        raise
     return registration
 
 

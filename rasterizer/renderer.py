@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
-from .engine.plan import PlanSummary
 from .engine.prepared import PreparedScene, check_memory, checked_out
 from .engine.scene_tables import SceneTables
 from .errors import SceneError, counted, shown
@@ -125,6 +124,13 @@ class Renderer:
         given for each picture
     camera : of the scene, as `load` takes it: "file" = the first that a model file brings
 
+    Attributes
+    ----------
+    scene : Scene, changed as the words say
+    options : Options
+    plan : PlanSummary, what the last picture needed; before the first one, what the scene says of it
+    framing : Viewpoint, how a scene file asks for framing; None where it doesn't
+
     Use it as a context manager, or call `close`, to end its threads. One Renderer draws one picture at a time: threads
     that share one take turns, so each needs one of its own to draw at the same time. A forked process goes on with it,
     on threads of its own; pickled, it becomes a new one of the same scene and options.
@@ -145,7 +151,8 @@ class Renderer:
             Options(**words)
         self.scene: Scene
         self.options: Options
-        self.scene, self.options, self._framing, _ = load_look(scene, words, size, options, camera)
+        self.framing: Viewpoint | None
+        self.scene, self.options, self.framing, _ = load_look(scene, words, size, options, camera)
         self._prepare()
 
     def _prepare(self, like: PreparedScene | None = None) -> None:
@@ -155,7 +162,7 @@ class Renderer:
         tables = SceneTables(drawn, self.options)
         with compiling_ahead(self._list_kernels):
             self._prepared = PreparedScene(tables, self.options, like)
-        self._plan = self._prepared.summary
+        self.plan = self._prepared.summary
         self._is_closed = False
 
     def in_lights(self, lights: Any) -> Renderer:
@@ -164,20 +171,10 @@ class Renderer:
         What was prepared of the meshes is not prepared again. Raises SceneError for what are no lights.
         """
         found = object.__new__(Renderer)
-        found.options, found._framing = self.options, self._framing
+        found.options, found.framing = self.options, self.framing
         found.scene = Look(lights=lights).change(self.scene, self.options.shading, self.options.ground)
         found._prepare(self._prepared)
         return found
-
-    @property
-    def plan(self) -> PlanSummary:
-        """What the last picture needed; before the first one, what the scene says of it."""
-        return self._plan
-
-    @property
-    def framing(self) -> Viewpoint | None:
-        """How a scene file asks for framing; None where it doesn't."""
-        return self._framing
 
     @property
     def subject(self) -> Scene | NDArray[np.float64]:
@@ -199,7 +196,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(Renderer, options=self.options), (self.scene,), {"_framing": self._framing}
+        return partial(Renderer, options=self.options), (self.scene,), {"framing": self.framing}
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -268,7 +265,7 @@ class Renderer:
         """Return the camera that a picture is taken with; SceneError after `close`."""
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
-        return viewpoint.over(self._framing).camera_of(self.scene, self.options.size, lambda: self.subject)
+        return viewpoint.over(self.framing).camera_of(self.scene, self.options.size, lambda: self.subject)
 
     def _list_kernels(self) -> list[Job]:
         """List the kernels of a picture, as far as they are known before it is drawn."""
@@ -295,7 +292,7 @@ class Renderer:
         picture = None
         if "color" in options.outputs or "rgb" in options.outputs:
             picture = prepared.draw_picture(camera, clock, out)
-            self._plan = picture.summary._replace(paths=picture.counts.paths)
+            self.plan = picture.summary._replace(paths=picture.counts.paths)
             if "color" in options.outputs:
                 arrays |= {"color": picture.color, "alpha": picture.alpha}
             linear = arrays.get("color"), arrays.get("alpha")
@@ -314,7 +311,7 @@ class Renderer:
             error_bound=0.0 if picture is None else picture.error_bound,
             steps=() if picture is None else picture.steps,
             milliseconds=clock.milliseconds,
-            plan=self._plan,
+            plan=self.plan,
         )
         # What a frame picks with draws the surfaces that it shows, and no colours.
         shown_as = {"shading": options.shading, "cull": options.cull, "outputs": "face", "samples": 1, "threads": 1}

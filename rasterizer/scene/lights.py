@@ -502,35 +502,24 @@ def describe_fields(cls: type) -> dict[str, Field]:
     hints = get_type_hints(cls, include_extras=True)
     described = {}
     for field in fields(cls):
-        annotation = _without_none(hints[field.name])
-        holds = _what_holds(annotation)
+        annotation = hints[field.name]
+        if get_origin(annotation) in (Union, types.UnionType):  # T | None, or T | bool | None
+            members = [member for member in get_args(annotation) if member is not type(None)]
+            members = [member for member in members if member is not bool] or members
+            annotation = members[0] if len(members) == 1 else annotation
+        holds, words = _PLAIN.get(annotation), ()
+        if get_origin(annotation) is Annotated:
+            holds = next((word for word in annotation.__metadata__ if isinstance(word, str)), None)
+        elif get_origin(annotation) is Literal:
+            holds, words = "word", get_args(annotation)
+        elif isinstance(annotation, type) and is_dataclass(annotation):
+            holds = annotation.__name__.lower()
         if holds is None:
             legal = "float, int, bool, str, a Literal, Vector, Cells, Color, Attenuation or a dataclass"
             raise TypeError(f"{cls.__name__}.{field.name} must be annotated with {legal}; given {annotation!r}")
-        words = get_args(annotation) if holds == "word" else ()
         is_needed = field.default is MISSING and field.default_factory is MISSING
         described[field.name] = Field(holds, is_needed, words)
     return described
-
-
-def _without_none(annotation: Any) -> Any:
-    """Return T of T | None, else the annotation itself."""
-    if get_origin(annotation) in (Union, types.UnionType):
-        others = [member for member in get_args(annotation) if member is not type(None)]
-        others = [member for member in others if member is not bool] or others
-        return others[0] if len(others) == 1 else annotation
-    return annotation
-
-
-def _what_holds(annotation: Any) -> str | None:
-    """Return the word for what a field with this annotation holds; None where there is none."""
-    if get_origin(annotation) is Annotated:
-        return next((word for word in annotation.__metadata__ if isinstance(word, str)), None)
-    if get_origin(annotation) is Literal:
-        return "word"
-    if isinstance(annotation, type) and is_dataclass(annotation):
-        return annotation.__name__.lower()
-    return _PLAIN.get(annotation)
 
 
 # --- checks --------------------------------------------------------------------------------------------------

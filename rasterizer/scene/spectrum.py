@@ -18,107 +18,19 @@ EGSR, whose three basis curves add up to 1 as ours do). Here a colour gets the s
 """
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
-from .arrays import real_array
+from .arrays import fixed, real_array
 from .color import ColorLike, linear_rgb
 from .validate import number
 
-# Tables of the CIE: the eye of the 1931 standard observer, and daylight. Below 380 and above 780 nm the eye sees less
-# than 4·10^-5 of what it sees at 555 nm.
-# Sources: the CIE 1931 2° colour matching functions (ISO/CIE 11664-1:2019; CIE 15:2004, table T.4) and standard
-# illuminant D65 (ISO/CIE 11664-2:2022; CIE 15:2004, table T.1); CIE 018:2019 and CIE 15:2018 repeat both.
-# Each row: wavelength in nm, then x, y and z of the colour matching functions, then the power of D65, 100 at 560 nm.
-_ROWS = """
-380 0.001368 0.000039 0.006450 49.9755
-385 0.002236 0.000064 0.010550 52.3118
-390 0.004243 0.000120 0.020050 54.6482
-395 0.007650 0.000217 0.036210 68.7015
-400 0.014310 0.000396 0.067850 82.7549
-405 0.023190 0.000640 0.110200 87.1204
-410 0.043510 0.001210 0.207400 91.4860
-415 0.077630 0.002180 0.371300 92.4589
-420 0.134380 0.004000 0.645600 93.4318
-425 0.214770 0.007300 1.039050 90.0570
-430 0.283900 0.011600 1.385600 86.6823
-435 0.328500 0.016840 1.622960 95.7736
-440 0.348280 0.023000 1.747060 104.865
-445 0.348060 0.029800 1.782600 110.936
-450 0.336200 0.038000 1.772110 117.008
-455 0.318700 0.048000 1.744100 117.410
-460 0.290800 0.060000 1.669200 117.812
-465 0.251100 0.073900 1.528100 116.336
-470 0.195360 0.090980 1.287640 114.861
-475 0.142100 0.112600 1.041900 115.392
-480 0.095640 0.139020 0.812950 115.923
-485 0.057950 0.169300 0.616200 112.367
-490 0.032010 0.208020 0.465180 108.811
-495 0.014700 0.258600 0.353300 109.082
-500 0.004900 0.323000 0.272000 109.354
-505 0.002400 0.407300 0.212300 108.578
-510 0.009300 0.503000 0.158200 107.802
-515 0.029100 0.608200 0.111700 106.296
-520 0.063270 0.710000 0.078250 104.790
-525 0.109600 0.793200 0.057250 106.239
-530 0.165500 0.862000 0.042160 107.689
-535 0.225750 0.914850 0.029840 106.047
-540 0.290400 0.954000 0.020300 104.405
-545 0.359700 0.980300 0.013400 104.225
-550 0.433450 0.994950 0.008750 104.046
-555 0.512050 1.000000 0.005750 102.023
-560 0.594500 0.995000 0.003900 100.000
-565 0.678400 0.978600 0.002750 98.1671
-570 0.762100 0.952000 0.002100 96.3342
-575 0.842500 0.915400 0.001800 96.0611
-580 0.916300 0.870000 0.001650 95.7880
-585 0.978600 0.816300 0.001400 92.2368
-590 1.026300 0.757000 0.001100 88.6856
-595 1.056700 0.694900 0.001000 89.3459
-600 1.062200 0.631000 0.000800 90.0062
-605 1.045600 0.566800 0.000600 89.8026
-610 1.002600 0.503000 0.000340 89.5991
-615 0.938400 0.441200 0.000240 88.6489
-620 0.854450 0.381000 0.000190 87.6987
-625 0.751400 0.321000 0.000100 85.4936
-630 0.642400 0.265000 0.000050 83.2886
-635 0.541900 0.217000 0.000030 83.4939
-640 0.447900 0.175000 0.000020 83.6992
-645 0.360800 0.138200 0.000010 81.8630
-650 0.283500 0.107000 0.000000 80.0268
-655 0.218700 0.081600 0.000000 80.1207
-660 0.164900 0.061000 0.000000 80.2146
-665 0.121200 0.044580 0.000000 81.2462
-670 0.087400 0.032000 0.000000 82.2778
-675 0.063600 0.023200 0.000000 80.2810
-680 0.046770 0.017000 0.000000 78.2842
-685 0.032900 0.011920 0.000000 74.0027
-690 0.022700 0.008210 0.000000 69.7213
-695 0.015840 0.005723 0.000000 70.6652
-700 0.011359 0.004102 0.000000 71.6091
-705 0.008111 0.002929 0.000000 72.9790
-710 0.005790 0.002091 0.000000 74.3490
-715 0.004109 0.001484 0.000000 67.9765
-720 0.002899 0.001047 0.000000 61.6040
-725 0.002049 0.000740 0.000000 65.7448
-730 0.001440 0.000520 0.000000 69.8856
-735 0.001000 0.000361 0.000000 72.4863
-740 0.000690 0.000249 0.000000 75.0870
-745 0.000476 0.000172 0.000000 69.3398
-750 0.000332 0.000120 0.000000 63.5927
-755 0.000235 0.000085 0.000000 55.0054
-760 0.000166 0.000060 0.000000 46.4182
-765 0.000117 0.000042 0.000000 56.6118
-770 0.000083 0.000030 0.000000 66.8054
-775 0.000059 0.000021 0.000000 65.0941
-780 0.000042 0.000015 0.000000 63.3828
-"""
-
-_TABLE = np.array(_ROWS.split(), dtype=np.float64).reshape(-1, 5)
-_TABLE.flags.writeable = False
+# The eye of the CIE's standard observer of 1931, and daylight; the file names its sources.
+_TABLE = fixed(np.loadtxt(Path(__file__).with_name("cie_tables.txt"), encoding="utf-8"))
 
 WAVELENGTHS = _TABLE[:, 0]  # (81,) nm, every 5 nm
 MATCHING = _TABLE[:, 1:4]  # (81, 3) without unit, the curve of y has its peak of 1 at 555 nm
@@ -285,18 +197,11 @@ class Spectrum(tuple[float, float, float]):
 
 def _spectrum(wavelengths: NDArray, values: NDArray, cls: type[Spectrum]) -> Spectrum:
     """Make a spectrum of samples that are known to be legal, but for values below 0."""
-    wavelengths, values = (_frozen(row) for row in (wavelengths, values))
+    wavelengths, values = fixed(wavelengths + 0.0), fixed(values + 0.0)  # no -0: equal spectra have equal bytes
     rgb = rgb_of(np.interp(WAVELENGTHS, wavelengths, values))
     spectrum = tuple.__new__(cls, rgb.tolist())
     spectrum._wavelengths, spectrum._values = wavelengths, values
     return spectrum
-
-
-def _frozen(row: NDArray) -> NDArray[np.float64]:
-    """A read-only copy; adding 0 turns -0 into 0, so that equal spectra have equal bytes."""
-    row = row + 0.0
-    row.flags.writeable = False
-    return row
 
 
 def _row(values: ArrayLike, what: str) -> NDArray[np.float64]:
@@ -318,9 +223,8 @@ def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
 def _check_samples(wavelengths: NDArray, values: NDArray, name: str) -> None:
     """Refuse samples that make no spectrum."""
     if len(wavelengths) != len(values):
-        raise SceneError(
-            f"a spectrum needs as many samples of {name} as wavelengths; given {len(values)} for {len(wavelengths)}"
-        )
+        given = f"{len(values)} for {len(wavelengths)}"
+        raise SceneError(f"a spectrum needs as many samples of {name} as wavelengths; given {given}")
     if not (np.diff(wavelengths) > 0.0).all():
         raise SceneError(f"the wavelengths of a spectrum must increase; given {shown(wavelengths.tolist())}")
     if wavelengths[0] > LONGEST or wavelengths[-1] < SHORTEST:
@@ -364,9 +268,7 @@ def xyz_weights(n: int) -> NDArray[np.float64]:
     if n < N_TABLE:
         hats = np.stack([np.interp(nodes, sampling(n), hat) for hat in np.eye(n)])
         weights = hats @ weights
-    weights /= weights[:, 1].sum()
-    weights.flags.writeable = False
-    return weights
+    return fixed(weights / weights[:, 1].sum())
 
 
 @cache
@@ -383,9 +285,7 @@ def rgb_weights(n: int) -> NDArray[np.float64]:
     """
     xyz = xyz_weights(n)
     weights = xyz @ rgb_from_xyz(xyz.sum(axis=0)).T
-    weights /= weights.sum(axis=0)
-    weights.flags.writeable = False
-    return weights
+    return fixed(weights / weights.sum(axis=0))
 
 
 def rgb_from_xyz(white: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -454,8 +354,7 @@ def rgb_basis(n: int) -> NDArray[np.float64]:
     system[n:, :n] = rgb_weights(n).T
     basis = np.linalg.solve(system, np.eye(n + 3)[:, n:])[:n].astype(np.float64, copy=False)
     basis[:, 2] = 1.0 - basis[:, 0] - basis[:, 1]  # the same but for rounding
-    basis.flags.writeable = False
-    return basis
+    return fixed(basis)
 
 
 def samples_of(color: tuple[float, float, float], n: int) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ from ..keywords import checked_fields
 from ..locks import cached_property
 from .arrays import KeepsArrays, fixed, kept, plain_array
 from .color import LINEAR_OF_BYTE
-from .validate import choice, store, text
+from .validate import choice, several, store, text
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -106,7 +106,7 @@ class Texture(KeepsArrays):
         wrap: Any = (self.wrap, self.wrap) if isinstance(self.wrap, str) else self.wrap
         if not isinstance(wrap, (tuple, list)) or len(wrap) != 2:
             raise SceneError(f"the texture's wrap must be one word, or two for u and v; given {shown(self.wrap)}")
-        store(self, wrap=tuple(choice(word, WRAPS, "the texture's wrap") for word in wrap))
+        store(self, wrap=several(wrap, WRAPS, "the texture's wrap"))
         text(self.name, "the texture's name")
         image: Any = self.image
         if isinstance(image, (str, os.PathLike)):
@@ -223,13 +223,9 @@ class Texture(KeepsArrays):
     def halved(self, n_halving: int) -> "Texture":
         """Return the same with a picture that is halved so often: each texel is the mean of those whose place it takes,
         weighted by alpha."""
-        image: Any = self.encoded
-        if image is None:
-            image = self.image
-            for _ in range(n_halving):
-                image = _halve(image)
-        else:
-            image = _halved(image, n_halving)
+        image: Any = self.image if self.encoded is None else _halved(self.encoded, n_halving)
+        for _ in range(n_halving if self.encoded is None else 0):
+            image = _halve(image)
         make = Texture.of_numbers if self._is_of_numbers else Texture
         return make(image, filter=self.filter, wrap=self.wrap, name=self.name)
 
@@ -282,7 +278,6 @@ class Budget:
         self._n_byte = self._n_read = self._n_texel = 0  # of pictures; of these, and of all as they would be in full
         self._kept: dict[int, tuple[Any, int]] = {}  # pictures and textures by their id, and how often each was halved
         self._fitted: dict[int, Texture] = {}
-        self._materials: dict[int, tuple[Any, Any]] = {}  # given and returned
 
     @property
     def limit(self) -> int:
@@ -341,21 +336,17 @@ class Budget:
         return self._fitted[id(texture)]
 
     def fit_material(self, material: Any) -> Any:
-        """Return a material with its textures as `fit` returns them; the same for the same one."""
-        if id(material) not in self._materials:
-            given = {name: getattr(material, name) for name in ("texture", "metallic_roughness")}
-            found = {name: self.fit(texture) for name, texture in given.items() if texture is not None}
-            is_same = all(found[name] is given[name] for name in found)
-            self._materials[id(material)] = material, material if is_same else replace(material, **found)
-        return self._materials[id(material)][1]
+        """Return a material with its textures as `fit` returns them; itself where they stay what they are."""
+        given = {name: getattr(material, name) for name in ("texture", "metallic_roughness")}
+        found = {name: self.fit(texture) for name, texture in given.items() if texture is not None}
+        return material if all(found[name] is given[name] for name in found) else replace(material, **found)
 
     def warn(self) -> None:
         """Warn once where textures were halved."""
         if self.n_halving:
             what = f"its textures have {self._n_texel} texels, more than {self.limit}"
-            warn_caller(
-                f"{self.name}: {what}: all are read at 1/{1 << self.n_halving} of their size; {ENVIRONMENT} raises that"
-            )
+            size = f"all are read at 1/{1 << self.n_halving} of their size"
+            warn_caller(f"{self.name}: {what}: {size}; {ENVIRONMENT} raises that")
 
 
 def read_picture(
@@ -405,9 +396,8 @@ def read_picture(
     except UnidentifiedImageError as fault:
         raise ModelError(f"{name}: can't be read as a picture: is none of {', '.join(FORMATS)}") from fault
     except Image.DecompressionBombError as fault:
-        raise ModelError(
-            f"{name}: can't be read as a picture: more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} texels"
-        ) from fault
+        most = 2 * (Image.MAX_IMAGE_PIXELS or 0)
+        raise ModelError(f"{name}: can't be read as a picture: more than {most} texels") from fault
     except _PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
     return fixed(decoded) if budget is None else budget.keep(fixed(decoded), n_halving)
@@ -497,10 +487,8 @@ def _check_size(picture: "Image.Image", name: str) -> None:
     if max(width, height) > MAX_TEXELS:
         raise ModelError(f"{name}: a texture has up to {MAX_TEXELS} texels a side; this picture has {width} x {height}")
     if width * height > max_texels():
-        fault = (
-            f"{name}: this picture of {width} x {height} has more than {max_texels()} texels, the most that are read"
-        )
-        raise ModelError(f"{fault}; {ENVIRONMENT} raises that")
+        fault = f"has more than {max_texels()} texels, the most that are read; {ENVIRONMENT} raises that"
+        raise ModelError(f"{name}: this picture of {width} x {height} {fault}")
     stream: Any = getattr(picture, "fp", None)
     if picture.format == "JPEG" and stream is not None:
         at = stream.tell()
@@ -549,9 +537,8 @@ def _pixels_of(picture: "Image.Image", name: str) -> NDArray[np.uint8]:
             pixels[rows] = np.rint(wide[rows] / 257.0)
         return pixels
     if picture.mode in ("I", "F"):  # what is black and what white isn't said; PIL would cut off what is above 255
-        raise ModelError(
-            f"{name}: can't be read as a picture: its texels are numbers of 32 bits; 8 and 16 bits are read"
-        )
+        fault = "its texels are numbers of 32 bits; 8 and 16 bits are read"
+        raise ModelError(f"{name}: can't be read as a picture: {fault}")
     return _copied(picture if _is_plain(picture) else picture.convert("RGBA"))
 
 
