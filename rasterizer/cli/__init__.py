@@ -141,6 +141,7 @@ def _run(arguments, messages, is_imported) -> int:
     from importlib import import_module
     from threading import Thread
 
+    from ..io.files import LONG
     from .parser import command_module
 
     command = command_module(arguments.command)
@@ -148,7 +149,8 @@ def _run(arguments, messages, is_imported) -> int:
     for name in names:
         import_module(f"{__package__}.{name}")
     if "drawing" in names:
-        if _is_long(arguments):
+        model = next(iter(getattr(arguments, "models", ())), "")
+        if os.path.isfile(model) and os.path.getsize(model) >= LONG:
             Thread(target=_import_renderer).start()
         else:
             _import_renderer()
@@ -157,14 +159,6 @@ def _run(arguments, messages, is_imported) -> int:
     if failures and len(failures) < n_model:
         return SOME_FAILED
     return exit_code(failures[0]) if failures else DONE
-
-
-def _is_long(arguments) -> bool:
-    """Tell whether the first model is a long file."""
-    from ..io.files import LONG
-
-    model = next(iter(getattr(arguments, "models", ())), "")
-    return os.path.isfile(model) and os.path.getsize(model) >= LONG
 
 
 def _import_renderer() -> None:

@@ -3,7 +3,7 @@
     object entry(tuple arguments, int64 table[])
 
 It stands in the same object code as the kernel and needs nothing but Python's C interface, so that a kernel from the
-store is called without numba. It compares every argument with the table (signatures.ArgumentTypes): its class, and of
+store is called without numba. It compares every argument with the table (kernels.ArgumentTypes): its class, and of
 an array the dtype, the number of axes, the layout and the alignment. Where one differs it returns NotImplemented, and
 nothing has been called. Else it calls the kernel without the GIL and returns what that returns: None, a bool, a number,
 or a tuple of these.
@@ -18,9 +18,9 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from . import signatures as layouts
+from . import layouts
+from .layouts import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 from .machine_code import ENTRY
-from .signatures import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 
 _LONG, _INT, _BYTE, _REAL = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.DoubleType()
 _OBJECT = _BYTE.as_pointer()

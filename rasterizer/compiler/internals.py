@@ -36,6 +36,7 @@ import contextvars
 import gc
 import importlib
 import os
+import sys
 from collections.abc import Callable
 from ctypes import CDLL, pythonapi
 
@@ -53,7 +54,6 @@ from numba.core.registry import cpu_target
 from . import entry_points
 from .machine_code import ENTRY
 from .short_passes import ShortLowering, ShortPassManager, Struct
-from .signatures import class_of
 
 _DOCUMENTED = {"nogil": True, "error_model": "numpy"}
 _OPTIONS = _DOCUMENTED | {"_nrt": False}
@@ -168,7 +168,7 @@ def build_call(typing_context, address, batch, n, coefficients):
 
 
 def compile_signature(function: Callable, signature: tuple) -> bytes:
-    """Compile a kernel for a signature (signatures.py), or a batch function for ("batch function", dtype).
+    """Compile a kernel for a signature (kernels.py), or a batch function for ("batch function", dtype).
 
     Returns
     -------
@@ -213,6 +213,19 @@ def _is_of_system(name: str) -> bool:
 def _batch_signature(dtype):
     pointer = types.CPointer(numba.from_dtype(np.dtype(dtype)))
     return types.void(pointer, types.intp, pointer)
+
+
+def class_of(name: str) -> type:
+    """Return the class of a tuple from its name in a signature.
+
+    Raises ImportError or AttributeError where there is none.
+    """
+    module, _, path = name.partition(":")
+    __import__(module)
+    found = sys.modules[module]
+    for step in path.split("."):
+        found = getattr(found, step)
+    return found
 
 
 def type_of_part(part):

@@ -6,7 +6,7 @@ float64, `spelled_out` for those whose instructions the compiler is told. `batch
 call by their address.
 
 Nothing here loads the compiler. A kernel's machine code comes from the store (store.py), for each signature
-(signatures.py) that it is called with, and is called through its entry point (entry_points.py). Only where the store
+(`ArgumentTypes`) that it is called with, and is called through its entry point (entry_points.py). Only where the store
 has none is it compiled (internals.py) and kept. A kernel that makes no such code is compiled by `numba.njit`, which
 calls it: slower to begin with, with the same results. RASTER_STORE=off in the environment asks for that.
 
@@ -26,8 +26,8 @@ import numpy as np
 
 from ..locks import LOCK, cached_property
 from . import fingerprint
+from .layouts import COMMON
 from .machine_code import LoadedCode
-from .signatures import ArgumentTypes
 from .store import Store, is_own, title_of
 
 Job = tuple[Callable, tuple]  # a kernel that is compiled: its plain function, and a signature
@@ -145,6 +145,76 @@ def load(function: Callable, signature: tuple) -> LoadedCode | None:
     except (internals.NotStandalone, LookupError, RuntimeError) as reason:
         _log.info("kernel %s is left to numba: %s", title_of(function), reason)
         return None
+
+
+# ---------------------------------------------------------------- signatures
+#
+# What types of arguments a kernel is called with, in plain tuples that are written, read and compared.
+#
+#     argument                          its part of a signature
+#     --------------------------------- -----------------------------------------------------------------
+#     array                             ("array", dtype, number of axes, layout), layout "C", "F" or "A" (any)
+#     tuple, NamedTuple                 ("tuple", class, parts), the class as "module:name", "" of a plain tuple
+#     int, float, bool, NumPy's scalar  the name of its dtype, such as "int64"
+#     None                              "none"
+#
+# One machine code serves all arguments with the same signature. Whether an array may be written to is no part of it:
+# kernels write to their outputs only. An entry point finds out whether it is called with such arguments: it compares
+# them with a table, and reads them where they stand in memory.
+
+_MIN_INT, _MAX_INT = -(2**63), 2**63 - 1
+_PLAIN = {int: "int64", float: "float64", bool: "bool", type(None): "none"}
+_NUMBERS = "?fd" + np.typecodes["AllInteger"]  # the dtypes of which kernels take numbers
+
+
+class ArgumentTypes:
+    """Of what types some arguments of a kernel are.
+
+    signature : tuple, a part of each argument
+    numbers : list of int, the table that an entry point compares arguments with, see entry_points.py: addresses of the
+        objects COMMON, then, for every part of the signature in order, what tells that an argument is of this type. Of
+        an array that is the number of its dtype, of anything else the address of its class; after a tuple's class come
+        its items. Classes have other addresses in every process: so the table is made from the first arguments met.
+    address : int, of the table in memory, as long as this lives
+
+    Raises TypeError for what kernels don't take: other objects, arrays of a subclass or of other than numbers, and
+    arrays that are not aligned or not in the machine's order of bytes; OverflowError for an int that has more than 64
+    bits.
+    """
+
+    def __init__(self, arguments: tuple):
+        self._classes = []  # kept, so that no address is used again
+        self.numbers = list(map(id, COMMON))
+        self.signature = tuple(map(self._note, arguments))
+        self._memory = (ctypes.c_int64 * len(self.numbers))(*self.numbers)
+        self.address = ctypes.addressof(self._memory)
+
+    def _note(self, value):
+        """Append what tells of one argument's type to the table, and return its part of the signature."""
+        cls = type(value)
+        if cls is np.ndarray:
+            flags, dtype = value.flags, value.dtype
+            if dtype.char not in _NUMBERS or not (dtype.isnative and flags.aligned):
+                raise TypeError(
+                    f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}"
+                )
+            self.numbers.append(dtype.num)
+            layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+            return ("array", dtype.name, value.ndim, layout)
+        self._classes.append(cls)
+        self.numbers.append(id(cls))
+        if cls in _PLAIN:
+            if cls is int and not _MIN_INT <= value <= _MAX_INT:
+                raise OverflowError(
+                    f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64"
+                )
+            return _PLAIN[cls]
+        if isinstance(value, tuple):
+            name = "" if cls is tuple else f"{cls.__module__}:{cls.__qualname__}"
+            return ("tuple", name, tuple(map(self._note, value)))
+        if isinstance(value, np.generic) and value.dtype.char in _NUMBERS:
+            return value.dtype.name
+        raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {cls.__name__}")
 
 
 # ---------------------------------------------------------------- many at once

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from . import fingerprint
-from .signatures import are_layouts_known
+from .layouts import are_layouts_known
 
 PREFIX, SUFFIX, HALF_WRITTEN = "rasterizer-kernels-", ".kernel", ".kernel-part"
 FORMAT = b"rasterizer kernel 1\n"

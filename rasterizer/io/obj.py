@@ -309,7 +309,7 @@ class ObjLines:
     def _lines_from(self, begin: int) -> tuple[NDArray[np.int64], NDArray[np.uint16]]:
         """Return where lines end in some letters, and the first two letters of the line behind each of them."""
         ends = np.flatnonzero(self._letters[begin : begin + _LETTERS] == NEWLINE) + begin
-        first, second = (self._letters.take(ends + k, mode="clip") for k in (1, 2))
+        first, second = self._letters.take(ends + 1, mode="clip"), self._letters.take(ends + 2, mode="clip")
         return ends, first | second.astype(np.uint16) << 8
 
     def number_of(self, line: int) -> int:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from helpers.stores import EntryPoint, Other, Pair, bits_of
 
-from rasterizer.compiler.kernels import kernel
-from rasterizer.compiler.signatures import ArgumentTypes
+from rasterizer.compiler.kernels import ArgumentTypes, kernel
 
 DTYPES = [np.dtype(f"{kind}{size}") for kind in "iu" for size in (1, 2, 4, 8)]
 DTYPES += [np.dtype("?"), np.dtype("f4"), np.dtype("f8"), np.dtype("q"), np.dtype("Q")]

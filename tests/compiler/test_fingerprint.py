@@ -117,7 +117,7 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
     known = copy.hash_sources("")
     assert known == fingerprint.hash_sources("")
     decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|spelled_out)\b", re.MULTILINE)
-    names = "kernels.py", "internals.py", "signatures.py", "entry_points.py", "short_passes.py"
+    names = "kernels.py", "internals.py", "layouts.py", "entry_points.py", "short_passes.py"
     own = {package / "pipeline" / "intrinsics.py", *(package / "compiler" / name for name in names)}
     n_source = 0
     for path in sorted(package.rglob("*.py")):

@@ -10,8 +10,8 @@ import pytest
 from helpers.stores import split_file
 
 from rasterizer.compiler import internals, kernels, store
+from rasterizer.compiler.kernels import ArgumentTypes
 from rasterizer.compiler.machine_code import LoadedCode, is_found, place
-from rasterizer.compiler.signatures import ArgumentTypes
 
 # What machine code of the package may call.
 PYTHON = {

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from helpers.stores import Other, Pair
 
-from rasterizer.compiler.signatures import COMMON, NDARRAY, ArgumentTypes, class_of
+from rasterizer.compiler.internals import class_of
+from rasterizer.compiler.kernels import ArgumentTypes
+from rasterizer.compiler.layouts import COMMON, NDARRAY
 
 NUMBERS = ["bool", *(f"{sign}int{n}" for sign in ("", "u") for n in (8, 16, 32, 64)), "float32", "float64"]
 MATRIX = np.arange(12.0).reshape(3, 4)

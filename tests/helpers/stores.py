@@ -12,8 +12,8 @@ import numpy as np
 
 from helpers.raster import ROOT
 from rasterizer.compiler import internals, kernels
+from rasterizer.compiler.kernels import ArgumentTypes
 from rasterizer.compiler.machine_code import LoadedCode
-from rasterizer.compiler.signatures import ArgumentTypes
 from rasterizer.compiler.store import FORMAT
 
 # The kernel and the batch function of the package that take the least time to compile.
