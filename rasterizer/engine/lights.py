@@ -301,12 +301,9 @@ def entry_of(light: Any) -> LightEntry:
 
     Raises
     ------
-    SceneError : the type is unknown, to scenes or to the engine; the message lists those that are known
+    SceneError : the type is unknown; the message lists those that are known
     """
-    name = light_type_of(light)
-    if name not in LIGHT_TABLE:
-        raise SceneError(f"the engine draws lights of the types {', '.join(LIGHT_TABLE)}; given one of type {name!r}")
-    return LIGHT_TABLE[name]
+    return LIGHT_TABLE[light_type_of(light)]
 
 
 def shadow_of(light: Any) -> Any:

@@ -49,9 +49,9 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     if not textured:
         return whole
     # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    rest = light_here(geometry._replace(albedo=blank(geometry.albedo.shape, textured)), textured)
+    rest = light_here(geometry._replace(albedo=np.zeros(geometry.albedo.shape)), textured)
     n_channel = whole.shape[2]
-    out = blank((*whole.shape[:2], 2 * n_channel + 2), groups)
+    out = np.zeros((*whole.shape[:2], 2 * n_channel + 2))
     for group in groups:
         here = slice(group.start, group.end)
         out[:, here, :n_channel] = whole[:, here]
@@ -64,10 +64,13 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
 
 
 def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups) -> NDArray[np.float64]:
-    """Light the points of some groups: (n_side, n_point, n_channel); see `light_all`."""
+    """Light the points of some groups: (n_side, n_point, n_channel); see `light_all`.
+
+    Memory that was never written is zero, and costs nothing: so a few points in a large scene are cheap.
+    """
     of_materials = plan.of_materials
     n_channel = 3 if any(of_materials.features[group.material] & HAS_COLORS for group in groups) else 1
-    intensities = blank((n_side, len(geometry.normals), n_channel), groups)
+    intensities = np.zeros((n_side, len(geometry.normals), n_channel))
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     least = MIN_PART // max(1, len(plan.tables.lights))  # points that are worth a thread of its own
@@ -87,15 +90,6 @@ def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, gr
 
     threads.map(light_bundle, bundles_of(pieces, least))
     return intensities
-
-
-def blank(shape, groups) -> NDArray[np.float64]:
-    """Return an array (..., n_point, n_value) that holds zeros for the points of some groups, and anything for others:
-    a few points in a large scene are cheap."""
-    out = np.empty(shape)
-    for group in groups:
-        out[..., group.start : group.end, :] = 0
-    return out
 
 
 def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:

@@ -54,6 +54,7 @@ class Plan(NamedTuple):
     tables: SceneTables
     options: Options
     of_materials: MaterialTable
+    dtype: np.dtype  # of intensities: float64 where all materials need it
     clearances: NDArray[np.float64]  # (n_material, n_light), see domains.py
     intensities: Intensities
     is_lit_per_sample: bool  # by Phong's method
@@ -67,11 +68,6 @@ class Plan(NamedTuple):
     metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     cue: Cue | None  # None where nothing fades with depth
-
-    @property
-    def dtype(self) -> np.dtype:
-        """The type of intensities: float64 where all materials need it."""
-        return self.of_materials.dtypes[0]
 
     def with_shares(self, shares: NDArray[np.float64], why: str) -> "Plan":
         """Return the plan with other shares of the tolerance, (n_material,), infinite where float64 is needed; `why` is
@@ -89,7 +85,7 @@ class Plan(NamedTuple):
             is_double=is_double,
             dtypes=(FLOAT32,) * bool((~is_double).any()) + (FLOAT64,) * bool(is_double.any()),
         )
-        return self._replace(of_materials=table)
+        return self._replace(of_materials=table, dtype=table.dtypes[0])
 
 
 def make_plan(
@@ -134,6 +130,7 @@ def make_plan(
         tables=tables,
         options=options,
         of_materials=table,
+        dtype=FLOAT32,
         clearances=clearances,
         intensities=intensities,
         is_lit_per_sample=options.shading == "phong",
@@ -154,7 +151,7 @@ def make_plan(
 def choose_tint(tables: SceneTables) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Choose the tint (3,) that most materials have, so that one channel is enough for these; return it, and which
     materials need three channels, (n_material,)."""
-    tints, counts = [*map(tables.tint_of, range(len(tables.materials)))], Counter[tuple]()
+    tints, counts = [*map(tables.tint_of, range(len(tables.materials)))], Counter()
     for tint in tints:
         if tint is not None:
             counts[tuple(tint)] += 1

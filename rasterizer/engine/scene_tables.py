@@ -68,7 +68,7 @@ class SceneTables:
 
         # Materials are listed and numbered, area lights are taken apart, black ones are left out.
         listed, self.palettes = number_materials(self.meshes)
-        materials, lights, ambient_lights, self.n_black = [], [], [], 0
+        materials, lights, ambient_lights, self.light_types, self.n_black = [], [], [], [], 0
         for material in listed:
             materials.append(material.as_lit(options.shading == "phong"))
         for light in scene.lights:
@@ -80,11 +80,14 @@ class SceneTables:
                     self.n_black += 1
                 else:
                     lights.append(part)
+                    self.light_types.append(row if part is light else light_table.entry_of(part))
         self.models = [*map(reflection_table.entry_of, materials)]
-        self.light_types = [*map(light_table.entry_of, lights)]
 
         # The exposure is in the products of colours, else in the light and in what materials emit.
-        self.products = multiply_colors(materials, lights, ambient_lights, options)
+        is_share = np.zeros(len(lights), np.bool_)
+        for k, row in enumerate(self.light_types):
+            is_share[k] = row.is_share
+        self.products = multiply_colors(materials, lights, is_share, ambient_lights, options)
         if self.products is None and options.exposure != 0.0:
             materials = exposed(materials, "emissive", options.exposure)
             lights = exposed(lights, "color", options.exposure)
@@ -214,19 +217,16 @@ class Products(NamedTuple):
 
 
 def multiply_colors(
-    materials: Sequence[Any], lights: Sequence[Any], ambient_lights: Sequence[Any], options: Options
+    materials: Sequence[Any], lights: Sequence[Any], is_share: NDArray, ambient_lights: Sequence[Any], options: Options
 ) -> Products | None:
     """Multiply what materials reflect by what lights give.
 
     None where channels do it later: no colour is a spectrum, no samples are asked for, and no light is an ambient
-    share, which is weighted with another coefficient than the other lights.
+    share, which is weighted with another coefficient than the other lights: `is_share` (n_light,) tells which are.
     """
-    fields = ("emissive", "ambient", "diffuse", "specular")
-    is_spectral, is_share = options.spectral is not None, np.zeros(len(lights), np.bool_)
-    for k, light in enumerate((*lights, *ambient_lights)):
+    fields, is_spectral = ("emissive", "ambient", "diffuse", "specular"), options.spectral is not None
+    for light in (*lights, *ambient_lights):
         is_spectral |= hasattr(light.color, "wavelengths")
-        if k < len(lights):
-            is_share[k] = light_table.entry_of(light).is_share
     for material in materials:
         for field in (*fields, "fresnel", "metal_color"):
             is_spectral |= hasattr(getattr(material, field), "wavelengths")
@@ -244,8 +244,8 @@ def multiply_colors(
     )
     around = sum((_channels_of(light.color, n) for light in ambient_lights), np.zeros(n or 3))
     of_lights = np.array([_channels_of(light.color, n) for light in lights]).reshape(-1, n or 3)
-    first, rest, metal = split_fresnel(materials, n)
-    diffuse = diffuse * diffuse_shares(materials)[:, None]
+    shares, first, rest, metal = split_fresnel(materials, n)
+    diffuse = diffuse * shares
     directed = np.where(is_share[:, None], 0.0, of_lights)
     return Products(
         is_spectral,
@@ -258,17 +258,11 @@ def multiply_colors(
     )
 
 
-def diffuse_shares(materials: Sequence[Any]) -> NDArray[np.float64]:
-    """Return the share of each material that is no metal, and reflects diffusely, (n_material,); 1 where a texture says
-    at every sample how much that is."""
-    return np.array([1.0 if each.metallic_roughness is not None else 1.0 - each.metallic for each in materials])
-
-
 def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], ...]:
-    """Return what SPECULAR, GRAZING and METAL are weighted with, beside ks·Ip.
+    """Return what DIFFUSE is weighted with, beside kd·Ip, and SPECULAR, GRAZING and METAL, beside ks·Ip.
 
-    F0, 1 and 0; F0·(1 - m), 1 and m·M of metals; F0, 1 and M where a texture says how much is metal, by which the terms
-    are weighted sample by sample; 1, 0 and 0 where W(θ) is 1.
+    The share that is no metal; then F0, 1 and 0; F0·(1 - m), 1 and m·M of metals; F0, 1 and M where a texture says how
+    much is metal, by which the terms are weighted sample by sample; 1, 0 and 0 where W(θ) is 1.
 
     Parameters
     ----------
@@ -276,21 +270,20 @@ def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArr
 
     Returns
     -------
-    three (n_material, n or 3) float64
+    (n_material, 1) float64, and three (n_material, n or 3)
     """
-    first, metal = np.ones((len(materials), n or 3)), np.zeros((len(materials), n or 3))
-    rest = np.zeros_like(first)
+    shape = len(materials), n or 3
+    shares, first, rest, metal = np.ones((len(materials), 1)), np.ones(shape), np.zeros(shape), np.zeros(shape)
     for k, material in enumerate(materials):
-        if count_terms(material) < 3:
-            continue
-        f0 = fresnel_of(material)
-        first[k] = _channels_of(f0, n) if isinstance(f0, tuple) else f0
-        if is_metallic(material):
-            is_even = material.metallic_roughness is None
-            metal[k] = _channels_of(material.metal_color, n) * (material.metallic if is_even else 1.0)
-            first[k] *= 1.0 - material.metallic if is_even else 1.0
-        rest[k] = 1.0
-    return first, rest, metal
+        of_metal = material.metallic if material.metallic_roughness is None else 1.0
+        shares[k] = 1.0 - material.metallic if material.metallic_roughness is None else 1.0
+        if count_terms(material) > 2:
+            f0 = fresnel_of(material)
+            first[k], rest[k] = _channels_of(f0, n) if isinstance(f0, tuple) else f0, 1.0
+            if is_metallic(material):
+                metal[k] = _channels_of(material.metal_color, n) * of_metal
+                first[k] *= shares[k]
+    return shares, first, rest, metal
 
 
 def _channels_of(color, n: int | None) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from ..pipeline.shadow_lookup import occlude
 from ..pipeline.textures import TextureCoding
 from .plan import Plan
 from .reflections import is_metallic
-from .scene_tables import diffuse_shares, split_fresnel
+from .scene_tables import split_fresnel
 
 WHITE = (1.0, 1.0, 1.0)
 DARKEST = 2.0**-40  # what a black texture counts as bright as
@@ -126,8 +126,8 @@ def color_lights(plan: Plan) -> NDArray[np.float64]:
             colors[0, i] = tables.lights[i].color
         if max(tables.n_terms) <= 2 and (colors == colors.max(axis=2, keepdims=True)).all():
             return np.tile(colors, (1, 1, 4))
-        first, rest, metal = split_fresnel(tables.materials)
-        diffuse, shares = np.ones_like(first), diffuse_shares(tables.materials)
+        shares, first, rest, metal = split_fresnel(tables.materials)
+        diffuse = np.ones_like(first)
         for k in np.flatnonzero(np.array(tables.n_terms) == 4):  # W has the albedo's colour in it: all stand here
             diffuse[k] = shares[k] * np.array(tables.materials[k].diffuse)
             for weights in (first, rest, metal):

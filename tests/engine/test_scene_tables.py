@@ -20,6 +20,7 @@ COSINE = -unit(np.array(DIRECTION))[2]
 GREENISH = Spectrum((380, 480, 520, 560, 640, 780), (0.1, 0.2, 0.9, 0.8, 0.3, 0.1))
 REDDISH = Spectrum((400, 550, 600, 700), (0.05, 0.1, 0.8, 0.9))
 LAMP = Spectrum.blackbody(2856)
+NO_SHARE = np.zeros(1, bool)  # the one light of a test is no ambient share
 LASER = Spectrum((510, 515, 520, 525, 530), (0, 2, 6, 2, 0))  # no display shows it: its red is negative
 
 
@@ -59,7 +60,7 @@ def test_a_flat_reflectance_under_white_is_neutral():
         materials = [rz.Material(diffuse=Spectrum.flat(0.5), specular=0.2)]
         lights, ambient = [rz.DirectionalLight((0, 0, -1))], [rz.AmbientLight(0.3)]
         if n is not None:
-            found = multiply_colors(materials, lights, ambient, Options(spectral=n))
+            found = multiply_colors(materials, lights, NO_SHARE, ambient, Options(spectral=n))
             for values, expected in zip(found[1:], (0.0, 0.15, 0.5, 0.2, 0.0, 0.0), strict=True):
                 assert np.abs(values - expected).max() < 1e-12, f"{n} samples: {values} != {expected}"
 
@@ -172,8 +173,8 @@ def test_exposure_of_pictures_within_the_tolerance():
 
 def test_scenes_without_spectra_multiply_none():
     materials, lights, ambient = [rz.Material()], [rz.DirectionalLight((0, 0, -1))], [rz.AmbientLight()]
-    assert multiply_colors(materials, lights, ambient, Options()) is None
-    assert multiply_colors(materials, lights, ambient, Options(spectral=81)) is not None
-    assert multiply_colors(materials, [rz.DirectionalLight((0, 0, -1), LAMP)], ambient, Options()) is not None
-    products = multiply_colors(materials, [], [], Options(spectral=20))
+    assert multiply_colors(materials, lights, NO_SHARE, ambient, Options()) is None
+    assert multiply_colors(materials, lights, NO_SHARE, ambient, Options(spectral=81)) is not None
+    assert multiply_colors(materials, [rz.DirectionalLight((0, 0, -1), LAMP)], NO_SHARE, ambient, Options()) is not None
+    products = multiply_colors(materials, [], NO_SHARE[:0], [], Options(spectral=20))
     assert products.diffuse.shape == (1, 0, 3) and not differences(products.ambient, 0)
