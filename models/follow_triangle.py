@@ -18,7 +18,7 @@ from rasterizer.cores import Workers
 from rasterizer.engine.depth_range import scale_depths, screen_of
 from rasterizer.engine.draw import NO_SOURCES, choose_band_rows, cull
 from rasterizer.engine.lit_points import light_all
-from rasterizer.engine.passes import Drawn, InterpolatedPass
+from rasterizer.engine.passes import ColorPass, Drawn
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
@@ -51,7 +51,7 @@ def make_scene() -> rz.Scene:
 class Followed(NamedTuple):
     """What the stages hand on."""
 
-    render_pass: InterpolatedPass  # with the intensities of the vertices
+    render_pass: ColorPass  # with the intensities of the vertices
     vertices: object  # on the screen
     n_outside: int  # vertices that the clip stage has to see
     n_band_row: int
@@ -86,12 +86,13 @@ def go(scene) -> Followed:
     return Followed(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
 
 
-def make_pass(scene, geometry, view, screen) -> InterpolatedPass:
+def make_pass(scene, geometry, view, screen) -> ColorPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
     plan = make_plan(SceneTables(scene, OPTIONS), OPTIONS)
     lightings = {dtype: light_view(make_lighting(plan, dtype), plan, view) for dtype in plan.of_materials.dtypes}
-    return InterpolatedPass(
+    return ColorPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
+        lightings=lightings,
         coding=make_coding(plan)._replace(depths=scale_depths(screen)),
         n_sample=OPTIONS.size,
         plan=plan,

@@ -1,9 +1,8 @@
 """The passes: what the stages draw, how visible samples are shaded, and what becomes of a finished band.
 
-    InterpolatedPass   flat shading and Gouraud's method: intensities of faces or vertices are interpolated
-    LitPass            Phong's method: normals are interpolated, and every visible sample is lit
-    BufferPass         exact buffers: depth, face, normal
-    ShadowMapPass      what a light sees: depth alone
+    ColorPass       a picture: intensities are interpolated, or by Phong's method normals, and every sample is lit
+    BufferPass      exact buffers: depth, face, normal
+    ShadowMapPass   what a light sees: depth alone
 
 A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `scan`, then
 `shade`, then `finish`.
@@ -105,8 +104,9 @@ class Pass:
 
 @dataclass(**AS_PASS)
 class ColorPass(Pass):
-    """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
+    """A picture: textures before the light, depth cueing after it, and the end in 8 bits."""
 
+    lightings: dict[np.dtype, Lighting]  # for each type that materials are lit in
     coding: Coding
     plan: Plan
     screen: Screen
@@ -139,23 +139,34 @@ class ColorPass(Pass):
             band, drawn.drawables, self.coding, workspace.block, workspace.visibility, workspace.records, deferred
         )
 
-    def texturing_in(self, workspace: Workspace) -> Texturing:
-        """The textures, with a workspace's memory for looking them up."""
-        batches = workspace.lookup_batch, workspace.double_batch
-        return Texturing(self.plan.textures, self.plan.metals, *batches, workspace.alphas)
-
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs."""
         return self.n_channel if counts.features & HAS_COLORS else self.min_channels
 
     def shade(self, workspace, band, counts):
-        """Find the light that comes from the visible samples, or from the points that pixels are shaded at; then let
-        what is further away fade."""
+        """Find the light that comes from the visible samples, then let what is further away fade.
+
+        Flat shading and Gouraud's method interpolate the intensities of faces or vertices, Phong's method the normals:
+        the illumination equation is evaluated at every sample, those of float32 first, see `shade_lit`.
+        """
+        plan, batches = self.plan, (workspace.batch, workspace.double_batch)
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
-        radiance = workspace.radiance[: self.n_channel_of(counts)]
-        self.light(workspace, scanned, radiance)
-        if self.plan.cue is not None:
-            fade(scanned.uncoded(), self.coding.depths, self.screen.is_perspective, self.plan.cue, radiance)
+        radiance, texturing = workspace.radiance[: self.n_channel_of(counts)], None
+        if self.is_textured:
+            texturing = Texturing(plan.textures, plan.metals, workspace.lookup_batch, batches[1], workspace.alphas)
+        if plan.is_lit_per_sample:
+            tangents = self.attributes.shape[2] - 3 if plan.has_tangents else None  # the last three attributes
+            for feature, batch in zip((SINGLE_PRECISION, DOUBLE_PRECISION), batches, strict=True):
+                if counts.features & feature:
+                    lighting = self.lightings[batch.dtype]
+                    shade_lit(scanned, self.screen, lighting, self.face_planes, tangents, texturing, batch, radiance)
+        else:
+            if not (self.coding.features & HAS_TEXTURE).all():  # else `shade_textured` fills all samples
+                shade_interpolated(scanned, plan.tint, workspace.batch, radiance)
+            if counts.features & HAS_TEXTURE:
+                shade_textured(scanned, texturing, workspace.batch, radiance)
+        if plan.cue is not None:
+            fade(scanned.uncoded(), self.coding.depths, self.screen.is_perspective, plan.cue, radiance)
 
     def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows."""
@@ -170,40 +181,10 @@ class ColorPass(Pass):
 
 
 @dataclass(**AS_PASS)
-class InterpolatedPass(ColorPass):
-    """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
-
-    def light(self, workspace, band, radiance):
-        """Interpolate the intensities, then those of textured surfaces."""
-        if not (self.coding.features & HAS_TEXTURE).all():  # else `shade_textured` fills all samples
-            shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
-        if band.counts.features & HAS_TEXTURE:
-            shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
-
-
-@dataclass(**AS_PASS)
-class LitPass(ColorPass):
-    """Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible sample."""
-
-    lightings: dict[np.dtype, Lighting]  # for each type that materials are lit in
-
-    def light(self, workspace, band, radiance):
-        """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
-        texturing = self.texturing_in(workspace) if self.is_textured else None
-        tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
-        types = (SINGLE_PRECISION, np.float32, workspace.batch), (DOUBLE_PRECISION, np.float64, workspace.double_batch)
-        for feature, dtype, batch in types:
-            if band.counts.features & feature:
-                lighting = self.lightings[np.dtype(dtype)]
-                shade_lit(band, self.screen, lighting, self.face_planes, tangents, texturing, batch, radiance)
-
-
-@dataclass(**AS_PASS)
 class BufferPass(Pass):
     """Exact buffers: one sample a pixel, at its centre."""
 
     depths: DepthScale
-    is_perspective: bool
     buffers: dict[str, np.ndarray]  # by name, see buffers.py; written
     tables: dict[str, tuple]  # by name: what those look up that need a table
 
@@ -220,7 +201,7 @@ class BufferPass(Pass):
     def finish(self, workspace, band, counts, translucent, drawn):
         """Write what is visible into each buffer; the rest of the band's rows is empty."""
         surfaces = VisibleSurfaces(
-            workspace.visibility, band.faces, drawn.drawables, drawn.source, self.depths, self.is_perspective,
+            workspace.visibility, band.faces, drawn.drawables, drawn.source, self.depths, self.depths.is_perspective,
             workspace.batch,
         )  # fmt: skip
         for name, buffer in self.buffers.items():

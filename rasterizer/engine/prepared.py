@@ -28,7 +28,7 @@ from .depth_range import are_seen_from_outside, check_depths, check_extent, scal
 from .draw import NO_CLOCK, Counts, draw
 from .lights import FAR
 from .lit_points import light_all
-from .passes import NO_PLANES, NONE, BufferPass, ColorPass, InterpolatedPass, LitPass
+from .passes import NO_PLANES, NONE, BufferPass, ColorPass
 from .plan import Plan, PlanSummary, make_plan, summarize
 from .points import gather_geometry, gather_inner_sides, join_attributes, list_opaque_fans, turn_to_viewer
 from .scene_tables import SceneTables
@@ -69,6 +69,7 @@ class PreparedScene:
 
     Attributes
     ----------
+    n_sample : columns and rows of a picture's samples
     plan : what the scene needs in any view
     summary : the same in words
     geometry : all meshes as one set of arrays
@@ -81,7 +82,8 @@ class PreparedScene:
 
     def __init__(self, tables: SceneTables, options: Options, like: "PreparedScene | None" = None) -> None:
         check_extent(tables.bounds)
-        self.tables, self.options = tables, options
+        self.tables, self.options, (width, height) = tables, options, options.size
+        self.n_sample = width * options.factor, height * options.factor
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         self._drawings: dict[bytes, Drawing] = {}  # by the shares of the tolerance, see Plan
         self.plan = make_plan(tables, options, run=self.threads.map)
@@ -100,7 +102,7 @@ class PreparedScene:
             return [gather(), None]
         fans = list_opaque_fans(meshes)
         jobs = partial(gather, fans=fans), partial(gather_inner_sides, meshes, fans)
-        return self.threads.map(lambda job: job(), jobs)
+        return self.threads.map(partial.__call__, jobs)
 
     @cached_property
     def _buffer_tables(self) -> BufferTables:
@@ -120,11 +122,7 @@ class PreparedScene:
 
         return join_edges(self.tables.meshes)
 
-    def n_sample(self, factor: int) -> tuple[int, int]:
-        """Return the columns and rows of samples, with `factor` a pixel along each axis."""
-        return self.options.size[0] * factor, self.options.size[1] * factor
-
-    def _hidden_sides(self, view: View, screen: Screen, factor: int) -> NDArray[np.int8] | None:
+    def _hidden_sides(self, view: View, screen: Screen, n_sample: tuple[int, int]) -> NDArray[np.int8] | None:
         """Return which side of each triangle a view leaves out, see pipeline/cull.py; None where all are drawn.
 
         Closed bodies hide their inner sides where the viewer is outside, and the near plane cuts no hole into them.
@@ -133,7 +131,7 @@ class PreparedScene:
             return None
         if self.options.cull == "back":
             return np.ones(self.geometry.vertex.shape[1], np.int8)
-        is_outside = are_seen_from_outside(view, screen, self.n_sample(factor), self.tables.bounds)
+        is_outside = are_seen_from_outside(view, screen, n_sample, self.tables.bounds)
         if is_outside.all():
             return self.inner_sides
         return self.inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
@@ -168,7 +166,7 @@ class PreparedScene:
         options, view = self.options, camera.view()
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
         picture = make_picture(options.size, with_color or is_global, out)
-        screen = screen_of(camera, view, self.n_sample(options.factor), self.geometry, self.tables.bounds)
+        screen = screen_of(camera, view, self.n_sample, self.geometry, self.tables.bounds)
         drawing, bound, steps = self.see(view, screen)
         render_pass = self.color_pass(view, screen, drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
@@ -182,34 +180,37 @@ class PreparedScene:
 
     def color_pass(self, view: View, screen, drawing: Drawing, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
-        plan, factor, lightings = drawing.plan, self.options.factor, {}
+        plan, lightings = drawing.plan, {}
         for dtype, lighting in drawing.lightings.items():
             maps: Sequence[Any] = ()
             if plan.tables.has_shadows:
                 maps = self._shadows.draw(plan, view, dtype, self.workspaces, self.threads)
                 clock.lap("shadows")
             lightings[dtype] = light_view(lighting, plan, view, maps)
-        shared = {
-            "n_sample": self.n_sample(factor),
-            "factor": factor,
-            "hidden_sides": (hidden_sides := self._hidden_sides(view, screen, factor)),
-            "coding": drawing.coding._replace(depths=scale_depths(screen)),
-            "plan": plan,
-            "screen": screen,
-            "encoding": drawing.encoding,
-            "picture": picture,
-        }
-        if plan.is_lit_per_sample:
-            planes = self._shadows.shapes if plan.tables.has_shadows else NO_PLANES
-            return LitPass(attributes=self.normals, face_planes=planes, lightings=lightings, **shared)
-
-        # Intensities of the points, on both sides where normals may have to be flipped.
-        is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1 and not self.geometry.is_inverted.any()
-        n_side = 1 if self.options.is_flat or is_never_flipped else 2
-        normal_offsets = self._shadows.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
-        attributes = light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
-        clock.lap("light")
-        return InterpolatedPass(attributes=attributes, **shared)
+        hidden_sides, attributes, planes = self._hidden_sides(view, screen, self.n_sample), self.normals, NO_PLANES
+        if plan.is_lit_per_sample and plan.tables.has_shadows:
+            planes = self._shadows.shapes
+        if not plan.is_lit_per_sample:
+            # Intensities of the points, on both sides where normals may have to be flipped.
+            is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1
+            is_never_flipped = is_never_flipped and not self.geometry.is_inverted.any()
+            n_side = 1 if self.options.is_flat or is_never_flipped else 2
+            normal_offsets = self._shadows.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
+            attributes = light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
+            clock.lap("light")
+        return ColorPass(
+            attributes=attributes,
+            n_sample=self.n_sample,
+            factor=self.options.factor,
+            face_planes=planes,
+            hidden_sides=hidden_sides,
+            lightings=lightings,
+            coding=drawing.coding._replace(depths=scale_depths(screen)),
+            plan=plan,
+            screen=screen,
+            encoding=drawing.encoding,
+            picture=picture,
+        )
 
     def draw_edges(self, camera: Camera, rgba: NDArray, color: NDArray | None, alpha: NDArray | None) -> None:
         """Draw the edges that the options ask for over a picture, the arrays of `edges.lay_over`, seen by a camera."""
@@ -236,7 +237,8 @@ class PreparedScene:
 
         Raises SceneError where the scene is deeper than a depth buffer can hold.
         """
-        view, normals, n_sample = camera.view(), NONE, self.n_sample(factor)
+        view, normals, (width, height) = camera.view(), NONE, self.options.size
+        n_sample = width * factor, height * factor
         names = [name for name in self.options.outputs if name not in PICTURES] if names is None else names
         screen = screen_of(camera, view, n_sample, self.geometry, self.tables.bounds)
         if "depth" in names:
@@ -247,10 +249,9 @@ class PreparedScene:
         render_pass = BufferPass(
             attributes=normals,
             n_sample=n_sample,
-            hidden_sides=self._hidden_sides(view, screen, factor),
+            hidden_sides=self._hidden_sides(view, screen, n_sample),
             rows=rows,
             depths=scale_depths(screen),
-            is_perspective=screen.is_perspective,
             buffers={name: BUFFER_TABLE[name].make(n_sample) for name in names},
             tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
         )

@@ -347,7 +347,7 @@ def see(scene, **options):
     """What is stated of a scene, before anything is drawn."""
     chosen, camera = Options(**{"size": (64, 48), "samples": 1} | options), scene.camera_for((64, 48))
     made = PreparedScene(SceneTables(scene, chosen), chosen)
-    screen = screen_of(camera, camera.view(), made.n_sample(1), made.geometry, made.tables.bounds)
+    screen = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
     return made.see(camera.view(), screen)
 
 
