@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from argparse import Namespace
-from itertools import groupby
+from itertools import chain, groupby
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
@@ -82,7 +82,7 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
                     output = _fill(template, model, view, frame, arrays, arguments)
                     targets.append(Target(model, view, output, frame, arrays, seed_of_view))
         plan.append(targets)
-    _check_targets([target for targets in plan for target in targets], models, arguments, check or check_output)
+    _check_targets(list(chain.from_iterable(plan)), models, arguments, check or check_output)
     return plan
 
 
@@ -224,13 +224,14 @@ def _fill(template, model, view, frame, arrays, arguments) -> str:
 
 def _check_targets(targets, models, arguments, check) -> None:
     """Refuse what can't be written, before anything is drawn: see `plan_targets`."""
-    checked = set()
+    checked, n_stdout = set(), 0
     for target in targets:
+        n_stdout += target.output == STDIO
         kind = Path(target.output).suffix.lower(), target.arrays
         if kind not in checked:
             checked.add(kind)
             check(target.output, target.arrays)
-    if not any(target.output == STDIO for target in targets):
+    if not n_stdout:
         _check_places(targets, models, arguments)
     elif len(targets) > 1:
         raise SceneError(f"stdout takes one picture; {len(targets)} are asked for")

@@ -107,12 +107,14 @@ def _place(content):
         if section_type == IN_FILE:
             memory[start : start + n_byte] = content[offset : offset + n_byte]
     # Find out what each symbol is called (sections have no name), in which section it is, and where in it.
-    symbols = []
+    symbols, entry = [], None
     for _, section_type, _, _, offset, n_byte, names, *_ in sections:
         if section_type == SYMBOL_TABLE:
             for name, _, _, section, value, _ in struct.iter_unpack(_SYMBOL, content[offset : offset + n_byte]):
                 start = sections[names][4] + name
                 symbols.append((content[start : content.index(b"\0", start)].decode(), section, value))
+                if symbols[-1][0] == ENTRY:
+                    entry = base + starts[section] + value
     # Fill in addresses: those of Python and of the C library, and those of the code's own.
     for _, section_type, _, _, offset, n_byte, _, target, *_ in sections:
         if section_type != RELOCATIONS or target not in starts:
@@ -127,8 +129,7 @@ def _place(content):
             else:
                 address = base + starts[section] + value
             struct.pack_into("<Q", memory, starts[target] + where, (address + addend) % 2**64)
-    (entry,) = [base + starts[section] + value for name, section, value in symbols if name == ENTRY]
     # Never to be written and run at a time: some systems refuse such memory.
     protect = ctypes.CDLL(None).mprotect
     is_refused = protect(ctypes.c_void_p(base), ctypes.c_size_t(size), mmap.PROT_READ | mmap.PROT_EXEC)
-    return None if is_refused else (memory, entry)
+    return None if is_refused or entry is None else (memory, entry)
