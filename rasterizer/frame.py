@@ -353,18 +353,11 @@ class Frame:
         from .io.array_files import encode_arrays
 
         names: list[Any] = list(array) if isinstance(array, (list, tuple)) else [array]
-        if array is None:
-            names = self._array_names(format)
+        if array is None:  # all that the frame has, but for copies of each other; "color" says what to ask for
+            has_bytes = self._rgba is not None and format == "npz"
+            names = ["rgb"] * has_bytes + ["alpha"] * (has_bytes and "alpha" not in self._arrays) + list(self._arrays)
+            names = ["color"] if format == "npy" or not names else names
         return encode_arrays({name: self.array(name) for name in names}, format, scale, self._map_bands)
-
-    def _array_names(self, format: str) -> list[str]:
-        """The arrays of a file for which none are named: all that the frame has, but for copies of each other."""
-        if format == "npy":
-            return ["color"]
-        has_bytes = self._rgba is not None and format == "npz"
-        has_alpha = has_bytes and "alpha" not in self._arrays
-        names = [*(["rgb"] if has_bytes else []), *(["alpha"] if has_alpha else []), *self._arrays]
-        return names or ["color"]  # which says what to ask for
 
     def encode(self, format: str = "PNG", **options: Any) -> bytes:
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.

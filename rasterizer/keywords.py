@@ -60,28 +60,26 @@ def takes_words(*groups: type, but: tuple[str, ...] = ()) -> Callable[[Callable[
     words = {name: default for name, default in words.items() if name not in but}
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        from inspect import Parameter, signature
+
         checked: Any = checked_keywords(function, tuple(words))
-        checked.__signature__ = _signature(function, words)
+        plain = signature(function)
+        own = [each.replace(annotation=Parameter.empty) for each in plain.parameters.values()]
+        keywords = [Parameter(name, Parameter.KEYWORD_ONLY, default=default) for name, default in words.items()]
+        shown = [each for each in own if each.kind is not each.VAR_KEYWORD] + keywords
+        checked.__signature__ = plain.replace(parameters=shown)
         return checked
 
     return decorate
 
 
-def _signature(function: Callable[..., Any], words: Mapping[str, object]) -> Any:
-    """The signature of a function with **words, words in the place of these."""
-    from inspect import Parameter, signature
-
-    plain = signature(function)
-    own = [each.replace(annotation=Parameter.empty) for each in plain.parameters.values()]
-    keywords = [Parameter(name, Parameter.KEYWORD_ONLY, default=default) for name, default in words.items()]
-    return plain.replace(parameters=[each for each in own if each.kind is not each.VAR_KEYWORD] + keywords)
-
-
 def divided(words: Mapping[str, Any], group: type) -> tuple[dict[str, Any], dict[str, Any]]:
     """Divide words into those that are fields of a dataclass, and the others."""
-    names = {each.name for each in fields(group)}
-    own = {name: value for name, value in words.items() if name in names}
-    return own, {name: value for name, value in words.items() if name not in names}
+    own: dict[str, Any] = {}
+    others: dict[str, Any] = {}
+    for name, value in words.items():
+        (own if name in group.__dataclass_fields__ else others)[name] = value  # type: ignore[attr-defined]
+    return own, others
 
 
 def checked_fields(cls: T) -> T:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
 
 from .choices import Axis, Preset, Weighting
@@ -75,7 +76,7 @@ class Look:
     @property
     def reading(self) -> dict[str, Any]:
         """The words that say how a file or mesh is read, as `load` takes them."""
-        return {name: getattr(self, name) for name in READING}
+        return dict(zip(READING, attrgetter(*READING)(self), strict=True))
 
     def over(self, other: Look | None) -> Look:
         """Return the look that a scene file asks for, if it does, changed by what this one says: its lights replace all
@@ -118,8 +119,8 @@ class Look:
             is_none = isinstance(self.background, str) and self.background == "transparent"
             changes["background"] = None if is_none else linear_rgb(self.background, "the background")
         if self.depth_cue is not None:
-            is_none = isinstance(self.depth_cue, str) and self.depth_cue == "none"
-            changes["depth_cue"] = None if is_none else checked_cue(self.depth_cue)
+            cue: Any = self.depth_cue
+            changes["depth_cue"] = None if isinstance(cue, str) and cue == "none" else checked_cue(cue)
         if self.material or self.subdivide:
             changes["meshes"] = tuple(self._change_mesh(mesh) for mesh in scene.meshes)
         return replace(scene, **changes) if changes else scene
@@ -164,13 +165,9 @@ class Look:
                 if self.material.get(name) is not None and mesh.uv is None:
                     which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
                     raise ModelError(f"{which} has no texture coordinates (uv), which the material's {name} needs")
-            materials = tuple(self._change_material(material) for material in mesh.palette)
+            # The ambient coefficient, and that of metal, follow the diffuse one unless they are given too.
+            follows = {"ambient": None, "metal": None} if "diffuse" in self.material else {}
+            materials = tuple(replace(material, **follows | self.material) for material in mesh.palette)
             of_faces = {} if mesh.materials is None else {"materials": materials}
             mesh = replace(mesh, material=materials[0], **of_faces)
         return mesh.subdivide(self.subdivide) if self.subdivide else mesh
-
-    def _change_material(self, material: Material) -> Material:
-        """Return a material with other fields; the ambient coefficient, and that of metal, follow the diffuse one
-        unless they are given too."""
-        follows = {"ambient": None, "metal": None} if "diffuse" in self.material else {}
-        return replace(material, **follows | self.material)

@@ -123,12 +123,21 @@ class Options:
         if not is_whole(self.samples) or self.samples not in SAMPLES:
             raise SceneError(f"samples must be one of {', '.join(map(str, SAMPLES))}; given {shown(self.samples)}")
         store(self, outputs=outputs, samples=int(self.samples))
-        store(self, size=self._checked_size())
+        size: Any = (self.size, self.size) if is_whole(self.size) else self.size
+        try:
+            width, height = size
+        except (TypeError, ValueError):
+            width = height = None
+        limit = MAX_PIXELS // self.factor
+        if not (is_whole(width, 1, limit) and is_whole(height, 1, limit)):
+            legal = f"(width, height), each 1 to {limit} px with {self.samples} samples"
+            raise SceneError(f"size must be {legal}; given {shown(self.size)}")
         edges = several(self.edges, EDGE_TYPES, "edges")
         *every, word_for_all = EDGE_TYPES
         stops = number(self.exposure, "exposure", low=-MAX_STOPS, high=MAX_STOPS, unit=" stops")
         store(
             self,
+            size=(int(width), int(height)),
             tolerance=number(self.tolerance, "tolerance", low=0),
             exposure=stops,
             edges=tuple(every) if word_for_all in edges else tuple(filter(edges.__contains__, every)),
@@ -140,19 +149,6 @@ class Options:
             store(self, spectral=whole(self.spectral, "spectral", MIN_WAVES, MAX_WAVES, " samples, or None"))
         if self.threads is not None:
             store(self, threads=whole(self.threads, "threads", 1, MAX_THREADS, ", or None"))
-
-    def _checked_size(self) -> tuple[int, int]:
-        """Return the size as two ints; a number alone makes a square."""
-        size: Any = (self.size, self.size) if is_whole(self.size) else self.size
-        try:
-            width, height = size
-        except (TypeError, ValueError):
-            width = height = None
-        limit = MAX_PIXELS // self.factor
-        if not (is_whole(width, 1, limit) and is_whole(height, 1, limit)):
-            legal = f"(width, height), each 1 to {limit} px with {self.samples} samples"
-            raise SceneError(f"size must be {legal}; given {shown(self.size)}")
-        return int(width), int(height)
 
     @property
     def factor(self) -> int:

@@ -477,13 +477,13 @@ class Camera:
 
     def view(self) -> View:
         """Return the eye and the camera's axes: View, of (3,) float64 each, world space."""
-        to_target = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
+        to_target = np.subtract(self.target, self.position)
         forward = unit3(to_target, "the way from the camera's position to its target")
         up: VectorLike = self.up
         if math.hypot(*cross(forward, up)) < 1e-8:  # parallel but for rounding
             up = framing.top_when_parallel(np.array(forward), np.array(up))
         right = unit3(cross(forward, up), "the camera's right")
-        return View(*(np.array(axis) for axis in (self.position, right, cross(right, forward), forward)))
+        return View(*np.array((self.position, right, cross(right, forward), forward)))
 
     def projection(self, size: Sequence[int]) -> Projection:
         """Return the scale and centre for a picture of `size` (width, height) pixels.

@@ -220,7 +220,8 @@ class Material:
     @property
     def textures(self) -> tuple[Texture, ...]:
         """The textures that it has: of colours, of metal and roughness."""
-        return tuple(each for each in (self.texture, self.metallic_roughness) if isinstance(each, Texture))
+        both: Any = self.texture, self.metallic_roughness
+        return tuple(filter(None, both))
 
     @property
     def needs_uv(self) -> bool:
@@ -271,7 +272,8 @@ class Material:
     @property
     def is_opaque(self) -> bool:
         """Whether nothing is seen through the surface."""
-        return self.opacity == 1.0 and not (isinstance(self.texture, Texture) and self.texture.has_alpha)
+        texture: Any = self.texture
+        return self.opacity == 1.0 and (texture is None or not texture.has_alpha)
 
 
 def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:

@@ -154,11 +154,12 @@ class Mesh(KeepsArrays):
             raise ModelError("materials and face_material must be given together")
         if polygons is not None and face_material is not None:
             _check_polygon_materials(polygons, face_material)
-        if self.uv is None and any(material.texture is not None for material in self.palette):
-            raise ModelError("a mesh with a texture needs texture coordinates, uv")
-        if self.uv is None and any(material.needs_uv for material in self.palette):
-            what = "a mesh brushed along u (two numbers of roughness, tangent='u')"
-            raise ModelError(f"{what} needs texture coordinates, uv; or give the material's tangent as an axis")
+        for material in self.palette if self.uv is None else ():
+            if material.texture is not None:
+                raise ModelError("a mesh with a texture needs texture coordinates, uv")
+            if material.needs_uv:
+                what = "a mesh brushed along u (two numbers of roughness, tangent='u')"
+                raise ModelError(f"{what} needs texture coordinates, uv; or give the material's tangent as an axis")
         vertices, keep = mesh_arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
         if keep is not None:
             if polygons is None:

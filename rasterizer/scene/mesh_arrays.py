@@ -65,7 +65,11 @@ def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.u
     if counts.min() < 3:
         face = int(np.argmax(counts < 3))
         raise ModelError(f"a face must have at least 3 corners; face {face} has {counts[face]}")
-    _check_range(corners, counts, len(vertices))
+    if corners.min() < 0 or corners.max() >= len(vertices):
+        place, last = int(np.argmax((corners < 0) | (corners >= len(vertices)))), len(vertices) - 1
+        face = int(np.searchsorted(np.cumsum(counts), place, side="right"))
+        legal = f"the mesh has {len(vertices)} vertices, legal is 0..{last}"
+        raise ModelError(f"face {face} refers to vertex {corners[place]}; {legal}")
     if counts.max() == 3:
         return np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.uint32), None
     try:
@@ -103,17 +107,6 @@ def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
     if corners.ndim != 1 or corners.dtype.kind not in "iu":
         raise ModelError(f"faces must be integers, the indices of vertices; given {shown(faces)}")
     return corners, counts
-
-
-def _check_range(corners: NDArray, counts: NDArray[np.int64], n_vertex: int) -> None:
-    """Raise ModelError where a face refers to a vertex that there is not, naming the first."""
-    if corners.min() >= 0 and corners.max() < n_vertex:
-        return
-    place = int(np.argmax((corners < 0) | (corners >= n_vertex)))
-    face = int(np.searchsorted(np.cumsum(counts), place, side="right"))
-    raise ModelError(
-        f"face {face} refers to vertex {corners[place]}; the mesh has {n_vertex} vertices, legal is 0..{n_vertex - 1}"
-    )
 
 
 def _as_real(values: Any, what: str) -> NDArray:

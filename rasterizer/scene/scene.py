@@ -114,6 +114,8 @@ class Scene:
     def __post_init__(self) -> None:
         lights = studio() if self.lights is None else checked_lights(self.lights)
         store(self, meshes=_checked_meshes(self.meshes), lights=lights, depth_cue=checked_cue(self.depth_cue))
+        if self.n_face > MAX_FACES:
+            raise SceneError(f"a scene may have up to {MAX_FACES} faces; given {self.n_face}")
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
@@ -198,9 +200,6 @@ def _checked_meshes(meshes: Any) -> tuple[Mesh, ...]:
         raise SceneError(f"meshes must be a mesh or a sequence of meshes; given {shown(meshes)}") from None
     if not result:
         raise SceneError("a scene needs at least one mesh; given none")
-    n_face = sum(mesh.n_face for mesh in result)
-    if n_face > MAX_FACES:
-        raise SceneError(f"a scene may have up to {MAX_FACES} faces; given {n_face}")
     return result
 
 

@@ -43,7 +43,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cores import Workers, n_core
 from ..vectors import cross, dot
-from .arrays import distinct
 
 # Comparisons of boxes, and tests of edges, which count more, that cutting ears may take in one call. A spiral of some
 # 30 000 corners takes as many; some seconds.
@@ -116,8 +115,12 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
         triangles[first_triangle[some, None] + np.arange(k - 2)] = places
         return some[~is_cut]
 
+    chunks = []  # as many polygons of one size as are looked at in one go
+    for k in np.flatnonzero(np.bincount(counts)).tolist():
+        of_size, step = np.flatnonzero(counts == k), max(1, CHUNK // max(k, 1))
+        chunks += [(k, of_size[begin : begin + step]) for begin in range(0, len(of_size) if k > 2 else 0, step)]
     with Workers(n_core()) as workers:
-        found = workers.map(cut_simple, list_by_size(counts))
+        found = workers.map(cut_simple, chunks)
     concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
@@ -136,16 +139,6 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
             )
     polygons = np.repeat(np.arange(len(counts), dtype=np.int32), n_triangle)
     return Cut(triangles, polygons, concave[is_crossing])
-
-
-def list_by_size(counts: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
-    """List polygons with equally many corners together, as many as are looked at in one go: how many corners these
-    have, at least 3, and which they are; `counts` are the corners of each, (n_polygon,)."""
-    found = []
-    for k in distinct(counts[counts > 2]).tolist():
-        of_size, step = np.flatnonzero(counts == k), max(1, CHUNK // k)
-        found += [(k, of_size[begin : begin + step]) for begin in range(0, len(of_size), step)]
-    return found
 
 
 def listed(numbers: Sequence[int] | NDArray) -> str:
