@@ -16,7 +16,7 @@ from .engine.point_lighting import light_at, reflected_at
 from .errors import SceneError
 from .reference.lamp import lamp_type_of, make_lamps
 from .reference.reflection import REFERENCE_MODELS, read_materials
-from .scene.camera import Camera, View
+from .scene.camera import Camera
 from .scene.lights import Field
 from .scene.material import Material
 
@@ -63,9 +63,8 @@ def make_examples(cls: type, described: dict[str, Field]) -> list[Any]:
         except SceneError as refused:
             fault = refused
     if not found:
-        raise SceneError(
-            f"no {cls.__name__} can be made up to compare engine and reference with: give examples ({fault})"
-        )
+        what = "can be made up to compare engine and reference with"
+        raise SceneError(f"no {cls.__name__} {what}: give examples ({fault})")
     return found[:4]
 
 
@@ -95,7 +94,11 @@ def compare_light(word: str, examples: Iterable[Any]) -> None:
         def place_of(k: int, light: Any = light) -> str:
             return f"at the point {_numbers(points[k])} with the normal {_numbers(normals[k])} of {light}"
 
-        here = _arrivals(light, points, normals, view)
+        here = [
+            (color, light_dirs, np.ones(len(points)) if strength is None else strength[:, 0])
+            for lamp in make_lamps([light], view, np.array)
+            for color, light_dirs, strength in lamp_type_of(light).arrivals(lamp, points, normals, np.array)
+        ]
         for dtype, budget in BUDGETS.items():
             parts = [(part.color, *light_at(part, points, normals, view, np.dtype(dtype)))
                      for part in entry_of(light).expand(light)]  # fmt: skip
@@ -103,15 +106,6 @@ def compare_light(word: str, examples: Iterable[Any]) -> None:
             for name, found, expected in zip(names, _sums(parts), _sums(here), strict=True):
                 words = f"the {name} is {{}} by the engine in {dtype}, {{}} by the reference"
                 check_same(whose, found, expected, budget, place_of, words)
-
-
-def _arrivals(light: Any, points: NDArray, normals: NDArray, view: View) -> list[tuple]:
-    """Return colour (3,), directions (n, 3) or None, and strength (n,) of what arrives of a light, by the reference."""
-    found = []
-    for lamp in make_lamps([light], view, np.array):
-        for color, light_dirs, strength in lamp_type_of(light).arrivals(lamp, points, normals, np.array):
-            found.append((color, light_dirs, np.ones(len(points)) if strength is None else strength[:, 0]))
-    return found
 
 
 def _sums(arrivals: list[tuple]) -> tuple[NDArray, NDArray]:

@@ -22,7 +22,7 @@ from .choices import (
 from .cores import n_core
 from .errors import SceneError, shown
 from .keywords import checked_fields
-from .scene.validate import choice, flag, is_whole, number, several, store, whole
+from .scene.validate import choice, flag, is_whole, items_of, number, several, store, whole
 
 if TYPE_CHECKING:
     from .keywords import Unpack
@@ -123,13 +123,9 @@ class Options:
         if not is_whole(self.samples) or self.samples not in SAMPLES:
             raise SceneError(f"samples must be one of {', '.join(map(str, SAMPLES))}; given {shown(self.samples)}")
         store(self, outputs=outputs, samples=int(self.samples))
-        size: Any = (self.size, self.size) if is_whole(self.size) else self.size
-        try:
-            width, height = size
-        except (TypeError, ValueError):
-            width = height = None
+        sides: list[Any] = [self.size] * 2 if is_whole(self.size) else items_of(self.size)
         limit = MAX_PIXELS // self.factor
-        if not (is_whole(width, 1, limit) and is_whole(height, 1, limit)):
+        if len(sides) != 2 or not (is_whole(sides[0], 1, limit) and is_whole(sides[1], 1, limit)):
             legal = f"(width, height), each 1 to {limit} px with {self.samples} samples"
             raise SceneError(f"size must be {legal}; given {shown(self.size)}")
         edges = several(self.edges, EDGE_TYPES, "edges")
@@ -137,7 +133,7 @@ class Options:
         stops = number(self.exposure, "exposure", low=-MAX_STOPS, high=MAX_STOPS, unit=" stops")
         store(
             self,
-            size=(int(width), int(height)),
+            size=(int(sides[0]), int(sides[1])),
             tolerance=number(self.tolerance, "tolerance", low=0),
             exposure=stops,
             edges=tuple(every) if word_for_all in edges else tuple(filter(edges.__contains__, every)),

@@ -14,7 +14,7 @@ import numpy as np
 from .choices import AXES, AZIMUTH, ELEVATION, FOV, VIEWS, ViewName
 from .errors import SceneError, shown
 from .keywords import checked_fields
-from .scene.camera import Camera, middle_on_axis, pivot_of, turned_cameras
+from .scene.camera import Camera, pivot_of, turned_cameras
 from .scene.validate import flag, number, store
 
 if TYPE_CHECKING:
@@ -142,8 +142,8 @@ class Viewpoint:
         is_own = self.of_file is not None
         if is_own or self.eye is not None or isinstance(self.camera, Camera):
             camera = self.camera_of(scene, size, subject)
-            pivot = pivot_of if has_target or not is_own else middle_on_axis
-            return turned_cameras(camera, angles, AXES[scene.up], pivot(camera, scene.bounds))
+            pivot = pivot_of(camera, scene.bounds, has_target=has_target or not is_own)
+            return turned_cameras(camera, angles, AXES[scene.up], pivot)
         settings = self.framing(scene.up, size)
         start = settings.pop("azimuth")
         cameras = Camera.orbit(scene if subject is None else subject(), [start + angle for angle in angles], **settings)

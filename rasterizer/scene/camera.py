@@ -30,7 +30,7 @@ from ..vectors import cross
 from . import framing
 from .arrays import VectorLike, real_array
 from .random_numbers import VIEW, checked_range, elevation_at, uniform_numbers, within
-from .validate import choice, number, picture_size, position3, store, unit3, value_class
+from .validate import choice, items_of, number, picture_size, position3, store, unit3, value_class
 
 _MAX_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
 
@@ -170,13 +170,10 @@ class Camera:
 
     def _check_intrinsics(self) -> None:
         """Check the OpenCV intrinsics, their size and the range of skew; derive the field of view."""
-        given: Any = self.intrinsics
-        try:
-            values = tuple(given)
-        except TypeError:
-            values = ()
+        values = items_of(self.intrinsics)
         if len(values) != 4:
-            raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {shown(given)}")
+            given = shown(self.intrinsics)
+            raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {given}")
         fx, fy, cx, cy = (number(value, "each of the camera's intrinsics (fx, fy, cx, cy)") for value in values)
         if fx <= 0.0 or fy <= 0.0:
             legal = "above 0 pixels"
@@ -541,26 +538,23 @@ def turned_cameras(
     return found
 
 
-def pivot_of(camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0) -> NDArray[np.float64]:
+def pivot_of(
+    camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0, has_target: bool = True
+) -> NDArray[np.float64]:
     """Return the point (3,), world space, that a camera turns about: what it looks at.
 
-    The target of a camera that was made of a calibration lies anywhere on its axis. It turns about the point of its
-    axis that is as far away as the scene's middle.
+    The target of a camera that was made of a calibration, or came from a file, lies anywhere on its axis. It turns
+    about the point of its axis that is as far away as the scene's middle.
 
     Parameters
     ----------
     camera : Camera
     bounds : (2, 3) of the scene
     nearest : that the point of such a camera is away at least, in diagonals of the scene's box
+    has_target : whether the camera looks at its target, or just into its direction
     """
-    if camera.intrinsics is None:
+    if has_target and camera.intrinsics is None:
         return np.array(camera.target)
-    return middle_on_axis(camera, bounds, nearest)
-
-
-def middle_on_axis(camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0) -> NDArray[np.float64]:
-    """Return the point (3,), world space, of a camera's axis that is as far away as a scene's middle; parameters are
-    those of `pivot_of`."""
     eye, _, _, forward = camera.view()
     low, high = bounds
     distance = max(float(np.dot(0.5 * (low + high) - eye, forward)), nearest * math.dist(low, high))
@@ -603,7 +597,6 @@ def _nearest_rotation(matrix: NDArray[np.float64], what: str) -> NDArray[np.floa
     u, stretch, vt = np.linalg.svd(matrix)
     rotation = u @ vt
     if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
-        raise SceneError(
-            f"{what} must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
-        )
+        legal = "a rotation (perpendicular unit rows, determinant 1)"
+        raise SceneError(f"{what} must be {legal}; given {shown(matrix.tolist())}")
     return rotation

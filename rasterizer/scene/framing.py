@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES
 from ..cores import Workers, n_core
 from ..errors import SceneError, shown
-from .validate import choice, flag, is_whole, number, picture_size
+from .validate import choice, flag, is_whole, items_of, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -84,10 +84,7 @@ def checked_azimuths(azimuths: Any) -> list[float]:
     """Return the angles of an orbit in degrees: those given, or as many as given, evenly round the whole turn."""
     if is_whole(azimuths, 1, _MAX_CAMERAS):
         return [_FIRST + 360.0 * k / azimuths for k in range(azimuths)]
-    try:
-        angles = [] if isinstance(azimuths, (str, bytes)) else list(azimuths)
-    except TypeError:
-        angles = []
+    angles = items_of(azimuths)
     if not angles:
         legal = f"angles in degrees, or how many, 1 to {_MAX_CAMERAS}"
         raise SceneError(f"azimuths must be {legal}; given {shown(azimuths)}")

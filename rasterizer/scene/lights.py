@@ -24,7 +24,7 @@ from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
 from .framing import orbit_axes
 from .random_numbers import LIGHTS, checked_range, elevation_at, uniform_numbers, within
-from .validate import choice, flag, is_whole, number, position3, store, unit3, value_class, vector3, whole
+from .validate import choice, flag, is_whole, items_of, number, position3, store, unit3, value_class, vector3, whole
 
 MAX_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 _MAX_SHADOWED = 4096  # of them cast shadows: each is a picture or six
@@ -261,11 +261,10 @@ class AreaLight:
         if abs(dot(u, v)) >= 1.0 - 1e-15:
             both = f"{shown(self.edge_u)} and {shown(self.edge_v)}"
             raise SceneError(f"the area light's edge_u and edge_v must not be parallel; given {both}")
-        given: Any = self.resolution
-        cells = tuple(given) if hasattr(given, "__len__") else ()
+        cells = items_of(self.resolution)
         if len(cells) != 2 or not all(is_whole(n, 1, _MAX_CELLS) for n in cells):
             legal = f"two whole numbers from 1 to {_MAX_CELLS}"
-            raise SceneError(f"the area light's resolution must be {legal}; given {shown(given)}")
+            raise SceneError(f"the area light's resolution must be {legal}; given {shown(self.resolution)}")
         store(self, resolution=(int(cells[0]), int(cells[1])))
         _check_positional(self, "the area light's")
 
@@ -538,13 +537,9 @@ def checked_shadow(shadow: Any, whose: str) -> Shadow | Literal[False] | None:
     ------
     SceneError : anything else
     """
-    if shadow is True:
-        return Shadow()
-    if shadow is None or shadow is False:
-        return shadow
-    if not isinstance(shadow, Shadow):
+    if not (shadow is None or isinstance(shadow, (bool, Shadow))):
         raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
-    return shadow
+    return Shadow() if shadow is True else shadow
 
 
 def _check_positional(light: Any, whose: str) -> None:

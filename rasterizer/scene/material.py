@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..choices import DISTRIBUTIONS, Distribution
+from ..choices import DISTRIBUTIONS, REFLECTIONS, Distribution
 from ..errors import SceneError, cut, shown
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
@@ -52,14 +52,8 @@ class ReflectionModel(NamedTuple):
 # Every reflection model that a material may name. What the engine and the reference know of it stands in tables by the
 # same words; `rasterizer.registries` enters a model in all of them. Cook-Torrance's peak is 1/(2·roughness³), which
 # must stay a number of float32.
-REFLECTION_MODELS: dict[str, ReflectionModel] = {
-    "phong": ReflectionModel(),
-    "blinn": ReflectionModel(),
-    "lambert": ReflectionModel(),
-    "oren-nayar": ReflectionModel(),
-    "cook-torrance": ReflectionModel(min_roughness=0.001, brushed="ggx", is_metallic=True),
-    "toon": ReflectionModel(),
-}
+REFLECTION_MODELS: dict[str, ReflectionModel] = dict.fromkeys(REFLECTIONS, ReflectionModel())
+REFLECTION_MODELS["cook-torrance"] = ReflectionModel(min_roughness=0.001, brushed="ggx", is_metallic=True)
 
 
 @value_class

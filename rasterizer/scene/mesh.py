@@ -23,7 +23,7 @@ from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
 from .framing import rotation
 from .guests import arguments_of, is_guest
 from .material import Material
-from .validate import COORDINATE_LIMIT, choice, number, position3, store, text, unit3, vector3, whole
+from .validate import COORDINATE_LIMIT, choice, items_of, number, position3, store, text, unit3, vector3, whole
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 MAX_SUBDIVISIONS = 15  # the next makes 2^32 faces of one
@@ -510,10 +510,7 @@ def _checked_materials(material: object, materials: Any) -> tuple[Material, ...]
         raise SceneError(f"a mesh's material must be a Material; given {shown(material)}")
     if materials is None:
         return None
-    try:
-        materials = tuple(materials)
-    except TypeError:
-        materials = ()
+    materials = tuple(items_of(materials))
     if not materials or not all(isinstance(each, Material) for each in materials):
         raise SceneError(f"a mesh's materials must be a sequence of Material, not empty; given {shown(materials)}")
     if material not in (Material(), materials[0]):
@@ -527,9 +524,8 @@ def _check_polygon_materials(polygons: NDArray[np.int32], face_material: NDArray
     polygon, material = polygons[order], face_material[order]
     torn = np.flatnonzero((polygon[1:] == polygon[:-1]) & (material[1:] != material[:-1]))
     if len(torn):
-        raise ModelError(
-            f"the triangles of a polygon must have one material; those of polygon {polygon[torn[0]]} differ"
-        )
+        given = f"those of polygon {polygon[torn[0]]} differ"
+        raise ModelError(f"the triangles of a polygon must have one material; {given}")
 
 
 def _trimesh_extras(source: Any) -> dict[str, Any]:
@@ -538,11 +534,9 @@ def _trimesh_extras(source: Any) -> dict[str, Any]:
     if "vertex_normals" in getattr(source, "_cache", ()):
         extras["normals"] = source.vertex_normals
     visual: Any = getattr(source, "visual", None)
-    colored = getattr(visual, "kind", None)
-    if colored == "vertex":
-        extras["colors"] = visual.vertex_colors
-    elif colored == "face":
-        extras["face_colors"] = visual.face_colors
+    kind = getattr(visual, "kind", None)
+    if kind in ("vertex", "face"):
+        extras["colors" if kind == "vertex" else "face_colors"] = getattr(visual, f"{kind}_colors")
     uv = getattr(visual, "uv", None)
     if uv is not None and np.shape(uv) == (len(source.vertices), 2):
         extras["uv"] = uv

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from ..errors import SceneError, shown
-from .validate import number, whole
+from .validate import items_of, number, whole
 
 VIEW, LIGHTS = range(2)  # what is drawn by one seed doesn't depend on each other
 
@@ -35,10 +35,7 @@ def uniform_numbers(seed: object, what: int, n: int) -> list[float]:
 
 def checked_range(value: Any, what: str, low: float, high: float) -> tuple[float, float]:
     """Return a range as two floats, one number as both its ends; SceneError where it isn't within low..high."""
-    try:
-        ends = list(value)
-    except TypeError:
-        ends = [value, value]
+    ends = items_of(value) or [value, value]
     if isinstance(value, (str, bytes)) or len(ends) != 2:
         raise SceneError(f"{what} must be a number or a pair of them; given {shown(value)}")
     first, last = (number(each, f"each end of {what}") for each in ends)

@@ -68,10 +68,7 @@ class Spectrum(tuple[float, float, float]):
     _values: NDArray[np.float64]
 
     def __new__(cls, wavelengths: ArrayLike, values: ArrayLike) -> "Spectrum":  # noqa: D102
-        wavelengths = _row(wavelengths, "the spectrum's wavelengths")
-        values = _row(values, "the spectrum's values")
-        _check_samples(wavelengths, values, "values")
-        return _spectrum(wavelengths, values, cls)
+        return _spectrum(*_checked_samples(wavelengths, values, "the spectrum", "values"), cls)
 
     @property
     def wavelengths(self) -> NDArray[np.float64]:
@@ -107,9 +104,7 @@ class Spectrum(tuple[float, float, float]):
         ------
         SceneError : samples that are not legal, a lamp without visible light
         """
-        wavelengths = _row(wavelengths, "the lamp's wavelengths")
-        power = _row(power, "the lamp's power")
-        _check_samples(wavelengths, power, "power")
+        wavelengths, power = _checked_samples(wavelengths, power, "the lamp", "power")
         is_seen = (wavelengths > SHORTEST) & (wavelengths < LONGEST)
         nodes = np.union1d(WAVELENGTHS, wavelengths[is_seen])
         ratio = np.interp(nodes, wavelengths, power) / np.interp(nodes, WAVELENGTHS, D65)
@@ -204,14 +199,6 @@ def _spectrum(wavelengths: NDArray, values: NDArray, cls: type[Spectrum]) -> Spe
     return spectrum
 
 
-def _row(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    """A row of finite numbers as (n,) float64, n at least 1."""
-    row = _numbers(values, what)
-    if row.ndim != 1 or row.size == 0:
-        raise SceneError(f"{what} must be a row of numbers; given {shown(values)}")
-    return row
-
-
 def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
     """Finite numbers of any shape as float64."""
     numbers = real_array(values)
@@ -220,8 +207,14 @@ def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
     return numbers.astype(np.float64)
 
 
-def _check_samples(wavelengths: NDArray, values: NDArray, name: str) -> None:
-    """Refuse samples that make no spectrum."""
+def _checked_samples(wavelengths: Any, values: Any, whose: str, name: str) -> tuple[NDArray, NDArray]:
+    """Return samples as rows of float64; SceneError where they make no spectrum."""
+    rows = []
+    for given, what in ((wavelengths, f"{whose}'s wavelengths"), (values, f"{whose}'s {name}")):
+        rows.append(_numbers(given, what))
+        if rows[-1].ndim != 1 or rows[-1].size == 0:
+            raise SceneError(f"{what} must be a row of numbers; given {shown(given)}")
+    wavelengths, values = rows
     if len(wavelengths) != len(values):
         given = f"{len(values)} for {len(wavelengths)}"
         raise SceneError(f"a spectrum needs as many samples of {name} as wavelengths; given {given}")
@@ -233,6 +226,7 @@ def _check_samples(wavelengths: NDArray, values: NDArray, name: str) -> None:
     if values.min() < 0.0:
         k = int(values.argmin())
         raise SceneError(f"the {name} of a spectrum must be at least 0; given {values[k]:g} at {wavelengths[k]:g} nm")
+    return wavelengths, values
 
 
 # --- sampled spectra ----------------------------------------------------------------------------------------

@@ -119,9 +119,8 @@ class Texture(KeepsArrays):
             except ModelError as fault:
                 raise SceneError(str(fault)) from fault
             except _PICTURE_FAULTS as fault:
-                raise SceneError(
-                    f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}"
-                ) from fault
+                what = f"a texture's image can't be decoded ({_reason(fault)})"
+                raise SceneError(f"{what}; given {shown(image)}") from fault
         image = _checked_image(image)
         store(self, _encoded=image if image.dtype == np.uint8 else None, image=image)
         if image.dtype == np.uint8:

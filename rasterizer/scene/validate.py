@@ -92,12 +92,17 @@ def text(value: object, what: str) -> str:
     return value
 
 
+def items_of(value: Any) -> list[Any]:
+    """Return what a sequence holds; nothing of text, and of what is no sequence."""
+    try:
+        return [] if isinstance(value, (str, bytes)) else list(value)
+    except TypeError:
+        return []
+
+
 def vector3(value: object, what: str) -> tuple[float, float, float]:
     """Return `value` as three finite floats; SceneError where it is anything else."""
-    try:
-        items = [] if isinstance(value, (str, bytes)) else list(value)  # type: ignore[call-overload]
-    except TypeError:
-        items = []
+    items = items_of(value)
     if len(items) != 3:
         raise SceneError(f"{what} must be three finite numbers; given {shown(value)}")
     each = f"each of the three numbers of {what}"
