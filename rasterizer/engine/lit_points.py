@@ -40,7 +40,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     """
     offsets = geometry.point_offsets.tolist()
     groups = [*map(Group, geometry.group_material.tolist(), offsets[:-1], offsets[1:])]
-    textured = [group for group in groups if plan.of_materials.is_textured[group.material]]
+    textured = [group for group in groups if plan.tables.has_texture[group.material]]
 
     def light_here(geometry, groups):
         return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups)

@@ -44,7 +44,6 @@ class MaterialTable(NamedTuple):
     has_albedo: NDArray[np.bool_]  # (n,): colours come with the model, or a texture
     is_colored: NDArray[np.bool_]  # (n,): three channels are needed
     is_double: NDArray[np.bool_]  # (n,): float64 is needed
-    is_textured: NDArray[np.bool_]  # (n,): it has a texture
     dtypes: tuple[np.dtype, ...]  # those that materials are lit in
 
 
@@ -212,7 +211,7 @@ def list_needs(
         reasons.append(domains.reasons_of(tables, k, tolerance, shares[k], intensities.of_materials[k]))
     return MaterialTable(
         paths.astype(np.uint8), features.astype(np.uint8), n_attributes, normal_limits, shares, tuple(reasons),
-        has_albedo, is_colored, np.array([*map(bool, reasons)]), has_texture, (),
+        has_albedo, is_colored, np.array([*map(bool, reasons)]), (),
     )  # fmt: skip
 
 

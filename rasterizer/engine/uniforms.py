@@ -151,7 +151,7 @@ def make_coding(plan: Plan) -> Coding:
     pictures need many digits of them.
     """
     of_materials, tolerance, has_cue = plan.of_materials, plan.options.tolerance, plan.cue is not None
-    reads_double = of_materials.is_double | of_materials.is_textured
+    reads_double = of_materials.is_double | plan.tables.has_texture
     rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
     level_scale = 0.0 if plan.is_lit_per_sample else float(plan.level_scale)
     if of_materials.is_double.all():
@@ -162,7 +162,7 @@ def make_coding(plan: Plan) -> Coding:
         limits, of_textures = of_materials.normal_limits, left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         rest = float(tolerance / 4 / max(plan.bound, 1e-30)), plan.needs_position or has_cue
     else:
-        limits, of_textures = np.where(of_materials.is_textured, left / 4, left), left * 3 / 4
+        limits, of_textures = np.where(plan.tables.has_texture, left / 4, left), left * 3 / 4
         rest = 0.0, has_cue
     textures = None if plan.textures is None else code_textures(plan, of_textures)
     return Coding(*rows, limits, level_scale, *rest, textures, NO_DEPTHS, is_exact=False)
@@ -175,7 +175,7 @@ def code_textures(plan: Plan, limits: NDArray[np.float64]) -> TextureCoding | No
     textures: that is in what they reflect. Colours multiply what is reflected diffusely, and F0 of a metal; other
     highlights keep their light.
     """
-    if not (plan.of_materials.is_textured & (plan.of_materials.paths != EXACT)).any():
+    if not (plan.tables.has_texture & (plan.of_materials.paths != EXACT)).any():
         return None
     is_metal, intensities = np.array([*map(is_metallic, plan.tables.materials)]), plan.intensities
     with np.errstate(over="ignore"):
