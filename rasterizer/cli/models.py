@@ -86,7 +86,7 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     SceneError : a value that the file or one of its materials can't take
     """
     with noted_warnings() as texts:
-        with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show):
+        with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show if bar.is_shown else None):
             read = _read(model, arguments, settings.look, messages, files_read)
         look, options = settings.look.over(read.look), settings.options
         if read.options:

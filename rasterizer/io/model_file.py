@@ -268,7 +268,7 @@ _listener: ContextVar[Callable[[int, int, str], object] | None] = ContextVar("pr
 
 
 @contextmanager
-def noticing_progress(show: Callable[[int, int, str], object]) -> Iterator[None]:
+def noticing_progress(show: Callable[[int, int, str], object] | None) -> Iterator[None]:
     """Call show(n_done, n, what) inside the block whenever a reader has come further; None makes it silent again."""
     token = _listener.set(show)
     try:
