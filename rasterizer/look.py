@@ -19,7 +19,6 @@ from .scene.lights import (
     Shadow,
     checked_lights,
     on_tabletop,
-    with_shadow_fields,
     with_shadows,
     without_shadows,
 )
@@ -134,10 +133,12 @@ class Look:
             given = () if self.lights is None else checked_lights(self.lights)
         if ground and not (lights and given):
             lights, given = on_tabletop(lights, takes_shadows), on_tabletop(given, takes_shadows)
-        lights = (with_shadow_fields(lights, **shadow_fields) if shadow_fields else lights) + given
+        if shadow_fields:
+            lights = with_shadows(lights, lambda own: replace(own, **shadow_fields) if own else own)
         if not self.shadows:
-            return lights
-        return with_shadows(lights, self.shadows if isinstance(self.shadows, Shadow) else Shadow())
+            return lights + given
+        shadow = self.shadows if isinstance(self.shadows, Shadow) else Shadow()
+        return with_shadows(lights + given, lambda own: shadow if own is None else own)
 
     def _material_fields(self) -> dict[str, Any]:
         """Return the fields that every material gets; textures are read once."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .choices import BUFFERS
 from .errors import SceneError, shown
 from .scene.camera import Camera
 from .scene.scene import Scene
@@ -14,10 +15,7 @@ from .scene.validate import is_whole
 
 Vector = tuple[float, float, float]
 
-PICKED = (
-    "face", "object", "material", "depth", "barycentric", "uv", "position", "position_camera", "normal",
-    "normal_camera",
-)  # fmt: skip
+PICKED = tuple(name for name in BUFFERS if name != "mask")
 """The buffers that tell all of a pixel."""
 
 

@@ -38,10 +38,7 @@ from .scene.camera import View
 from .scene.lights import LIGHT_TYPES, describe_fields
 from .scene.material import REFLECTION_MODELS, ReflectionModel
 
-__all__ = [
-    "Beam", "CustomLight", "CustomReflection", "Registration", "add_light",
-    "add_reflection",
-]  # fmt: skip
+__all__ = ["Beam", "CustomLight", "CustomReflection", "Registration", "add_light", "add_reflection"]
 
 # ---------------------------------------------------------------- what a class says
 

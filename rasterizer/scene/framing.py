@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES
 from ..cores import Workers, n_core
 from ..errors import SceneError, shown
+from .arrays import real_array
 from .validate import choice, flag, is_whole, items_of, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
@@ -291,13 +292,8 @@ def point_sets(subject: Any) -> list[NDArray[Any]]:
     """Return the points to be framed as a list of (n, 3) arrays that are not empty."""
     if hasattr(subject, "meshes"):
         return [mesh.used_vertices for mesh in subject.meshes]
-    points = getattr(subject, "used_vertices", getattr(subject, "vertices", subject))
-    try:
-        points = np.asarray(points)
-        is_real = points.dtype.kind in "fiu"
-    except (TypeError, ValueError):
-        is_real = False
-    if not is_real or points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+    points = real_array(getattr(subject, "used_vertices", getattr(subject, "vertices", subject)))
+    if points is None or points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         legal = "bounds (2, 3), points (n, 3), a mesh or a scene"
         raise SceneError(f"what is framed must be {legal}; given {shown(subject)}")
     if points.shape == (2, 3) and not hasattr(subject, "vertices"):  # bounds: all corners of the box

@@ -12,7 +12,7 @@ a light that is added needs no code there.
 import math
 import re
 import types
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_args, get_origin, get_type_hints
 
@@ -443,24 +443,14 @@ def on_tabletop(lights: tuple[Light, ...], takes_shadows: bool) -> tuple[Light, 
 PRESETS = {"studio": studio, "headlight": headlight, "tabletop": tabletop}
 
 
-def with_shadows(lights: Iterable[Any], shadow: Shadow) -> tuple[Any, ...]:
-    """Return lights of which all that can cast a shadow: `shadow`, but where they have or refuse one themselves."""
-    return tuple(
-        replace(light, shadow=shadow) if getattr(light, "shadow", shadow) is None else light for light in lights
-    )
-
-
-def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
-    """Return lights whose shadows, where they cast any, have other fields."""
-    return tuple(
-        replace(light, shadow=replace(light.shadow, **fields)) if getattr(light, "shadow", None) else light
-        for light in lights
-    )
+def with_shadows(lights: Iterable[Any], change: Callable[[Any], Any]) -> tuple[Any, ...]:
+    """Return lights with what `change` makes of the field `shadow` of each that has one."""
+    return tuple(replace(light, shadow=change(light.shadow)) if hasattr(light, "shadow") else light for light in lights)
 
 
 def without_shadows(lights: Iterable[Any]) -> tuple[Any, ...]:
     """Return lights that cast no shadows."""
-    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
+    return with_shadows(lights, lambda _: None)
 
 
 # --- what may be written into a light ------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from .color import RGB, ColorLike, linear_rgb
 from .lights import Light, checked_lights, light_type_of, studio
 from .material import Material
 from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh
-from .validate import choice, number, picture_size, store, value_class
+from .validate import choice, items_of, number, picture_size, store, value_class
 
 
 @value_class
@@ -112,8 +112,12 @@ class Scene:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        given: Any = self.meshes
+        meshes = [given] if is_one_mesh(given) or isinstance(given, str) else items_of(given)
+        if not meshes:
+            raise SceneError(f"meshes must be a mesh or a sequence of at least one mesh; given {shown(given)}")
         lights = studio() if self.lights is None else checked_lights(self.lights)
-        store(self, meshes=_checked_meshes(self.meshes), lights=lights, depth_cue=checked_cue(self.depth_cue))
+        store(self, meshes=tuple(map(Mesh.from_any, meshes)), lights=lights, depth_cue=checked_cue(self.depth_cue))
         if self.n_face > MAX_FACES:
             raise SceneError(f"a scene may have up to {MAX_FACES} faces; given {self.n_face}")
         if self.camera is not None and not isinstance(self.camera, Camera):
@@ -189,18 +193,6 @@ class Scene:
             return self.camera
         width, height = picture_size(size)
         return self.framed(width / height)
-
-
-def _checked_meshes(meshes: Any) -> tuple[Mesh, ...]:
-    """Return one or many meshes as a tuple."""
-    meshes = (meshes,) if is_one_mesh(meshes) else meshes
-    try:
-        result = tuple(map(Mesh.from_any, meshes))
-    except TypeError:
-        raise SceneError(f"meshes must be a mesh or a sequence of meshes; given {shown(meshes)}") from None
-    if not result:
-        raise SceneError("a scene needs at least one mesh; given none")
-    return result
 
 
 SceneLike: TypeAlias = Scene | MeshLike | Sequence[Any]  # what is drawn, as a caller may give it

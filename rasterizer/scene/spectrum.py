@@ -66,6 +66,7 @@ class Spectrum(tuple[float, float, float]):
 
     _wavelengths: NDArray[np.float64]
     _values: NDArray[np.float64]
+    _bytes: tuple[bytes, bytes]
 
     def __new__(cls, wavelengths: ArrayLike, values: ArrayLike) -> "Spectrum":  # noqa: D102
         return _spectrum(*_checked_samples(wavelengths, values, "the spectrum", "values"), cls)
@@ -169,17 +170,13 @@ class Spectrum(tuple[float, float, float]):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, tuple):
             return NotImplemented
-        return (
-            isinstance(other, Spectrum)
-            and np.array_equal(self._wavelengths, other._wavelengths)
-            and np.array_equal(self._values, other._values)
-        )
+        return isinstance(other, Spectrum) and self._bytes == other._bytes
 
     def __ne__(self, other: object) -> bool:
         return not self == other  # a tuple has its own, by RGB
 
     def __hash__(self) -> int:
-        return hash((self._wavelengths.tobytes(), self._values.tobytes()))
+        return hash(self._bytes)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _spectrum, (self._wavelengths, self._values, type(self))
@@ -196,6 +193,7 @@ def _spectrum(wavelengths: NDArray, values: NDArray, cls: type[Spectrum]) -> Spe
     rgb = rgb_of(np.interp(WAVELENGTHS, wavelengths, values))
     spectrum = tuple.__new__(cls, rgb.tolist())
     spectrum._wavelengths, spectrum._values = wavelengths, values
+    spectrum._bytes = wavelengths.tobytes(), values.tobytes()  # equal where the samples are
     return spectrum
 
 

@@ -157,14 +157,8 @@ class Texture(KeepsArrays):
         image : as the class takes it
         settings : the other fields
         """
-        source: Any = image
-        if isinstance(source, (str, os.PathLike)):
-            settings = {"name": os.fsdecode(source)} | settings
-            source = read_picture(source, os.fsdecode(source))
-        elif hasattr(source, "convert"):
-            source = np.asarray(source if source.mode in ("L", "LA", "RGB", "RGBA") else source.convert("RGBA"))
-        texture = cls(source, **settings)
-        store(texture, _is_of_numbers=isinstance(source, np.ndarray) and source.dtype == np.uint8)
+        texture = cls(image, **settings)
+        store(texture, _is_of_numbers=texture.encoded is not None)
         return texture
 
     def __repr__(self) -> str:

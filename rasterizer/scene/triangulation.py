@@ -132,11 +132,9 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
         if n_cut < len(concave):
             what = f"is concave and has {counts[concave[n_cut]]} corners: to cut it"
             before = f" and the {n_cut} concave ones before it" if n_cut else ""
-            raise TooManyCorners(
-                int(concave[n_cut]),
-                f"{what}{before} into triangles takes more than {MAX_STEPS} steps; divide such polygons, or "
-                "triangulate them in a modelling program",
-            )
+            hint = "divide such polygons, or triangulate them in a modelling program"
+            fault = f"{what}{before} into triangles takes more than {MAX_STEPS} steps; {hint}"
+            raise TooManyCorners(int(concave[n_cut]), fault)
     polygons = np.repeat(np.arange(len(counts), dtype=np.int32), n_triangle)
     return Cut(triangles, polygons, concave[is_crossing])
 

@@ -190,16 +190,11 @@ def _short_repr(self: Any) -> str:
         value = getattr(self, field.name)
         if field.name in follows and value == getattr(self, follows[field.name]):
             continue
-        default = field.default_factory() if field.default_factory is not MISSING else field.default
-        if field.default is MISSING or not _is_same(value, default):
+        default: Any = field.default_factory() if field.default_factory is not MISSING else field.default
+        is_grey = isinstance(value, tuple) and isinstance(default, (int, float)) and not isinstance(default, bool)
+        if field.default is MISSING or value != ((default,) * len(value) if is_grey else default):
             told.append(f"{field.name}={_text(value)}")
     return f"{type(self).__name__}({', '.join(told)})"
-
-
-def _is_same(value: Any, default: Any) -> bool:
-    """Tell whether a field has its default: a grey is stored as three equal numbers."""
-    is_grey = isinstance(value, tuple) and isinstance(default, (int, float)) and not isinstance(default, bool)
-    return value == (default,) * len(value) if is_grey else bool(value == default)
 
 
 def _text(value: Any) -> str:

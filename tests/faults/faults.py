@@ -1120,9 +1120,9 @@ HELD_OUT = (
     ),
     Fault(
         "shadows=True: lights that refuse a shadow cast one, too",
-        "scene/lights.py",
-        'if getattr(light, "shadow", shadow) is None else light',
-        'if not getattr(light, "shadow", shadow) else light',
+        "look.py",
+        "shadow if own is None else own",
+        "own or shadow",
         "cli",
     ),
     Fault(

@@ -78,7 +78,7 @@ def test_a_pixel_that_is_not_there_is_refused(scene):
 
 def test_a_pickled_frame_leaves_its_scene_behind(scene):
     bare = pickle.loads(pickle.dumps(rz.render(scene, SIZE, outputs="rgb")))
-    with pytest.raises(rz.SceneError, match=r"doesn't know its scene: to pick, ask for outputs=\('face', 'object'"):
+    with pytest.raises(rz.SceneError, match=r"doesn't know its scene: to pick, ask for outputs=\('depth', 'face'"):
         bare.pick(1, 1)
     frame = rz.render(scene, SIZE, outputs=PICKED)
     again = pickle.loads(pickle.dumps(frame))

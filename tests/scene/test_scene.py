@@ -79,7 +79,7 @@ def test_illegal_scenes_are_refused():
     ]
     assert_refused(lambda changes: Scene(**({"meshes": MESH} | changes)), cases, SceneError)
     cases = [
-        ("cube.obj", "a mesh must be"),
+        ("cube.obj", "a mesh must be .* take a file .*given 'cube.obj'"),
         ([MESH, None], "a mesh must be"),
         ((SQUARE, TWO + 5), "face 0 refers to vertex"),
     ]
