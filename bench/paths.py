@@ -84,7 +84,7 @@ PATHS = (
         "cull: boxes without a sample",
         (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
     ),
-    Variant("lights that don't arrive", (("pipeline/lighting.py", "if not arrives(batch, n):", "if False:"),)),
+    Variant("lights that don't arrive", (("pipeline/lighting.py", "if arrives(batch, n):", "if True:"),)),
     Variant(
         "pixels covered as a whole",
         (("pipeline/resolve.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
