@@ -40,7 +40,7 @@ from rasterizer.analysis.timing import take_turns
 from rasterizer.choices import REFLECTIONS, Filter
 from rasterizer.engine.shadow_maps import MAX_TEXELS
 from rasterizer.scene.lights import Light as Lamp
-from rasterizer.scene.lights import with_shadow_fields
+from rasterizer.scene.lights import with_shadows
 
 _SIZES = (256, 512, 1024, 2048, 4096)
 _FILTERS = (1, 3, 5)
@@ -207,7 +207,8 @@ def _changed_lights(scene: Scene, change: Callable[[Lamp], Lamp]) -> Scene:
 
 def _with_shadow(scene: Scene, **fields: int) -> Scene:
     """A scene whose shadows have other fields."""
-    return replace(scene, lights=with_shadow_fields(scene.lights, **fields))
+    lights = with_shadows(scene.lights, lambda own: replace(own, **fields) if own else own)
+    return replace(scene, lights=lights)
 
 
 def _shadows(scene: Scene) -> list[Shadow]:
