@@ -16,7 +16,7 @@ computes normals that are given as 0, and subdivides; `io` reads and writes scen
     framing             the smallest view that shows every vertex; which axis of a model points upwards, by its shape
     random_numbers      random numbers by a seed, the same everywhere
     color               what a person writes becomes linear RGB
-    spectrum            Spectrum, with the standard observer and daylight
+    spectrum            Spectrum, with the standard observer and daylight, whose tables are cie_tables.txt
     arrays              arrays as callers give them, and as a scene keeps them
     validate            checks that the dataclasses share
 """

@@ -99,8 +99,9 @@ def orbit_axes(azimuth: float, elevation: float, up: str) -> Array:
     which it moves when the elevation grows. Angles in degrees; SceneError where they are not finite or the
     elevation is outside -90..90.
     """
-    cos_az, sin_az = cos_sin(number(azimuth, "the azimuth"))
-    cos_el, sin_el = cos_sin(number(elevation, "the elevation", low=-90, high=90, unit=" degrees"))
+    azimuth = number(azimuth, "the azimuth")
+    elevation = number(elevation, "the elevation", low=-90, high=90, unit=" degrees")
+    (cos_az, sin_az), (cos_el, sin_el) = cos_sin(azimuth), cos_sin(elevation)
     pole, front, side = np.array([AXES[up], AXES[_FRONT[up]], AXES[_SIDE[up]]])
     outward = cos_az * front + sin_az * side
     right = cos_az * side - sin_az * front

@@ -188,18 +188,16 @@ class Mesh(KeepsArrays):
         found: dict[str, Any] = {"polygons": cut_from, "face_material": None, "normals": None}
         counts = (n_face,) if cut_from is None else tuple(dict.fromkeys((n_face, int(cut_from[-1]) + 1)))
         n_corner_face = n_face if cut_from is None else None  # whose corners are those of faces as given
+        places = n_vertex, n_corner_face
         if self.polygons is not None:
             if cut_from is not None:
                 raise ModelError("polygons may be given only with triangles; these faces have more corners")
             found["polygons"] = mesh_arrays.checked_ints(self.polygons, counts, "polygons")
         if self.normals is not None:
-            normals = mesh_arrays.checked_floats(
-                self.normals, (n_vertex, n_corner_face), (3,), "normals", self.drop_bad_faces
-            )
+            normals = mesh_arrays.checked_floats(self.normals, places, (3,), "normals", self.drop_bad_faces)
             found["normals"] = mesh_arrays.unit_normals(normals)
         if self.uv is not None:
-            counts_of_uv = n_vertex, n_corner_face
-            found["uv"] = mesh_arrays.checked_floats(self.uv, counts_of_uv, (2, 4), "uv", self.drop_bad_faces)
+            found["uv"] = mesh_arrays.checked_floats(self.uv, places, (2, 4), "uv", self.drop_bad_faces)
         if self.colors is not None:
             found["colors"] = mesh_arrays.checked_colors(self.colors, (n_vertex,), "colors", n_corner_face)
         if self.face_colors is not None:
