@@ -155,6 +155,8 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
         hidden_sides = np.zeros(n_face, np.int8)
     is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > MIN_THREADED_TIME
     n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
+    if render_pass.opacity is not None:  # a sample has a fragment for each transparent surface
+        n_row = max(factor, n_row // 4 // factor * factor)
     while True:
         grid = Grid(width, height, n_row)
         parts = find_visible(triangles.vertex_idx, vertices, grid, hidden_sides, threads, sort_into_bands)

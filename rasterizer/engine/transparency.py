@@ -61,7 +61,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     )
     in_front = in_front._replace(features=in_front.features | colors)
     render_pass.shade(workspace, band, behind)
-    a_buffer = a.make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
+    a_buffer = a.make_a_buffer(deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces, second = Surfaces(workspace.visibility, workspace.records, deferred), None
     fragments = list_before(task, surfaces, a_buffer)
     if fragments.found[1]:
@@ -86,9 +86,14 @@ def list_before(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> Fragments:
     """List what transparent triangles show before the opaque ones."""
     workspace = task.workspace
     return a.gather_fragments(
-        task.band, surfaces.deferred, task.drawn.drawables, workspace.block, surfaces.visibility, a_buffer,
+        task.band,
+        surfaces.deferred,
+        task.drawn.drawables,
+        workspace.block,
+        surfaces.visibility,
+        a_buffer,
         workspace.room,
-    )  # fmt: skip
+    )
 
 
 def composite_band(
@@ -105,7 +110,7 @@ def composite_band(
         return None
     n_row, extents, is_any = task.band.n_row, make_extents(task.band.n_row), False
     translucent = Translucent(a_buffer.opacity, a_buffer.columns, extents.left, extents.right)
-    entries = task.workspace.room.array("sorted", (n_fragment,))
+    entries = task.workspace.room.sorted[:n_fragment]
     a.sort_fragments(fragments, a_buffer.starts, entries)
 
     # Strips of rows, as many at a time as have MAX_SHADED samples.
@@ -123,7 +128,7 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, entries, ro
     sample has none. `entries` are the lists of the band's samples."""
     band, render_pass, workspace = task.band, task.render_pass, task.workspace
     radiance = workspace.radiance[: len(a_buffer.color)]
-    layer = a.make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.alphas)
+    layer = a.make_layer(surfaces.deferred.extents, rows, radiance, workspace.alphas)
     shaded = workspace._replace(
         visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, alphas=layer.alphas,
     )  # fmt: skip

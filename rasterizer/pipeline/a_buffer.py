@@ -44,13 +44,13 @@ o = 1 - t. Both s/o and r/a are at most B, so the colour s/o is off by
 and the opacity by t. `Opacity.min_transmittance` says which t that is.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..compiler.kernels import helper, kernel
 from ..errors import SceneError
+from ..geometry.normals import sort
 from . import setup as s
 from .records import material_of
 from .scan import Deferred, Payload, box_of, fill_spans, surface_of
@@ -73,17 +73,17 @@ MAX_FRAGMENTS = 2**26  # of a band: more are refused; 20 bytes each
 
 
 class Room:
-    """A thread's memory for arrays by name: each grows to the largest size that it was asked for."""
+    """A thread's memory for fragments, which grows to the most that a band had: new memory takes as long as sorting."""
 
     def __init__(self):
-        self._arrays: dict[str, np.ndarray] = {}
+        self.before, self.entries, self.sorted = (np.empty(0, dtype) for dtype in (np.int32, np.int64, np.int64))
 
-    def array(self, name: str, shape: tuple[int, ...], dtype=np.int64) -> np.ndarray:
-        """Return an array that holds anything; one of the same name is lost."""
-        n = math.prod(shape)
-        if name not in self._arrays or len(self._arrays[name]) < n or self._arrays[name].dtype != dtype:
-            self._arrays[name] = np.empty(n, dtype)
-        return self._arrays[name][:n].reshape(shape)
+    def grow(self, n: int) -> None:
+        """Make room for `n` fragments; those that there are stay."""
+        before, entries, n_kept = self.before, self.entries, len(self.before)
+        if n_kept < n:
+            self.before, self.entries, self.sorted = (np.empty(n, each.dtype) for each in (before, entries, entries))
+            self.before[:n_kept], self.entries[:n_kept] = before, entries
 
 
 class ABuffer(NamedTuple):
@@ -108,7 +108,7 @@ class Fragments(NamedTuple):
     found: np.ndarray
 
 
-def make_a_buffer(room: Room, extents, n_row, n_channel) -> ABuffer:
+def make_a_buffer(extents, n_row, n_channel) -> ABuffer:
     """Return the A-buffer of a band: nothing is listed, and nothing is shown.
 
     Parameters
@@ -116,19 +116,8 @@ def make_a_buffer(room: Room, extents, n_row, n_channel) -> ABuffer:
     extents : VisibilityBuffer, of which only the extents are read
     """
     columns, first_samples = np.empty(n_row, np.int64), np.empty(n_row + 1, np.int64)
-    n_sample = number_samples(extents, columns, first_samples)
-    a_buffer = ABuffer(
-        columns,
-        first_samples,
-        room.array("starts", (n_sample + 1,)),
-        room.array("transmittance", (n_sample,), np.float64),
-        room.array("opacity", (n_sample,), np.float64),
-        room.array("color", (n_channel, n_sample), np.float64),
-    )
-    a_buffer.transmittance.fill(1.0)
-    a_buffer.opacity.fill(0.0)
-    a_buffer.color.fill(0.0)
-    return a_buffer
+    n = number_samples(extents, columns, first_samples)
+    return ABuffer(columns, first_samples, np.empty(n + 1, np.int64), np.ones(n), np.zeros(n), np.zeros((n_channel, n)))
 
 
 def gather_fragments(
@@ -151,20 +140,20 @@ def gather_fragments(
     # From the furthest to the nearest by one of their corners: so little is left to sort.
     order = np.argsort(-drawables.vertices.z[drawables.triangles.vertex_idx[0, transparent.faces]])
     transparent = transparent._replace(faces=transparent.faces[order], payloads=transparent.payloads[order])
-    n, first, last = len(a_buffer.transmittance), 0, np.full(len(a_buffer.transmittance), -1, np.int32)
-    lists = a_buffer.columns, last, room.array("before", (n,), np.int32), room.array("fragments", (n,))
-    fragments = Fragments(*lists, np.zeros(2, np.int64))
-    rest, n_face = (drawables, block, visibility), len(transparent.faces)
-    while (first := list_fragments(band, transparent, first, *rest, fragments)) < n_face:
+    n, first, rest = len(a_buffer.transmittance), 0, (drawables, block, visibility)
+    room.grow(n)
+    last, found = np.full(n, -1, np.int32), np.zeros(2, np.int64)
+    fragments = Fragments(a_buffer.columns, last, room.before, room.entries, found)
+    while (first := list_fragments(band, transparent, first, *rest, fragments)) < len(transparent.faces):
         # A triangle covers no more than all samples: twice the room is enough for the next one.
-        if 2 * n > most:
+        n = 2 * len(room.entries)
+        if n > most:
             raise SceneError(
                 f"transparent surfaces cover more than {most} samples in {band.n_row} rows, too many to sort: make "
                 "some of them opaque, or leave them out"
             )
-        before, entries = room.array("before", (2 * n,), np.int32), room.array("fragments", (2 * n,))
-        before[:n], entries[:n] = fragments.before, fragments.entries
-        fragments, n = fragments._replace(before=before, entries=entries), 2 * n
+        room.grow(n)
+        fragments = fragments._replace(before=room.before, entries=room.entries)
     return fragments
 
 
@@ -230,31 +219,10 @@ def sort_fragments(fragments, starts, out_entries):
         starts[sample] = n
         fragment = fragments.last[sample]
         while fragment >= 0:
-            out_entries[n] = fragments.entries[fragment]
-            fragment = fragments.before[fragment]
+            out_entries[n], fragment = fragments.entries[fragment], fragments.before[fragment]
             n += 1
         sort(out_entries[starts[sample] : n])
     starts[len(fragments.last)] = n
-
-
-@helper
-def sort(entries):
-    """Sort a list: by insertion over smaller and smaller gaps, which for lists of up to four is insertion alone.
-
-    Sources: Shell 1959, "A high-speed sorting procedure", CACM 2(7), 30-32; gaps of Knuth 1973, "The art of computer
-    programming" 3, 5.2.1: n^1.5 steps.
-    """
-    n, gap = len(entries), 1
-    while 3 * gap + 1 < n:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for k in range(gap, n):
-            entry, i = entries[k], k
-            while i >= gap and entries[i - gap] > entry:
-                entries[i] = entries[i - gap]
-                i -= gap
-            entries[i] = entry
-        gap //= 3
 
 
 # ---------------------------------------------------------------- layers
@@ -292,12 +260,11 @@ def min_transmittance(bound) -> float:
     return INVISIBLE if np.isfinite(bound) else 0.0
 
 
-def make_layer(room, extents, rows, radiance, alphas) -> Layer:
+def make_layer(extents, rows, radiance, alphas) -> Layer:
     """Return a layer with room for some rows of a band; no more columns than transparent surfaces cover.
 
     Parameters
     ----------
-    room : Room
     extents : VisibilityBuffer, of which only the extents and the materials are read
     rows : Rows of the band, the first one the first of a strip
     radiance, alphas : those of the band, for their types
@@ -309,12 +276,12 @@ def make_layer(room, extents, rows, radiance, alphas) -> Layer:
     # Entries are found by row · pitch + column: those before the first column are never touched.
     n = first + (rows.y_end - rows.y_start) * pitch
     visibility = VisibilityBuffer(
-        room.array("entries", (n,)), pitch, extents.width, left, right, extents.materials[strips],
+        np.empty(n, np.int64), pitch, extents.width, left, right, extents.materials[strips],
         extents.other_left[strips], extents.other_right[strips],
     )  # fmt: skip
     return Layer(
-        visibility, rows.y_start, rows.y_end, room.array("radiance", (len(radiance), n), radiance.dtype),
-        room.array("alphas", (n if len(alphas) else 0,), alphas.dtype), room.array("weights", (pitch,), np.float64),
+        visibility, rows.y_start, rows.y_end, np.empty((len(radiance), n), radiance.dtype),
+        np.empty(n if len(alphas) else 0, alphas.dtype), np.empty(pitch),
     )  # fmt: skip
 
 

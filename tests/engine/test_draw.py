@@ -53,7 +53,7 @@ def test_too_many_triangles_for_a_band_make_it_lower():
     def bands_of(limit):
         as_pass = SimpleNamespace(
             n_sample=(width, height), factor=factor, sample_time=4, hidden_sides=None,
-            units_per_record=MAX_RECORDS // limit,
+            units_per_record=MAX_RECORDS // limit, opacity=None,
         )  # fmt: skip
         lists, n_row = cull(drawn, as_pass, SERIAL)
         return n_row, np.diff(lists.starts)

@@ -263,9 +263,9 @@ FAULTS = (
     # Transparency
     Fault(
         "transparency: the furthest layer is composited first, as if it were in front",
-        "pipeline/a_buffer.py",
-        "entries[i - gap] > entry:",
-        "entries[i - gap] < entry:",
+        "geometry/normals.py",
+        "keys[slot - gap] > key:",
+        "keys[slot - gap] < key:",
         "pipeline pictures",
     ),
     Fault(

@@ -38,12 +38,16 @@ def test_samples_in_the_extents_are_numbered_row_by_row():
     assert [int(columns[row]) + left for row, left in ((0, 3), (7, 3), (16, 0), (19, 0))] == [0, 28, 32, 38]
 
 
-def test_room_grows_and_is_used_again():
+def test_room_grows_and_keeps_what_it_holds():
     room = Room()
-    first = room.array("a", (3, 4))
-    assert first.shape == (3, 4) and first.dtype == np.int64
-    assert np.shares_memory(room.array("a", (5,)), first) and not np.shares_memory(room.array("b", (5,)), first)
-    assert room.array("a", (5,), np.float64).dtype == np.float64 and room.array("a", (50,)).shape == (50,)
+    room.grow(3)
+    room.entries[:], room.before[:] = (1, 2, 3), (4, 5, 6)
+    entries = room.entries
+    room.grow(2)
+    assert room.entries is entries
+    room.grow(5)
+    assert [len(each) for each in (room.before, room.entries, room.sorted)] == [5, 5, 5]
+    assert room.entries[:3].tolist() == [1, 2, 3] and room.before[:3].tolist() == [4, 5, 6]
 
 
 def test_lists_are_sorted_in_whatever_order_they_are():
@@ -77,7 +81,7 @@ def test_the_array_of_fragments_grows_up_to_a_limit():
     deferred, values = make_deferred(len(triangles), extents), np.zeros((len(triangles), 3, 3))
     workspace, _ = stages.scan_alone(triangles, depth, values, coding, screen, size, deferred=deferred)
     drawables = stages.drawables_of(triangles, compute_z(depth, screen), values[None])
-    a_buffer = make_a_buffer(Room(), extents, size[1], 1)
+    a_buffer = make_a_buffer(extents, size[1], 1)
     rest = deferred.listed(), drawables, workspace.block, workspace.visibility, a_buffer
     band = Band(np.arange(len(triangles), dtype=np.uint32), 0, size[1])
     fragments = gather_fragments(band, *rest, Room())
