@@ -80,6 +80,7 @@ def whole(value: object, what: str, low: int, high: float = math.inf, unit: str 
 
 def flag(value: object, what: str) -> bool:
     """Return `value` as a bool, Python's or numpy's; SceneError where it is anything else."""
+    # That of numpy, which isn't imported here, is told by its name.
     if not isinstance(value, bool) and type(value).__name__ not in ("bool_", "bool"):
         raise SceneError(f"{what} must be True or False; given {shown(value)}")
     return bool(value)
