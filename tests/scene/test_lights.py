@@ -10,7 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.errors import SceneError
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight, headlight, studio
+from rasterizer.scene.lights import (
+    AmbientLight,
+    AreaLight,
+    DirectionalLight,
+    PointLight,
+    Shadow,
+    SpotLight,
+    headlight,
+    studio,
+)
 from rasterizer.scene.material import Material
 
 _numbers = st.floats(-1e300, 1e300, allow_nan=False)
@@ -92,6 +101,15 @@ def test_illegal_values_name_the_light():
         ({"color": -0.5}, "area light's color"), ({"range": -1}, "area light's range"),
     ]  # fmt: skip
     assert_refused(lambda given: AreaLight(**AREA | given), cases, SceneError)
+
+
+def test_shadows_have_maps_of_a_whole_size_and_odd_filters():
+    cases = [
+        ({"size": size}, r"shadow's size must be a whole number within 16\.\.8192") for size in (15, 8193, 64.0, "x")
+    ]
+    cases += [({"filter": n}, r"filter must be an odd number within 1\.\.9; given") for n in (0, 2, 8, 11, 3.0, None)]
+    assert_refused(lambda given: Shadow(**given), cases, SceneError)
+    assert Shadow(np.int64(16), np.int64(9)) == Shadow(16, 9)
 
 
 def test_an_area_light_is_a_point_light_a_cell():
