@@ -24,13 +24,14 @@ def find_inner_sides(mesh: Mesh) -> NDArray[np.int64]:
     if not all(material.is_opaque for material in mesh.palette):
         return sides
     faces = mesh.faces.tolist()
-    owners = list_sides(faces)
+    numbers = range(len(faces))
+    owners = list_sides(faces, numbers)
     borders = {end for ends, at in owners.items() if len(at) == 1 for end in ends}
     if borders:
         # Vertices of borders that stand at one position are one.
         first: dict[tuple[float, ...], int] = {}
         names = {vertex: first.setdefault(tuple(mesh.vertices[vertex]), vertex) for vertex in sorted(borders)}
-        owners = list_sides([[names.get(vertex, vertex) for vertex in face] for face in faces])
+        owners = list_sides([[names.get(vertex, vertex) for vertex in face] for face in faces], numbers)
     is_pair = {ends: len(at) == 2 and at[0][1] != at[1][1] for ends, at in owners.items()}
     at_gaps = {face for ends, at in owners.items() if not is_pair[ends] for face, _ in at}
     for body in list_bodies(mesh.n_face, owners):
@@ -40,11 +41,11 @@ def find_inner_sides(mesh: Mesh) -> NDArray[np.int64]:
     return sides
 
 
-def list_sides(faces: list[list[int]]) -> dict[Ends, list[tuple[int, bool]]]:
-    """List for each edge, by its lower and higher vertex, the faces that have it, and whether they go from the lower to
-    the higher one. Sides without length are left out."""
+def list_sides(faces: list[list[int]], numbers: Iterable[int]) -> dict[Ends, list[tuple[int, bool]]]:
+    """List for each edge, by its lower and higher vertex, the numbers of the faces that have it, and whether they go
+    from the lower to the higher one. Sides without length are left out."""
     found: dict[Ends, list[tuple[int, bool]]] = {}
-    for number, corners in enumerate(faces):
+    for number, corners in zip(numbers, faces, strict=True):
         for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
             if start != end:
                 found.setdefault((min(start, end), max(start, end)), []).append((number, start < end))

@@ -24,6 +24,7 @@ from ..scene.camera import Projection, View
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..vectors import length
 from .clip import Range, to_eye
+from .closed import list_sides
 from .normals import NO_AREA, is_crease
 from .vectors import dot
 
@@ -65,12 +66,7 @@ def list_edges(mesh: Mesh) -> list[Edge]:
     points = np.array(list(names))
     polygons = list(range(mesh.n_face)) if mesh.polygons is None else mesh.polygons.tolist()
     normals = _polygon_normals(mesh, polygons)
-    sides: dict[tuple[int, int], list[tuple[int, bool]]] = {}
-    for polygon, face in zip(polygons, mesh.faces.tolist(), strict=True):
-        loop = [vertex[corner] for corner in face]
-        for start, end in zip(loop, loop[1:] + loop[:1], strict=True):
-            if start != end:
-                sides.setdefault((min(start, end), max(start, end)), []).append((polygon, start < end))
+    sides = list_sides([[vertex[corner] for corner in face] for face in mesh.faces.tolist()], polygons)
     # A polygon that goes along an edge there and back does not have it: the edge is inside of it.
     for ends, at in sides.items():
         n_time = Counter(polygon for polygon, _ in at)

@@ -42,13 +42,13 @@ from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
 from .clip import to_eye
-from .light import Contribution, Lighting, ambient_light, as_rgb, contributions, materials_at
+from .light import Contribution, Lighting, Points, ambient_light, as_rgb, contributions, materials_at
 from .picture import Look, encode, in_range, look_at, render, resolve, spread_samples
 from .shading import (
     Fragments,
-    Points,
     corner_points,
     cue_factors,
+    opacity_of,
     polygon_points,
     sample_normals,
     sample_points,
@@ -208,7 +208,8 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]
         for k in range(len(fragments.face)):
             one = fragments.part(slice(k, k + 1))
             at = int(one.rows[0]) - window.top, int(one.columns[0]) - window.left
-            opacity = _opacity(look.surface, one, lighting)
+            texels = sample_textures(look.surface, one, lighting)
+            opacity = float(opacity_of(look.surface, one, lighting, texels)[0])
             layers[at].append(_explain_layer(look, one, lighting, opacity, float(through[at]) * opacity))
             through[at] *= 1.0 - opacity
         is_open = (visible.piece >= 0) & (through > 0)
@@ -217,12 +218,6 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]
         _Sample((window.left + column + 0.5) / per_axis, (window.top + row + 0.5) / per_axis, layers[row, column])
         for row, column in layers
     ]
-
-
-def _opacity(surface: Surface, fragment: Fragments, lighting: Lighting) -> float:
-    """Return the opacity of what one sample sees: that of the material, times that of the texel."""
-    texel = sample_textures(surface, fragment, lighting)[0]
-    return float(lighting.materials["opacity"][surface.material[fragment.face[0]]] * texel[3])
 
 
 def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity: float, visible: float) -> _Layer:
@@ -235,8 +230,7 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity:
     ambients = as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo * texel * gain
     emissions = as_rgb(lighting.materials["emissive"][points.material], lighting) * gain
     ambient, emission = weights @ ambients, weights @ emissions
-    arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
-    lit = list(contributions(*arguments, points.metals))
+    lit = list(contributions(points, lighting))
     lights, light = _explain_lights(points, weights, lighting, lit, texel * gain, gain)
     corners: list[Row] = []
     if lighting.shading == "gouraud":
@@ -246,7 +240,7 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity:
     color = ambient + emission + depth_cue + light
     normal = points.normals[0] if lighting.shading == "flat" else sample_normals(surface, fragment)[0]
     face, material = _names_of(look.scene, int(fragment.face[0]))
-    brush = materials_at(points.material, lighting, points.metals)[0]
+    brush = materials_at(points, lighting)[0]
     rows: list[Row] = [
         ("layer", face),
         ("reflection", _describe_material(material, brush)),

@@ -26,7 +26,7 @@ from ..scene.scene import DepthCue, Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
 from ..vectors import unit
-from .lamp import Arrival, Lamp, lamp_type_of, make_lamps
+from .lamp import Lamp, lamp_type_of, make_lamps
 from .reflection import channels_of, count_waves, palette_of, read_materials, reflect
 from .shadow import Casters, gather_casters, reaches
 from .surface import Surface
@@ -49,11 +49,17 @@ class Lighting(NamedTuple):
     exposure: float = 0.0  # stops, by which light is multiplied, but not the colour of the cue
 
 
-class RayOrigins(NamedTuple):
-    """Where the rays to the lights start."""
+class Points(NamedTuple):
+    """Points at which the illumination equation is evaluated."""
 
-    points: NDArray[np.float64]  # (n, 3) world
-    owner: NDArray[np.int64]  # (n,) see `Casters`
+    positions: NDArray[np.float64]  # (n, 3) world
+    normals: NDArray[np.float64]  # (n, 3) unit, to the viewer
+    material: NDArray[np.int64]  # (n,) row of the table of materials
+    albedo: NDArray[np.float64] | None = None  # (n, 3) linear RGB that multiplies the diffuse part
+    origins: NDArray[np.float64] | None = None  # (n, 3) where the rays to the lights start; None = none are in shadow
+    owner: NDArray[np.int64] | None = None  # (n,) whose these are, see `Casters`
+    tangents: NDArray[np.float64] | None = None  # (n, 3) None where no material is brushed along u
+    metals: NDArray[np.float64] | None = None  # (n, 2) what textures multiply metallic and roughness by; None = 1
 
 
 class Contribution(NamedTuple):
@@ -98,33 +104,20 @@ def make_lighting(
     )
 
 
-def light_points(
-    points: NDArray, normals: NDArray, material: NDArray, lighting: Lighting,
-    origins: RayOrigins | None = None, tangents: NDArray | None = None, metals: NDArray | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+def light_points(points: Points, lighting: Lighting) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Evaluate the illumination equation.
 
     I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a (kd D + ks M) + ks F), per channel, with D, F and M
     as `reflect` computes them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's
     colour; S is 0 in shadow, else 1.
 
-    Parameters
-    ----------
-    points : (n, 3) float64, world
-    normals : (n, 3) float64, unit
-    material : (n,) int, rows of the table of materials
-    lighting : all else
-    origins : where rays to the lights start; None = nothing lies in shadow
-    tangents : (n, 3) float64, the directions in which u grows; None where the scene has no texture coordinates
-    metals : (n, 2) float64, what textures multiply metallic and roughness by; None = 1
-
     Returns
     -------
     diffuse : (n, 3) float64, linear RGB: what a multiplies
     specular : (n, 3) float64, linear RGB
     """
-    diffuse, specular = ambient_light(material, lighting), lighting.materials["emissive"][material]
-    for each in contributions(points, normals, material, lighting, origins, tangents, metals):
+    diffuse, specular = ambient_light(points.material, lighting), lighting.materials["emissive"][points.material]
+    for each in contributions(points, lighting):
         diffuse += each.diffuse
         specular += each.specular
     return as_rgb(diffuse, lighting), as_rgb(specular, lighting)
@@ -140,55 +133,48 @@ def ambient_light(material: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     return total
 
 
-def materials_at(material: NDArray, lighting: Lighting, metals: NDArray | None) -> NDArray:
-    """Return the row of each point's material, with what textures make metallic and rough; see `light_points`."""
-    table = lighting.materials[material]
+def materials_at(points: Points, lighting: Lighting) -> NDArray:
+    """Return the row of each point's material, with what textures make metallic and rough."""
+    table, metals = lighting.materials[points.material], points.metals
     if metals is not None:
         table["metallic"] *= metals[:, 0]
-        has_texture = np.array([texture is not None for texture in lighting.metals])[material]
+        has_texture = np.array([texture is not None for texture in lighting.metals])[points.material]
         alpha = np.where(has_texture, np.maximum(table["roughness"] * metals[:, 1], 0.001), table["roughness"])
         table["roughness"], table["across"] = alpha, np.where(has_texture, alpha, table["across"])
     return table
 
 
-def contributions(
-    points: NDArray, normals: NDArray, material: NDArray, lighting: Lighting,
-    origins: RayOrigins | None = None, tangents: NDArray | None = None, metals: NDArray | None = None,
-) -> Iterator[Contribution]:  # fmt: skip
-    """Compute what each lamp adds, one after the other; parameters are those of `light_points`."""
-    table = materials_at(material, lighting, metals)
-    view_dirs = to_viewer(points, lighting)
-    brush = table["axis"] if tangents is None else np.where(table["is_by_u"][:, None], tangents, table["axis"])
+def contributions(points: Points, lighting: Lighting) -> Iterator[Contribution]:
+    """Compute what each lamp adds, one after the other."""
+    positions, normals, n, origins = points.positions, points.normals, len(points.positions), points.origins
+    table, view_dirs, brush = materials_at(points, lighting), to_viewer(positions, lighting), points.tangents
+    brush = table["axis"] if brush is None else np.where(table["is_by_u"][:, None], brush, table["axis"])
 
     def channels(color: object) -> NDArray:
         return channels_of(color, lighting.n_wave)
 
     for lamp in make_lamps(lighting.lights, lighting.view, channels):
-        for arrival in lamp_type_of(lamp.light).arrivals(lamp, points, normals, channels):
+        for arrival in lamp_type_of(lamp.light).arrivals(lamp, positions, normals, channels):
             color = arrival.color if arrival.strength is None else arrival.color * arrival.strength
-            left = np.ones(len(points)) if arrival.strength is None else arrival.strength[:, 0]
-            if arrival.light_dirs is None:
-                yield _ambient_share(lamp, color, left, table)
+            left = np.ones(n) if arrival.strength is None else arrival.strength[:, 0]
+            if arrival.light_dirs is None:  # light from all sides has no direction, and its N.L counts as 1
+                diffuse, everywhere = color * table["ambient"], np.ones(n, bool)
+                yield Contribution(
+                    lamp, np.zeros((n, 3)), np.ones(n), left, everywhere, diffuse, np.zeros_like(diffuse)
+                )
                 continue
             n_dot_l = dot(normals, arrival.light_dirs)
             is_lit = n_dot_l > 0
             if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None):
-                is_lit[is_lit] = _is_reached(lamp, arrival, origins, is_lit, lighting.casters)
+                starts, is_finite = origins[is_lit], lamp.position is not None
+                to_light = lamp.position - starts if is_finite else arrival.light_dirs[is_lit]
+                is_lit[is_lit] = reaches(lighting.casters, starts, points.owner[is_lit], to_light, is_finite)
             diffuse, specular, metal = reflect(table, normals, arrival.light_dirs, view_dirs, brush)
             with np.errstate(invalid="ignore"):  # an amplifying light in the very point
                 of_color = table["diffuse"] * diffuse + table["specular"] * metal
                 reflected = color * of_color, color * table["specular"] * specular
             diffuse, specular = (np.where(is_lit[:, None], part, 0) for part in reflected)
             yield Contribution(lamp, arrival.light_dirs, n_dot_l, left, is_lit, diffuse, specular)
-
-
-def _ambient_share(lamp: Lamp, color: NDArray, left: NDArray, table: NDArray) -> Contribution:
-    """Return what light from all sides adds to points: it has no direction, and its N.L counts as 1."""
-    diffuse = color * table["ambient"]
-    n = len(left)
-    return Contribution(
-        lamp, np.zeros((n, 3)), np.ones(n), left, np.ones(n, bool), diffuse, np.zeros_like(diffuse)
-    )  # fmt: skip
 
 
 def as_rgb(light: NDArray, lighting: Lighting) -> NDArray[np.float64]:
@@ -201,11 +187,3 @@ def to_viewer(points: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     if lighting.projection.is_perspective:
         return unit(lighting.view.eye - points)
     return np.broadcast_to(-lighting.view.forward, points.shape)
-
-
-def _is_reached(lamp: Lamp, arrival: Arrival, origins: RayOrigins, at: NDArray, casters: Casters) -> NDArray[np.bool_]:
-    """Tell of the origins `at` (n,) bool which ones a lamp reaches."""
-    points = origins.points[at]
-    is_finite = lamp.position is not None
-    to_light = lamp.position - points if is_finite else arrival.light_dirs[at]
-    return reaches(casters, points, origins.owner[at], to_light, is_finite)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..scene.texture import Texture
 from ..vectors import length, unit
-from .light import Lighting, RayOrigins, light_points, to_viewer
+from .light import Lighting, Points, light_points, to_viewer
 from .shadow import NO_OWNER
 from .surface import Surface, face_tangents, unit_sums
 from .vectors import area_vectors, blend, dot
@@ -46,23 +46,7 @@ class Fragments(NamedTuple):
 
     def part(self, some: slice | NDArray) -> "Fragments":
         """Return some of the samples."""
-        steps = None if self.steps is None else self.steps[some]
-        return Fragments(
-            self.rows[some], self.columns[some], self.face[some], self.side[some], self.weights[some], self.depth[some],
-            steps,
-        )  # fmt: skip
-
-
-class Points(NamedTuple):
-    """Points at which the illumination equation is evaluated."""
-
-    positions: NDArray[np.float64]  # (n, 3) world
-    normals: NDArray[np.float64]  # (n, 3) unit, to the viewer
-    material: NDArray[np.int64]  # (n,) row of the table of materials
-    albedo: NDArray[np.float64]  # (n, 3) linear RGB that multiplies the diffuse part
-    origins: RayOrigins  # of the rays to the lights
-    tangents: NDArray[np.float64] | None  # (n, 3) None where no material is brushed along u
-    metals: NDArray[np.float64] | None = None  # (n, 2) what textures multiply metallic and roughness by; None = 1
+        return Fragments(*(None if column is None else column[some] for column in self))
 
 
 def light_samples(
@@ -163,8 +147,7 @@ def sample_normals(surface: Surface, fragments: Fragments) -> NDArray[np.float64
 def _light(points: Points, lighting: Lighting) -> tuple[NDArray, NDArray]:
     """Evaluate the equation at points; return both parts of the light, (n, 3) each, the diffuse one with the points'
     colours."""
-    args = points.positions, points.normals, points.material, lighting, points.origins, points.tangents, points.metals
-    diffuse, specular = light_points(*args)
+    diffuse, specular = light_points(points, lighting)
     return points.albedo * diffuse, specular
 
 
@@ -204,7 +187,7 @@ def polygon_points(surface: Surface, polygon: NDArray, lighting: Lighting) -> Po
     tangents = None
     if surface.tangents is not None:
         tangents = unit_sums(face_tangents(surface.corners, surface.uv), surface.polygon)[polygon]
-    return Points(centroids, normals, material[polygon], albedo, RayOrigins(centroids, polygon), tangents)
+    return Points(centroids, normals, material[polygon], albedo, centroids, polygon, tangents)
 
 
 # --- Gouraud -------------------------------------------------------------------------------------------------
@@ -228,9 +211,9 @@ def corner_points(surface: Surface, face: NDArray, side: NDArray) -> Points:
     """Return the corners of faces on their sides (n,), face by face."""
     points, material = surface.corners[face].reshape(-1, 3), np.repeat(surface.material[face], 3)
     normals = (surface.normals[face] * side[:, None, None]).reshape(-1, 3)
-    origins = RayOrigins(points, np.full(len(points), NO_OWNER))
     tangents = None if surface.tangents is None else surface.tangents[face].reshape(-1, 3)
-    return Points(points, normals, material, surface.albedo[face].reshape(-1, 3), origins, tangents)
+    albedo, owner = surface.albedo[face].reshape(-1, 3), np.full(len(points), NO_OWNER)
+    return Points(points, normals, material, albedo, points, owner, tangents)
 
 
 # --- Phong ---------------------------------------------------------------------------------------------------
@@ -250,13 +233,14 @@ def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) ->
     """
     positions, normals = world_positions(fragments, lighting), sample_normals(surface, fragments)
     albedo = blend(fragments.weights, surface.albedo[fragments.face])
-    origins = RayOrigins(blend(fragments.weights, surface.corners[fragments.face]), fragments.face)
+    origins = blend(fragments.weights, surface.corners[fragments.face])
     tangents = None if surface.tangents is None else blend(fragments.weights, surface.tangents[fragments.face])
     metals = None
     if lighting.metals:
         texels = _look_up(surface, fragments, lighting.metals, slice(2, 4))
         metals = np.stack([texels[:, 2], texels[:, 1] ** 2], axis=1)
-    return Points(positions, normals, surface.material[fragments.face], albedo, origins, tangents, metals)
+    material = surface.material[fragments.face]
+    return Points(positions, normals, material, albedo, origins, fragments.face, tangents, metals)
 
 
 def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:

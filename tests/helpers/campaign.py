@@ -377,9 +377,10 @@ class Marker:
             texels[(np.abs(places - np.rint(places)) <= self.near[TEXELS]).any(axis=1)] = np.nan
         return texels
 
-    def light_points(self, points, normals, material, lighting, *others):
+    def light_points(self, at, lighting):
         """Both parts of the light; NaN next to a step."""
-        diffuse, specular = self._light(points, normals, material, lighting, *others)
+        diffuse, specular = self._light(at, lighting)
+        points, normals, material = at[:3]
         is_near = np.zeros(len(points), bool)
         if self._is_short is not None and len(self._is_short) == len(points):
             is_near |= self._is_short

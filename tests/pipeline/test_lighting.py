@@ -14,7 +14,7 @@ from rasterizer.pipeline.fragments import BATCH_SIZE, make_batch
 from rasterizer.pipeline.lighting import SurfacePoints, light_points
 from rasterizer.pipeline.transform import make_screen
 from rasterizer.reference import light as reference_light
-from rasterizer.reference.light import Lighting
+from rasterizer.reference.light import Lighting, Points
 from rasterizer.reference.reflection import read_materials
 
 SIZE = (64, 48)
@@ -90,7 +90,7 @@ def judge_them(camera, lights, material, side, points, has_albedo):
     normals = normals * (side if side else toward)
     white = albedo if has_albedo else np.ones_like(positions)
     diffuse, specular = reference_light.light_points(
-        positions, normals, np.zeros(len(positions), int), expected_lighting
+        Points(positions, normals, np.zeros(len(positions), int)), expected_lighting
     )
     return white * diffuse + specular
 

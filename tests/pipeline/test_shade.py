@@ -28,7 +28,7 @@ from rasterizer.pipeline.records import FACE, PLANES_FACE, UNIT_SHIFT
 from rasterizer.pipeline.shade import shade_interpolated
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK, RECORD_MASK, RECORD_SHIFT
 from rasterizer.reference import light as reference_light
-from rasterizer.reference.light import Lighting
+from rasterizer.reference.light import Lighting, Points
 from rasterizer.reference.reflection import read_materials
 from rasterizer.scene.camera import Projection, View
 
@@ -198,7 +198,7 @@ def expected_light(screen, size, triangle, depth, normals, albedo, lights, mater
     scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=material)], lights)
     projection = Projection(screen.scale_x, screen.scale_y, screen.center_x, screen.center_y, screen.is_perspective)
     lighting = Lighting(view_of(screen), projection, read_materials(scene), tuple(lights), "phong")
-    diffuse, specular = reference_light.light_points(points, normal, np.zeros(len(rows), int), lighting)
+    diffuse, specular = reference_light.light_points(Points(points, normal, np.zeros(len(rows), int)), lighting)
     return rows, columns, colors * diffuse + specular
 
 
