@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.camera import View
+from ..scene.material import Material
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from .clip import to_eye
@@ -38,36 +39,21 @@ def describe_surface(
     """Gather the buffers of the fragments of the nearest surfaces; `normal` is (h, w, 3), world."""
     shape, at = normal.shape[:2], (fragments.rows, fragments.columns)
     mask, labels = np.zeros(shape, bool), np.full((2, *shape), -1, np.int32)
-    uv, barycentric = np.full((*shape, 2), np.nan), np.full((*shape, 3), np.nan)
-    position = np.full((*shape, 3), np.nan)
-    materials: list = []
-    seen, of_seen = np.unique(fragments.face, return_inverse=True)
-    corner_uv = np.concatenate([_uv_of(mesh) for mesh in scene.meshes])
-    face_labels = np.zeros((len(seen), 2), np.int32)
-    for mesh in scene.meshes:
-        materials += [material for material in dict.fromkeys(mesh.palette) if material not in materials]
-    for k, face in enumerate(seen):
-        number, mesh, loaded = _owner(scene, int(face))
-        material = mesh.palette[0 if mesh.face_material is None else mesh.face_material[loaded]]
-        face_labels[k] = number, materials.index(material)
-    mask[at] = True
-    for k in range(2):
-        labels[k][at] = face_labels[of_seen, k]
-    uv[at] = blend(fragments.weights, corner_uv[fragments.face])
-    barycentric[at] = fragments.weights
+    uv, barycentric, position = (np.full((*shape, n), np.nan) for n in (2, 3, 3))
+    numbers: dict[Material, int] = {}
+    face_labels, corner_uv = [], []
+    for number, mesh in enumerate(scene.meshes):
+        palette = np.array([numbers.setdefault(material, len(numbers)) for material in mesh.palette])
+        of_faces = palette[np.zeros(mesh.n_face, int) if mesh.face_material is None else mesh.face_material]
+        face_labels.append([np.full(mesh.n_face, number), of_faces])
+        corner_uv.append(_uv_of(mesh))
+    mask[at], barycentric[at] = True, fragments.weights
+    labels[:, at[0], at[1]] = np.concatenate(face_labels, axis=1)[:, fragments.face]
+    uv[at] = blend(fragments.weights, np.concatenate(corner_uv)[fragments.face])
     position[at] = blend(fragments.weights, surface.corners[fragments.face])
     seen_from_camera = to_eye(position, view) * CAMERA_AXES
     axes = np.stack([view.right, view.up, -np.asarray(view.forward)])
     return SurfaceBuffers(mask, *labels, uv, barycentric, position, seen_from_camera, normal @ axes.T)
-
-
-def _owner(scene: Scene, face: int) -> tuple[int, Mesh, int]:
-    """Return the mesh of a face as loaded: its index, itself, and the face's index in it."""
-    for number, mesh in enumerate(scene.meshes):
-        if face < mesh.n_face:
-            return number, mesh, face
-        face -= mesh.n_face
-    raise IndexError(face)
 
 
 def _uv_of(mesh: Mesh) -> NDArray[np.float64]:

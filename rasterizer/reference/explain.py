@@ -279,11 +279,8 @@ def _evaluation_points(
     """Return the points at which the equation is evaluated for a sample, what each counts for (n,), and where they
     are."""
     if lighting.shading == "flat":
-        return (
-            polygon_points(surface, surface.polygon[fragment.face], lighting),
-            np.ones(1),
-            "at the polygon's centroid",
-        )
+        points = polygon_points(surface, surface.polygon[fragment.face], lighting)
+        return points, np.ones(1), "at the polygon's centroid"
     if lighting.shading == "phong":
         return sample_points(surface, fragment, lighting), np.ones(1), "at the sample"
     points = corner_points(surface, fragment.face, fragment.side)

@@ -19,29 +19,13 @@ from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .buffers import SurfaceBuffers, describe_surface
-from .clip import (
-    are_outside,
-    choose_range,
-    clip_to_view,
-    depths_of_boxes,
-    depths_on_planes,
-    project,
-    snap,
-    to_eye,
-)
+from .clip import are_outside, choose_range, clip_to_view, depths_of_boxes, depths_on_planes, project, snap, to_eye
 from .closed import find_inner_sides
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
 from .shading import Fragments, light_samples
 from .surface import Surface, compute_sides, gather
-from .visibility import (
-    NO_KEY,
-    Raster,
-    Window,
-    doubled_area,
-    find_visible,
-    gather_fragments,
-)
+from .visibility import NO_KEY, Raster, Window, doubled_area, find_visible, gather_fragments
 
 
 class Picture(NamedTuple):
@@ -86,11 +70,7 @@ class Look(NamedTuple):
     boxes: NDArray[np.float64]  # (n_mesh, 2, 3) round the meshes, world
     is_rounded: bool
     inner_sides: NDArray[np.int64]  # (n_face,) see `find_inner_sides`; 0 where nobody asks
-
-    @property
-    def shading(self) -> str:
-        """Where light is evaluated: "flat", "gouraud" or "phong"."""
-        return _shading_of(self.options)
+    shading: str  # where light is evaluated: "flat", "gouraud" or "phong"
 
 
 class Layers(NamedTuple):
@@ -184,15 +164,10 @@ def look_at(
         given if limit is None else limit for limit, given in zip(limits, (camera.near, camera.far), strict=True)
     )
     boxes = np.stack([mesh.bounds for mesh in scene.meshes])
-    surface = gather(scene, _shading_of(options))
-    is_asked = options.cull == "auto"
+    shading = "flat" if options.is_flat else options.shading
+    surface, is_asked = gather(scene, shading), options.cull == "auto"
     inner = [find_inner_sides(mesh) if is_asked else np.zeros(mesh.n_face, np.int64) for mesh in scene.meshes]
-    return Look(scene, camera, surface, size, options, (near, far), boxes, is_rounded, np.concatenate(inner))
-
-
-def _shading_of(options: Options) -> str:
-    """Return the method of shading by one of its names."""
-    return "flat" if options.is_flat else options.shading
+    return Look(scene, camera, surface, size, options, (near, far), boxes, is_rounded, np.concatenate(inner), shading)
 
 
 def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:

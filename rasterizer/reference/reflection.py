@@ -227,17 +227,15 @@ def read_materials(scene: Scene, n_wave: int | None = None, is_lit_per_sample: b
     (n_material,) records; colours have `n_wave` values, or three where that is None
     """
     palette = [material.as_lit(is_lit_per_sample) for material in palette_of(scene)]
-    colors = [
-        (name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")
-    ]
-    colors += [(name, *colors[0][1:]) for name in ("fresnel", "metal")]
+    names = "ambient", "diffuse", "specular", "emissive", "fresnel", "metal"
+    colors = [(name, np.float64, 3 if n_wave is None else n_wave) for name in names]
     numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity", "metallic")]
     longest = max(map(len, (*REFERENCE_MODELS, *DISTRIBUTIONS)))
     words = [("reflection", f"U{longest}"), ("distribution", f"U{longest}"), ("normalized", bool)]
     brush = [("roughness", np.float64), ("across", np.float64), ("axis", np.float64, 3), ("is_by_u", bool)]
     table = np.zeros(len(palette), [*colors, *numbers, *words, *brush])
     for row, material in zip(table, palette, strict=True):
-        for name, *_ in colors[:-2]:
+        for name in names[:4]:
             row[name] = channels_of(getattr(material, name), n_wave)
         row["metal"] = channels_of(material.diffuse if material.metal is None else material.metal, n_wave)
         for name, _ in numbers + words:

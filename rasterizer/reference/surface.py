@@ -40,9 +40,8 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in palette_of(scene))
     for mesh in scene.meshes:
         polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
-        material = (
-            np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
-        )
+        given = mesh.face_material
+        material = np.zeros(mesh.n_face, np.int64) if given is None else given.astype(np.int64)
         uv = _corner_uv(mesh) if has_texture else None
         albedo = _corner_albedo(mesh)
         if shading == "flat" and mesh.polygons is not None and mesh.colors is not None:
