@@ -64,7 +64,6 @@ from .visibility import (
     STRIP_SHIFT,
     VisibilityBuffer,
     record_of,
-    stretch_of,
     strip_of,
     widen_extent,
 )
@@ -361,7 +360,7 @@ def composite(layer, records, a_buffer, opacity):
             continue
         start, n = (row - layer.first_row) * visibility.pitch + left, right - left
         sample = a_buffer.columns[row] + left
-        fill_alphas(layer, strip, start, left, right, records, opacity)
+        fill_alphas(visibility.entries[start : start + n], records, layer.alphas, start, opacity, layer.weights)
         transmit(layer.weights[:n], a_buffer.transmittance[sample : sample + n], a_buffer.opacity[sample : sample + n])
         for channel in range(n_channel):
             color, radiance = a_buffer.color[channel, sample : sample + n], layer.radiance[channel, start : start + n]
@@ -370,31 +369,8 @@ def composite(layer, records, a_buffer, opacity):
 
 
 @helper
-def fill_alphas(layer, strip, start, left, right, records, opacity):
-    """Fill the weights with the opacities of the fragments in columns left..right of a row; 0 where there is none.
-
-    `start` is the row's entry in column `left`.
-    """
-    visibility, alphas, first = layer.visibility, layer.weights, left
-    while first < right:
-        end, material = stretch_of(visibility, strip, first, right, -1)
-        k, n = first - left, end - first
-        entries, out = visibility.entries[start + k : start + k + n], alphas[k : k + n]
-        if material >= 0:
-            alpha = opacity.opacity[material]
-            for i in range(n):
-                out[i] = alpha if entries[i] < CLEAR else 0.0
-            if opacity.is_textured[material]:
-                for i in range(n):
-                    out[i] *= layer.alphas[start + k + i] if entries[i] < CLEAR else 0.0
-        else:
-            fill_alphas_of_many(entries, records, layer.alphas, start + k, opacity, out)
-        first = end
-
-
-@helper
-def fill_alphas_of_many(entries, records, alphas, start, opacity, out):
-    """Fill the opacities of a row's fragments, which may be of any materials."""
+def fill_alphas(entries, records, alphas, start, opacity, out):
+    """Fill the opacities of a row's fragments, which begin at `start`; 0 where there is none."""
     is_textured = False
     last_record, last_alpha = MAX_RECORDS, 0.0  # neighbours often show the same triangle
     for k in range(len(entries)):
