@@ -80,7 +80,8 @@ def judged(points, normals, material, camera, spectral=None):
     lighting = reference_light.make_lighting(
         scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral
     )
-    return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), lighting))
+    points = reference_light.Points(points, normals, np.zeros(len(points), int))
+    return sum(reference_light.light_points(points, lighting))
 
 
 @pytest.mark.parametrize(
