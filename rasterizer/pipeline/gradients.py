@@ -68,7 +68,7 @@ def clear_planes(block):
     """Let all records of a block be exact."""
     ints = block.ints
     for k in range(s.BLOCK):
-        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = 0
+        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = ints[s.PIECE + k] = 0
 
 
 # ---------------------------------------------------------------- levels, in entries
@@ -84,6 +84,11 @@ def compute_levels(n_attribute, coding, block):
     compute_level_plane(coding, block)
     for k in range(s.BLOCK):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
+    if n_left > 0:
+        compute_pieces(coding, block)
+        n_left = 0
+        for k in range(s.BLOCK):
+            n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
         compute_value_planes(0, MAX_CHANNELS, coding.depths, block)
         compute_textured(n_attribute, coding.textures, coding.depths, block)
@@ -128,12 +133,69 @@ def compute_level_plane(coding, block):
         is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)
         ints[s.HAS_PLANES + k] &= path != EXACT
+        ints[s.PIECE + k] = 0
         rise1, rise2 = (level1 - level0) * shrink, (level2 - level0) * shrink
         dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
         dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
         value = middle + (level0 - middle) * shrink + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
         longs[s.PLANE_LEVEL + k], longs[s.PLANE_LEVEL_DX + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
         longs[s.PLANE_LEVEL_DY + k] = np.int64(np.rint(dy))
+
+
+# Where perspective bends the intensity of a triangle too much, its spans are cut at every PIECE-th column of the picture.
+# At both ends of a piece the level is that of the perspective, between them it advances by ΔI·Δv as everywhere.
+#
+# With f = 1/w and M = (I - I_m)/w, both linear on the screen, I = I_m + M/f, where I_m is the middle of the vertices'
+# intensities: so |M/f| <= D/2, D = |ΔI| of the vertices. With the least f of the triangle:
+#
+#     along a row           I_x = (M_x - (M/f)·f_x)/f, so |I_x| <= G = (|M_x| + D/2·|f_x|)/f_min
+#     over a piece of P     |ΔI| <= min(D, P·G), and f grows by a factor q with q - 1 <= P·|f_x|/f_min
+#     between its ends      I - line <= |ΔI|·(√q - 1)/(√q + 1) <= |ΔI|·(q - 1)/4 <= min(D, P·G)·P·|f_x|/(4 f_min)
+#
+# Levels are whole: an end is rounded by half of one, an increment by half of one, which adds up to P/2 at most. So
+# vertices are first shrunk by MARGIN about I_m, as those of planes are: no rounding leaves their range. Float64 errs by
+# 2^-28 of what M and f rise by (MAX_ELONGATION in setup.py), so with f <= 1 a level errs by 3/2·2^-28·D/f_min.
+#
+# Columns are those of the picture, and ends are samples of the triangle: an entry is a function of triangle and sample
+# alone.
+
+PIECES = 8, 16, 32, 64  # samples
+MARGIN = float(PIECES[-1] // 2 + 1)  # levels
+LEAST_INVERSE = 2.0**-20  # of f, the largest being 1: far above what float64 loses
+
+
+@helper
+def compute_pieces(coding, block):
+    """Find the longest pieces whose errors are accepted, and the planes of what stands at their ends, of triangles for
+    which one plane of levels is not good enough; the others of their materials get exact records."""
+    ints, reals = block.ints, block.reals
+    scale, highest = coding.level_scale, float(LEVEL_MASK - 1)
+    for k in range(s.BLOCK):
+        tolerance = reals[s.LIMIT + k] * scale
+        i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
+        level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
+        low, high = min(level0, level1, level2), max(level0, level1, level2)
+        spread, middle = high - low, 0.5 * (low + high)
+        shrink = 1.0 - 2.0 * MARGIN / spread if spread > 2.0 * MARGIN else 0.0
+        f0, f1, f2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
+        inverse = 1.0 / max(f0, f1, f2)
+        f0, f1, f2 = f0 * inverse, f1 * inverse, f2 * inverse
+        m0, m1, m2 = (level0 - middle) * shrink * f0, (level1 - middle) * shrink * f1, (level2 - middle) * shrink * f2
+        s.compute_plane_at(s.PLANE_OVER_W + k, k, m0, m1, m2, block)
+        s.compute_plane_at(s.PLANE_INV_W + k, k, f0, f1, f2, block)
+        reals[s.MIDDLE + k] = middle
+        least, bend = min(f0, f1, f2), abs(reals[s.PLANE_INV_W + s.NEXT + k])
+        slope = (abs(reals[s.PLANE_OVER_W + s.NEXT + k]) + 0.5 * spread * bend) / least
+        rest = tolerance - 2.0 * MARGIN - 2.0**-26 * spread / least
+        piece = 1 if rest >= 0.0 else 0
+        for n in PIECES:
+            steps = min(n, float(ints[s.EXTENT_X + k]))
+            piece = n if min(spread, steps * slope) * steps * bend <= 4.0 * least * rest else piece
+        is_left = (ints[s.PATH + k] == IN_ENTRIES) & (ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k])
+        is_good = is_left & (piece > 0) & (least >= LEAST_INVERSE)
+        ints[s.PIECE + k] = piece if is_good else 0
+        ints[s.HAS_LEVELS + k] |= is_good
+        ints[s.HAS_PLANES + k] &= is_good | (not is_left)
 
 
 @helper

@@ -27,7 +27,7 @@ import numpy as np
 from ..compiler.kernels import helper, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
-from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_levels, compute_normals
+from .gradients import IS_INVISIBLE, IS_TRANSPARENT, MARGIN, clamp, clear_planes, compute_levels, compute_normals
 from .records import write_exact, write_normals, write_values
 from .transform import HALF, SUBPIXEL
 from .visibility import (
@@ -36,6 +36,7 @@ from .visibility import (
     IS_ID,
     IS_WEIGHTED,
     LANES,
+    LEVEL_MASK,
     PADDING,
     VisibilityBuffer,
     id_payload,
@@ -165,7 +166,10 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
             if len(coding.paths) > 1:
                 here = np.int64(block.ints[s.MATERIAL + k])
                 note_material(visibility, box.left, box.right, first_row, end_row, here)
-            fill(visibility, band.y_start, box, k, payload, block)
+            if block.ints[s.HAS_LEVELS + k] != 0 and block.ints[s.PIECE + k] != 0:
+                fill_pieces(visibility, band.y_start, box, k, block)
+            else:
+                fill(visibility, band.y_start, box, k, payload, block)
     return n_level, n_plane, n_exact, features, material
 
 
@@ -465,6 +469,80 @@ def fill_spans(visibility, y_start, box, surface, fragments):
                     fill_sliver_span(span, x_start, y, surface)
                 else:
                     fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx, DEPTH_MASK)
+            left, right = advance(left), advance(right)
+
+
+class Perspective(NamedTuple):
+    """What gives the levels of a triangle in perspective: middle + M/f, float64, two planes beside a sample."""
+
+    middle: float
+    anchor_x: int  # the sample at which the planes have their values
+    anchor_y: int
+    m: float
+    m_dx: float
+    m_dy: float
+    f: float
+    f_dx: float
+    f_dy: float
+
+
+@helper
+def perspective_of(k, block):
+    """Return what gives the levels of triangle k of the block."""
+    reals, m, f = block.reals, s.PLANE_OVER_W + k, s.PLANE_INV_W + k
+    return Perspective(
+        reals[s.MIDDLE + k], np.int64(block.ints[s.ANCHOR_X + k]), np.int64(block.ints[s.ANCHOR_Y + k]),
+        reals[m], reals[m + s.NEXT], reals[m + s.NEXT + s.NEXT], reals[f], reals[f + s.NEXT],
+        reals[f + s.NEXT + s.NEXT],
+    )  # fmt: skip
+
+
+@helper
+def level_at(perspective, x, y):
+    """Return the level of a triangle at one of its samples, a whole number, float64."""
+    across, down = float(x - perspective.anchor_x), float(y - perspective.anchor_y)
+    m = perspective.m + across * perspective.m_dx + down * perspective.m_dy
+    f = perspective.f + across * perspective.f_dx + down * perspective.f_dy
+    return np.rint(MARGIN + clamp(perspective.middle + m / f - MARGIN, float(LEVEL_MASK - 1) - 2.0 * MARGIN))
+
+
+@helper
+def fill_perspective(span, x, y, plane, perspective):
+    """Fill a span by a division a sample, from (x, y) on."""
+    entry = entry_at(plane, x, y)
+    for k in range(len(span)):
+        new = np.int64(entry + np.uint64(k) * plane.dx) + np.int64(np.int32(level_at(perspective, x + k, y)))
+        span[k] = new if new < (span[k] & DEPTH_MASK) else span[k]
+
+
+@helper
+def fill_pieces(visibility, y_start, box, k, block):
+    """Fill the spans of triangle k of the block piece by piece: see gradients.py."""
+    surface, perspective = surface_of(k, Payload(0, 0, 0), block), perspective_of(k, block)
+    triangle, plane, piece = surface.triangle, surface.plane, np.int64(block.ints[s.PIECE + k])
+    middle = first_sample(min(triangle.y1, triangle.y2))
+    for half in range(2):
+        top, bottom = (box.top, min(box.bottom, middle)) if half == 0 else (max(box.top, middle), box.bottom)
+        if top >= bottom:
+            continue
+        left, right = left_edge(triangle, half, top), right_edge(triangle, half, top)
+        for y in range(top, bottom):
+            x, x_end, last = max(left.x, 0), min(right.x, visibility.width), right.x - 1
+            if x < x_end:
+                row = (y - y_start) * visibility.pitch
+                level = level_at(perspective, x, y)
+                if piece == 1:
+                    fill_perspective(visibility.entries[row + x : row + x_end], x, y, plane, perspective)
+                    x = x_end
+                while x < x_end:
+                    stop = min((x & -piece) + piece, last)
+                    at_stop = level_at(perspective, stop, y)
+                    end = stop + 1 if stop == last else stop
+                    step = np.int64(np.rint((at_stop - level) / float(max(stop - x, 1))))
+                    span = visibility.entries[row + x : row + min(end, x_end)]
+                    entry = entry_at(plane, x, y) + np.uint64(np.int64(level))
+                    fill_span(span, entry, plane.dx + np.uint64(step), DEPTH_MASK)
+                    x, level = end, at_stop
             left, right = advance(left), advance(right)
 
 

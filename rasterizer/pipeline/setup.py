@@ -48,7 +48,8 @@ MATERIAL = BLOCK * 21
 # What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
 PATH, N_OWN = BLOCK * 22, BLOCK * 23
 IS_WEIGHTED = BLOCK * 24  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
-N_INT = 25
+PIECE = BLOCK * 25  # samples after which a span is cut, see compute_pieces in gradients.py; 0 where it is one piece
+N_INT = 26
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
@@ -66,7 +67,11 @@ ATTRIBUTE, MAX_ATTRIBUTES = BLOCK * 13, 13
 PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = BLOCK * (13 + 3 * MAX_ATTRIBUTES), 10
 TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(13 + 3 * MAX_ATTRIBUTES, 19 + 3 * MAX_ATTRIBUTES)
 LIMIT = BLOCK * (13 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES)
-N_REAL = 14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+# Of spans in pieces: the planes of (level - MIDDLE)/w and 1/w, value at the anchor, d/dx, d/dy each; MIDDLE.
+PLANE_OVER_W, PLANE_INV_W, MIDDLE = (
+    BLOCK * (14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES + rows) for rows in (0, 3, 6)
+)
+N_REAL = 21 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = BLOCK  # from row to row
 NEXT_PLANE = 3 * BLOCK  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
@@ -349,12 +354,18 @@ def values_at(row, block):
 
 @helper
 def compute_plane(k, plane, a0, a1, a2, block):
-    """Compute a plane through the values at the vertices of triangle k; return how much it rises over the whole box."""
+    """Compute the plane of an attribute through the values at the vertices of triangle k; return how much it rises over
+    the whole box."""
+    return compute_plane_at(PLANE_ATTRIBUTE + plane * NEXT_PLANE + k, k, a0, a1, a2, block)
+
+
+@helper
+def compute_plane_at(out, k, a0, a1, a2, block):
+    """See `compute_plane`; the plane is written to three rows, from that of `out` on."""
     ints, reals = block.ints, block.reals
     rise1, rise2 = a1 - a0, a2 - a0
     dx = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
     dy = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
-    out = PLANE_ATTRIBUTE + plane * NEXT_PLANE + k
     reals[out] = a0 + dx * reals[OFFSET_X + k] + dy * reals[OFFSET_Y + k]
     reals[out + NEXT], reals[out + NEXT + NEXT] = dx, dy
     return abs(dx) * float(ints[EXTENT_X + k] + 1) + abs(dy) * float(ints[EXTENT_Y + k] + 1)
