@@ -136,12 +136,19 @@ def build_both_of_row(typing_context, entries, group, first, out, start, behind,
     return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), entries, group)
 
 
+def build_values_of_row(typing_context, entries, group, first, out, start, weights):
+    """Build `samples.evaluate_values`."""
+    return _build_evaluation((_Rows(out, 0, has_slopes=False, has_range=True),), entries, group)
+
+
 class _Rows(NamedTuple):
-    """What is written of a group of planes: their values, or these, d/dx of the first three, and d/dy of these."""
+    """What is written of a group of planes: their values, or these, d/dx of the first three, and d/dy of these; or
+    their values times a factor, within a range."""
 
     out: object  # the type of the array
     column: int  # of the group, behind the first one of the record
     has_slopes: bool
+    has_range: bool = False
 
 
 def _build_evaluation(groups, entries, group):
@@ -152,18 +159,22 @@ def _build_evaluation(groups, entries, group):
     is_flat = all(rows.out.layout == "C" for rows in groups)
     if not is_single or not is_flat or layout != [types.int64, types.int64, types.int64]:
         return None
-    places = [each for rows in groups for each in (rows.out, types.int64)]
+    places = [each for rows in groups for each in (rows.out, types.int64)] + [types.int64] * groups[0].has_range
     first = types.UniTuple(types.int64, 2)
     signature = types.void(entries, group, first, *places)
 
     def generate(context, builder, signature, arguments):
-        places, stride = range(3, len(arguments), 2), ir.Constant(ir.IntType(64), BATCH_SIZE)
+        places, stride = range(3, 3 + 2 * len(groups), 2), ir.Constant(ir.IntType(64), BATCH_SIZE)
         outs = [(data_of(context, builder, signature.args[k], arguments[k]), arguments[k + 1]) for k in places]
         reader = _PlaneReader(context, builder, signature, arguments)
         with side_by_side(builder, reader.n_entry, LANES) as (first, samples):
             located = tee(reader.locate(samples), len(groups))
             for rows, pairs, (out, start) in zip(groups, located, outs, strict=True):
-                parts = zip(*(reader.read(pair, rows) for pair in pairs), strict=True)
+                if rows.has_range:
+                    factors = _eight_at(builder, out, builder.add(arguments[5], first))
+                    parts = [[reader.read_within(pair, j, factors) for j, pair in enumerate(pairs)]]
+                else:
+                    parts = zip(*(reader.read(pair, rows) for pair in pairs), strict=True)
                 target = builder.add(start, first)
                 for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), parts, strict=False):
                     for values in transpose(builder, vectors)[:n_row]:
@@ -219,10 +230,27 @@ class _PlaneReader:
         value = builder.fadd(builder.fadd(value, builder.fmul(across, dx)), builder.fmul(down, dy))
         return (value, dx, dy) if rows.has_slopes else (value,)
 
+    def read_within(self, located, j, factors):
+        """The values of four planes at samples j and j + 4, times the factors of these, within their ranges."""
+        builder = self._builder
+        (value,) = self.read(located, _Rows(None, 0, has_slopes=False))
+        lanes = [j] * PLANE_GROUP + [j + PLANE_GROUP] * PLANE_GROUP
+        value = builder.fmul(value, shuffle(builder, factors, factors, lanes))
+        planes = [builder.gep(record, [self._column]) for record in located[0]]
+        for comparison, part in ((">", 3), ("<", 4)):  # of what is no number the least
+            limit = self._load(planes, part * PLANE_GROUP, FLOATS)
+            value = builder.select(builder.fcmp_ordered(comparison, value, limit), value, limit)
+        return value
+
     def _load(self, addresses, offset, llvm_type):
         """Four numbers each from two addresses, side by side."""
         both = (load(self._builder, address, offset, llvm_type) for address in addresses)
         return shuffle(self._builder, *both, list(range(LANES)))
+
+
+def _eight_at(builder, data, start):
+    """LANES numbers from a place on."""
+    return builder.load(builder.bitcast(builder.gep(data, [start]), _REALS.as_pointer()), align=4)
 
 
 def _right(first, second):

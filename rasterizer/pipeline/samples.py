@@ -108,7 +108,7 @@ def anchor_of(group, record):
 # ---------------------------------------------------------------- values within their ranges
 
 
-@helper
+@spelled_out("build_values_of_row")
 def evaluate_values(entries, group, first, out, start, weights):
     """Evaluate a group of four planes as `evaluate_planes` does, multiply, and keep values within their ranges.
 

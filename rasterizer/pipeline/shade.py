@@ -150,11 +150,15 @@ def find_planes(entries):
 @helper
 def decode_weighted(entries, band, first, n_channel, has_others, batch):
     """Put in the values of weighted planes: run by run where entries show others, too; as a rule few are weighted."""
-    (x, y), group = first, plane_group(band.records, VALUES)
-    start, end = (0, len(entries)) if not has_others else next_weighted_run(entries, 0)
+    (x, y), group, depths = first, plane_group(band.records, VALUES), band.coding.depths
+    if not has_others:
+        fill_weights(entries, depths, batch)
+        evaluate_values(entries, group, first, batch, f.NORMAL, f.WEIGHT)
+        return
+    start, end = next_weighted_run(entries, 0)
     while start < end:
         run = entries[start:end]
-        fill_weights(run, band.coding.depths, batch)
+        fill_weights(run, depths, batch)
         evaluate_values(run, group, (x + start, y), batch, WEIGHTED, f.WEIGHT)
         for channel in range(n_channel):
             target, source = f.NORMAL + channel * f.NEXT + start, WEIGHTED + channel * f.NEXT
