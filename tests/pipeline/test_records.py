@@ -153,6 +153,49 @@ def test_intensities_stay_in_range_and_within_the_tolerance(shape):
         assert n_refused > 50 if shape == "needle" else n_coded > 5, f"{n_coded} coded, {n_refused} refused, {kind}"
 
 
+# The largest w of a triangle over its least, and how far off an intensity may be.
+RATIOS, TOLERANCES = (1.0, 1.01, 1.5, 4.0, 100.0, 1e4), (1 / 64, 1 / 1024, 1 / 4096, 2.0**-16)
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_spans_in_pieces_err_by_the_tolerance_at_most(ratio):
+    """Whatever w spans, of triangles of a few samples and of thousands, that reach out of the picture or don't; and
+    levels stay within the range of the vertices. Only slivers have exact records."""
+    screen, rng, n_exact, n_triangle = plain_screen(True, (1.0, ratio * 1.01)), np.random.default_rng(9), 0, 0
+    shapes = [(triangle, SIZE) for reach in (4.0, 30.0, 200.0) for triangle in random_triangles(rng, 12, SIZE, reach)]
+    shapes += [(triangle, WIDE) for triangle in wide_triangles(rng, 6)]
+    for triangle, size in shapes:
+        depth = np.array([1.0, ratio, np.exp(rng.uniform(0, np.log(ratio)))])[rng.permutation(3)]
+        values = random_values(rng, 1, 1)[0]
+        for tolerance in TOLERANCES if len(covered(triangle, size)[0]) else ():
+            coding = plain_coding("entries", screen, 1, level_scale=LEVELS, tolerance=tolerance)
+            found, expected, _ = drawn_values((triangle, depth, values, size), coding, screen)
+            n_triangle, n_exact = n_triangle + 1, n_exact + (found is None)
+            if found is not None:
+                case = f"{triangle.tolist()}, {depth.tolist()}, {values.ravel().tolist()}, {tolerance}"
+                assert np.abs(found - expected).max() <= tolerance, case
+                slack = 0.5 / LEVELS  # of a constant: it is rounded to whole levels
+                assert found.min() >= values.min() - slack and found.max() <= values.max() + slack, case
+    assert n_triangle > 100 and n_exact < 0.15 * n_triangle, f"{n_exact} of {n_triangle} are exact"
+
+
+def test_spans_in_pieces_are_the_same_in_every_band():
+    """Pieces end at columns of the picture and at the triangle's own edges, wherever a band begins or the picture
+    ends."""
+    screen, rng, n_compared = plain_screen(True, DEPTHS), np.random.default_rng(10), 0
+    for triangle in random_triangles(rng, 20, SIZE, 200.0):
+        depth, values = rng.uniform(*DEPTHS, 3), rng.random((1, 3, 1)).astype(np.float32)
+        coding = plain_coding("entries", screen, 1, level_scale=LEVELS, tolerance=1 / 4096)
+        workspace, _ = scan_alone([triangle], depth[None], values, coding, screen, SIZE)
+        whole = entries_of(workspace, SIZE)
+        for top, height, width in ((0, 7, SIZE[0]), (33, 20, SIZE[0]), (60, 30, 53)):
+            workspace, _ = scan_alone([triangle], depth[None], values, coding, screen, (width, height), y_start=top)
+            part = entries_of(workspace, (width, height))
+            assert not differences(part, whole[top : top + height, :width])
+            n_compared += (part < CLEAR).sum()
+    assert n_compared > 10_000
+
+
 @pytest.mark.parametrize("is_affine", [False, True])
 def test_planes_of_intensities_err_as_little_as_they_say_in_any_perspective(is_affine):
     """By what gradients.py derives, from the roundings of planes and depths; whatever w spans. What is accepted
@@ -199,7 +242,8 @@ def test_the_bound_takes_a_triangle_where_it_may():
     gentle = np.array([[0.2], [0.5], [0.9]], np.float32)
     for depth, values, kind, is_level in (
         ((2.0, 2.001, 2.0005), gentle, "entries", True),
-        ((2.0, 2.5, 3.0), gentle, "entries", False),
+        ((2.0, 2.5, 3.0), gentle, "entries", True),
+        ((1.0, 4.0, 2.0), gentle, "entries", True),
         ((1.0, 4.0, 2.0), np.full((3, 1), 0.3, np.float32), "entries", True),
         ((1.0, 4.0, 2.0), gentle * np.float32(1e-4) + np.float32(0.5), "entries", True),
         ((2.0, 2.001, 2.0005), gentle, "values", False),
