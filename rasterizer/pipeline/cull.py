@@ -122,9 +122,11 @@ def find_visible_in(start, end, vertex_idx, vertices, grid, hidden_sides, scratc
     for first in range(start, end, PASS):
         n = min(PASS, end - first)
         gather_triangles(first, n, vertex_idx, vertices, scratch)
-        n_culled += note_sides(n, hidden_sides[first : first + n], scratch)
-        flag_covering(n, grid, scratch)
-        n_kept = append_kept(n, n_kept, scratch, out)
+        n_here, n_left = note_sides(n, hidden_sides[first : first + n], scratch)
+        n_culled += n_here
+        if n_left > 0:  # whole passes look away, as a rule: neighbours in a file are neighbours in space
+            flag_covering(n, grid, scratch)
+            n_kept = append_kept(n, n_kept, scratch, out)
     histogram = out.histogram
     for band in range(1, len(histogram)):
         histogram[band] += histogram[band - 1]
@@ -147,8 +149,9 @@ def gather_triangles(first, n, vertex_idx, vertices, scratch):
 
 @helper
 def note_sides(n, hidden_sides, scratch):
-    """Note which sides of the first n triangles are seen, 0 where they are dropped; return how many were culled."""
-    rows, n_culled = scratch.rows, 0
+    """Note which sides of the first n triangles are seen, 0 where they are dropped; return how many were culled, and
+    how many are left."""
+    rows, n_culled, n_left = scratch.rows, 0, 0
     for k in range(n):
         x0, y0 = np.int64(rows[X0 + k]), np.int64(rows[Y0 + k])
         x1, y1 = np.int64(rows[X1 + k]), np.int64(rows[Y1 + k])
@@ -160,7 +163,8 @@ def note_sides(n, hidden_sides, scratch):
         is_culled = (side == hidden_sides[k]) & (side != 0)
         rows[SIDE + k] = np.int32(0 if is_culled else side)
         n_culled += is_culled
-    return n_culled
+        n_left += (side != 0) & (not is_culled)
+    return n_culled, n_left
 
 
 @helper
