@@ -7,6 +7,8 @@ rasterizer/README.md explains what it prints.
 """
 
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,8 +19,8 @@ import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.depth_range import scale_depths, screen_of
 from rasterizer.engine.draw import NO_SOURCES, choose_band_rows, cull
-from rasterizer.engine.lit_points import light_all
-from rasterizer.engine.passes import ColorPass, Drawn
+from rasterizer.engine.lit_points import light_seen
+from rasterizer.engine.passes import NONE, ColorPass, Drawn
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
@@ -71,8 +73,9 @@ def go(scene) -> Followed:
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
     triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
+    lists, n_band_row = cull(triangles, vertices, render_pass, SERIAL)
+    render_pass = replace(render_pass, attributes=render_pass.light(lists.faces), light=None)
     drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), NO_SOURCES)
-    lists, n_band_row = cull(drawn, render_pass, SERIAL)
     band = Band(lists.faces, 0, HEIGHT)
     shape = WorkspaceShape(WIDTH, n_band_row, 1, 1, render_pass.dtype, is_textured=False, is_transparent=False)
     workspace = make_workspace(shape, len(band.faces) * render_pass.units_per_record)
@@ -87,11 +90,12 @@ def go(scene) -> Followed:
 
 
 def make_pass(scene, geometry, view, screen) -> ColorPass:
-    """Plan the picture and light the vertices: what is done before the first stage."""
+    """Plan the picture: what is done before the first stage."""
     plan = make_plan(SceneTables(scene, OPTIONS), OPTIONS)
     lightings = {dtype: light_view(make_lighting(plan, dtype), plan, view) for dtype in plan.of_materials.dtypes}
     return ColorPass(
-        attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
+        attributes=NONE,
+        light=partial(light_seen, geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
         lightings=lightings,
         coding=make_coding(plan)._replace(depths=scale_depths(screen)),
         n_sample=OPTIONS.size,

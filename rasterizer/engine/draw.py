@@ -8,6 +8,7 @@ what becomes of a finished band is said by the pass (passes.py): a picture, exac
 Exact buffers beside a picture are a pass of their own.
 """
 
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from ..errors import SceneError
 from ..pipeline.clip import clip
 from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import make_deferred
-from ..pipeline.transform import Drawables, Triangles, transform
+from ..pipeline.transform import Drawables, Triangles, Vertices, transform
 from ..pipeline.visibility import MAX_RECORDS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
 from .passes import Drawn, Pass
@@ -96,9 +97,12 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     if not render_pass.keeps_planes:
         vertices.true_x[:], vertices.true_y[:] = vertices.x, vertices.y
     triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
-    drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), source)
-    lists, n_row = cull(drawn, render_pass, threads)
+    lists, n_row = cull(triangles, vertices, render_pass, threads)
     clock.lap("cull, bands")
+    if render_pass.light is not None:
+        render_pass = replace(render_pass, attributes=render_pass.light(lists.faces), light=None)
+        clock.lap("light")
+    drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), source)
     shape = WorkspaceShape(
         width, n_row, render_pass.n_channel, render_pass.attributes.shape[2], render_pass.dtype,
         render_pass.is_textured, render_pass.opacity is not None,
@@ -141,7 +145,7 @@ def draw_band(
 # ---------------------------------------------------------------- bands
 
 
-def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
+def cull(triangles: Triangles, vertices: Vertices, render_pass: Pass, threads) -> tuple[BandLists, int]:
     """Find the triangles that may touch a sample, sorted into bands.
 
     No band may have more triangles than there are record numbers: where one would, bands are made less high.
@@ -149,7 +153,6 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     Returns the lists of the triangles, and the number of rows of samples in a band.
     """
     factor, (width, height) = render_pass.factor, render_pass.n_sample
-    triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
     n_face, hidden_sides = triangles.vertex_idx.shape[1], render_pass.hidden_sides
     if hidden_sides is None:
         hidden_sides = np.zeros(n_face, np.int8)

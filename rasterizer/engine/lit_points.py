@@ -1,5 +1,5 @@
-"""Light for flat shading and Gouraud's method: the centroids of polygons, or the vertices, are lit before anything is
-drawn, and what they give off is interpolated over the triangles.
+"""Light for flat shading and Gouraud's method: the centroids of polygons, or the vertices, are lit before they are
+drawn, as far as the cull has left triangles that show them. What they give off is interpolated over the triangles.
 
 Phong's method interpolates normals, and lights the samples: see `join_attributes` in points.py.
 """
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cores import MIN_PART
-from ..pipeline.fragments import make_batch
+from ..pipeline.fragments import BATCH_SIZE, make_batch
 from ..pipeline.gradients import HAS_COLORS
-from ..pipeline.lighting import SurfacePoints, light_points
+from ..pipeline.lighting import SurfacePoints, flag_seen, light_points
 
 
 class Group(NamedTuple):
@@ -23,33 +23,39 @@ class Group(NamedTuple):
     end: int
 
 
-def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> NDArray[np.float64]:
-    """Evaluate the illumination equation at all points, before they are drawn.
+def light_seen(geometry, plan, lightings, screen, n_side, normal_offsets, threads, faces) -> NDArray[np.float64]:
+    """Evaluate the illumination equation at the points that triangles have at their corners.
 
     Parameters
     ----------
     lightings : {dtype: Lighting}, for each of the plan's types
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
     normal_offsets : (2, n_point) float64, scene units, see geometry/surfaces.py; empty where no light casts shadows
+    faces : (n,) uint32, those that are seen
 
     Returns
     -------
     (n_side, n_point, n_attribute): n_channel intensities, linear, computed in the type of their material; of one with
-    one channel the first is written alone. With textures 2 n_channel + 2: of textured surfaces what a black one gives
+    one channel the first is written alone. Of points that
+    no triangle shows it may be 0. With textures 2 n_channel + 2: of textured surfaces what a black one gives
     off, what the whole one gives off, texture coordinates
     """
+    n_flag, all_are_seen = len(geometry.normals) // BATCH_SIZE + 1, len(faces) >= geometry.corner.shape[1]
+    seen = np.full(n_flag, all_are_seen, np.uint8)
+    if not all_are_seen:
+        flag_seen(faces, geometry.corner, seen)
     offsets = geometry.point_offsets.tolist()
     groups = [*map(Group, geometry.group_material.tolist(), offsets[:-1], offsets[1:])]
     textured = [group for group in groups if plan.tables.has_texture[group.material]]
 
-    def light_here(geometry, groups):
-        return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups)
-
-    whole = light_here(geometry, groups)
+    tangents = geometry.tangents if plan.has_tangents else None
+    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets, seen)
+    whole = light(points, groups, plan, lightings, screen, n_side, threads)
     if not textured:
         return whole
     # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    rest = light_here(geometry._replace(albedo=np.zeros(geometry.albedo.shape)), textured)
+    dark = points._replace(albedo=np.zeros(geometry.albedo.shape))
+    rest = light(dark, textured, plan, lightings, screen, n_side, threads)
     n_channel = whole.shape[2]
     out = np.zeros((*whole.shape[:2], 2 * n_channel + 2))
     for group in groups:
@@ -63,16 +69,14 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     return out
 
 
-def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, groups) -> NDArray[np.float64]:
-    """Light the points of some groups: (n_side, n_point, n_channel); see `light_all`.
+def light(points: SurfacePoints, groups, plan, lightings, screen, n_side, threads) -> NDArray[np.float64]:
+    """Light the points of some groups: (n_side, n_point, n_channel); see `light_seen`.
 
     Memory that was never written is zero, and costs nothing: so a few points in a large scene are cheap.
     """
     of_materials = plan.of_materials
     n_channel = 3 if any(of_materials.features[group.material] & HAS_COLORS for group in groups) else 1
-    intensities = np.zeros((n_side, len(geometry.normals), n_channel))
-    tangents = geometry.tangents if plan.has_tangents else None
-    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
+    intensities = np.zeros((n_side, len(points.normals), n_channel))
     least = MIN_PART // max(1, len(plan.tables.lights))  # points that are worth a thread of its own
     pieces = [
         Group(group.material, group.start + first, group.start + end)

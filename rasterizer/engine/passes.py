@@ -8,6 +8,7 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `shade`, then `finish`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
@@ -60,6 +61,9 @@ class Pass:
     hidden_sides: np.ndarray | None = None  # see pipeline/cull.py: find_visible; None where all are drawn
     rows: tuple[int, int] | None = None  # (first, end) of the samples that are drawn; None = all
 
+    # What gives the attributes of the triangles (n,) that are seen, where they aren't known before.
+    light: Callable[[np.ndarray], np.ndarray] | None = None
+
     # What a picture has more of, see `ColorPass`.
     n_channel: int = field(default=0, init=False)  # of the intensities
     dtype: np.dtype = field(default=np.dtype(np.float32), init=False)  # of the intensities
@@ -79,9 +83,10 @@ class Pass:
     def of_clipped(self, clipped: Clipped, corner_idx):
         """Return the pass of the triangles that are left after clipping; `corner_idx` (3, n_face) is where the corners
         of those before have their attributes."""
-        planes = self.face_planes
+        planes, light = self.face_planes, self.light
         return replace(
             self,
+            light=light and (lambda faces: clipped.add_values(light(clipped.faces[faces]), corner_idx)),
             attributes=clipped.add_values(self.attributes, corner_idx),
             face_planes=planes[clipped.faces] if planes is not None and len(planes) else planes,
             hidden_sides=None if self.hidden_sides is None else self.hidden_sides[clipped.faces],

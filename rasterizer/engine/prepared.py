@@ -27,7 +27,7 @@ from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, scale_depths, screen_of
 from .draw import NO_CLOCK, Counts, draw
 from .lights import FAR
-from .lit_points import light_all
+from .lit_points import light_seen
 from .passes import NO_PLANES, NONE, BufferPass, ColorPass
 from .plan import Plan, PlanSummary, make_plan, summarize
 from .points import gather_geometry, gather_inner_sides, join_attributes, list_opaque_fans, turn_to_viewer
@@ -187,7 +187,7 @@ class PreparedScene:
                 maps = self._shadows.draw(plan, view, dtype, self.workspaces, self.threads)
                 clock.lap("shadows")
             lightings[dtype] = light_view(lighting, plan, view, maps)
-        hidden_sides, attributes, planes = self._hidden_sides(view, screen, self.n_sample), self.normals, NO_PLANES
+        hidden_sides, light, planes = self._hidden_sides(view, screen, self.n_sample), None, NO_PLANES
         if plan.is_lit_per_sample and plan.tables.has_shadows:
             planes = self._shadows.shapes
         if not plan.is_lit_per_sample:
@@ -196,10 +196,10 @@ class PreparedScene:
             is_never_flipped = is_never_flipped and not self.geometry.is_inverted.any()
             n_side = 1 if self.options.is_flat or is_never_flipped else 2
             normal_offsets = self._shadows.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
-            attributes = light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
-            clock.lap("light")
+            light = partial(light_seen, self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
         return ColorPass(
-            attributes=attributes,
+            attributes=self.normals if plan.is_lit_per_sample else NONE,
+            light=light,
             n_sample=self.n_sample,
             factor=self.options.factor,
             face_planes=planes,

@@ -142,8 +142,9 @@ def compute_level_plane(coding, block):
         longs[s.PLANE_LEVEL_DY + k] = np.int64(np.rint(dy))
 
 
-# Where perspective bends the intensity of a triangle too much, its spans are cut at every PIECE-th column of the picture.
-# At both ends of a piece the level is that of the perspective, between them it advances by ΔI·Δv as everywhere.
+# Where perspective bends the intensity of a triangle too much, its spans are cut at every PIECE-th column of the
+# picture. At both ends of a piece the level is that of the perspective, between them it advances by ΔI·Δv as
+# everywhere.
 #
 # With f = 1/w and M = (I - I_m)/w, both linear on the screen, I = I_m + M/f, where I_m is the middle of the vertices'
 # intensities: so |M/f| <= D/2, D = |ΔI| of the vertices. With the least f of the triangle:

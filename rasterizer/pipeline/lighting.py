@@ -60,6 +60,7 @@ class SurfacePoints(NamedTuple):
     albedo: np.ndarray  # (n, n_channel) float64, read only if the material has one
     normal_offsets: np.ndarray  # (2, n) float64, scene units, on the side of the normal and on the other, see
     # geometry/surfaces.py; read only if a light casts shadows
+    seen: np.ndarray  # (n // BATCH_SIZE + 1,) uint8: those that are lit, see `flag_seen`
 
 
 # ---------------------------------------------------------------- one batch
@@ -200,7 +201,7 @@ def combine_channel(batch, n, channel, lighting, material):
 
 @kernel
 def light_points(points, part, screen, side, lighting, material, batch, out_intensities):
-    """Evaluate the illumination equation at surface points, all of one material.
+    """Evaluate the illumination equation at surface points, all of one material, but where none of a batch is seen.
 
     Parameters
     ----------
@@ -214,6 +215,8 @@ def light_points(points, part, screen, side, lighting, material, batch, out_inte
     start, end = part
     for batch_start in range(start, end, BATCH_SIZE):
         n, first = min(BATCH_SIZE, end - batch_start), batch_start
+        if not (points.seen[first // BATCH_SIZE] | points.seen[(first + n - 1) // BATCH_SIZE]):
+            continue
         gather_positions(points.positions, first, n, screen.eye, batch)
         if side == 0:
             gather_normals_to_viewer(points, first, n, screen, batch)
@@ -232,6 +235,23 @@ def light_points(points, part, screen, side, lighting, material, batch, out_inte
         for channel in range(lighting.n_channels[material]):
             for k in range(n):
                 out_intensities[first + k, channel] = batch[f.INTENSITY + channel * f.NEXT + k]
+
+
+@kernel
+def flag_seen(faces, corner_idx, out):
+    """Flag which points triangles have at their corners, BATCH_SIZE of them by one flag: neighbours in a file are seen
+    together, as a rule.
+
+    Parameters
+    ----------
+    faces : (n,) uint32, the triangles
+    corner_idx : (3, n_face) uint32, the points at their corners
+    out : (n_point // BATCH_SIZE + 1,) uint8, clear; written
+    """
+    for corner in range(3):
+        points = corner_idx[corner]
+        for k in range(len(faces)):
+            out[points[faces[k]] // BATCH_SIZE] = 1
 
 
 @helper

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows, cull, list_bands
-from rasterizer.engine.passes import Drawn
 from rasterizer.options import MAX_PIXELS
 from rasterizer.pipeline.visibility import MAX_RECORDS
 
@@ -48,14 +47,13 @@ def test_too_many_triangles_for_a_band_make_it_lower():
     rng, (width, height), n, factor = np.random.default_rng(3), (64, 44), 900, 2
     corners = rng.uniform(0, (width - 8, height - 8), (n, 1, 2)) + np.array([(0, 0), (6, 0), (0, 6)])
     drawables = drawables_of(np.rint(256 * corners), np.full((n, 3), 2.0**30), np.zeros((1, n, 3, 1), np.float32))
-    drawn = Drawn(drawables, np.empty(0))
 
     def bands_of(limit):
         as_pass = SimpleNamespace(
             n_sample=(width, height), factor=factor, sample_time=4, hidden_sides=None,
             units_per_record=MAX_RECORDS // limit, opacity=None,
         )  # fmt: skip
-        lists, n_row = cull(drawn, as_pass, SERIAL)
+        lists, n_row = cull(drawables.triangles, drawables.vertices, as_pass, SERIAL)
         return n_row, np.diff(lists.starts)
 
     whole, n_in_band = bands_of(n)
