@@ -157,8 +157,8 @@ def long_packed_span(_):
 
 @case(
     "a span of 16 384 px",
-    "Entries would add up more than the default tolerance; planes evaluate value + k·gradient at every sample.",
-    path="planes",
+    "One line over it would add up more than the default tolerance: in pieces of 64 samples it starts anew.",
+    path="entries",
 )
 def long_span(_):
     size = (16_384, 4)
@@ -203,7 +203,7 @@ def crowded_pixel(is_small):
 @case(
     "depths from 1 to 10³ … 10⁷ in one triangle",
     "Interpolation is that of I/w and 1/w, in float64 where a triangle's perspective needs it.",
-    path="exact",
+    path="entries, exact",
 )
 def deep_triangles(_):
     points = [(4.0, 4.0), (92.0, 10.0), (40.0, 69.0)]
@@ -232,7 +232,7 @@ def edge_on(_):
 @case(
     "near : far of 10⁻⁶",
     "Depths are 38-bit integers: a step of the z-buffer is far below what separates these faces.",
-    path="entries, planes",
+    path="entries",
 )
 def wide_range(_):
     points = [(x + 30 * k, y) for k in range(3) for x, y in ((2, 2), (60, 8), (20, 66))]
@@ -243,7 +243,7 @@ def wide_range(_):
 @case(
     "a model 10¹⁰ away from the origin",
     "Coordinates are float64. What they can't tell there, 2⁻¹⁹ of a unit, no renderer can draw.",
-    path="entries, planes, exact",
+    path="entries",
 )
 def far_from_origin(_):
     center = np.array([1e10, -3e10, 2e10])
@@ -339,7 +339,7 @@ def decal(_):
 @case(
     "interpenetrating triangles",
     "Visibility is decided at every sample: the line where they cross comes out by itself.",
-    path="entries, planes",
+    path="entries",
 )
 def interpenetrating(_):
     rng = np.random.default_rng(4)
@@ -374,7 +374,7 @@ def vanishing_normals(_):
 @case(
     "normals of length 0",
     "A vertex that is said to have none gets the normal of its faces, as where no normals are given.",
-    path="entries, planes, exact",
+    path="entries",
 )
 def zero_normals(_):
     mesh = ball(8)
@@ -441,7 +441,7 @@ def attenuation(_):
 @case(
     "edges at exactly the crease angle",
     "They are no creases: neither split in shading nor drawn as edges, however the corners are rounded.",
-    path="planes",
+    path="entries",
 )
 def on_the_crease(_):
     turn = 2 * np.pi * np.arange(12) / 12
@@ -467,7 +467,7 @@ def on_the_crease(_):
 @case(
     "three faces at an edge",
     "Normals are averaged among the faces that meet at less than the crease angle.",
-    path="entries, planes",
+    path="entries",
 )
 def non_manifold(_):
     vertices = [(0, -1, 0), (0, 1, 0), (-1, 0, 0.2), (1, 0, 0.3), (0.1, 0, 1.0)]
@@ -502,7 +502,7 @@ def spiral(is_small):
     return Scene(on_screen(SIZE, grid / 256, 2.0, [list(range(len(grid)))]), expect=expect)
 
 
-@case("a Möbius strip", "It has no inside: faces are lit on the side that the viewer sees.", path="entries, planes")
+@case("a Möbius strip", "It has no inside: faces are lit on the side that the viewer sees.", path="entries")
 def moebius(is_small):
     n = 24 if is_small else 96
     turn = np.linspace(0.0, 2.0 * np.pi, n + 1)[:-1]
@@ -519,7 +519,7 @@ def moebius(is_small):
 @case(
     "a model that is inside out",
     "The side that looks inwards is left out, and lighting is two-sided: it looks like the right one.",
-    path="entries, planes, exact",
+    path="entries",
 )
 def inside_out(_):
     mesh = ball(12)
