@@ -76,7 +76,8 @@ def light(points: SurfacePoints, groups, plan, lightings, screen, n_side, thread
     """
     of_materials = plan.of_materials
     n_channel = 3 if any(of_materials.features[group.material] & HAS_COLORS for group in groups) else 1
-    intensities = np.zeros((n_side, len(points.normals), n_channel))
+    is_double = of_materials.is_double.any() or plan.textures is not None  # texture coordinates stand behind these
+    intensities = np.zeros((n_side, len(points.normals), n_channel), np.float64 if is_double else np.float32)
     least = MIN_PART // max(1, len(plan.tables.lights))  # points that are worth a thread of its own
     pieces = [
         Group(group.material, group.start + first, group.start + end)

@@ -78,7 +78,7 @@ class Clipped(NamedTuple):
     n_clipped: int  # triangles that were clipped or lie wholly outside
 
     def add_values(self, values, rows):
-        """Return what vertices have, (n_side, n_row, n_value) float64, with what new vertices have behind it.
+        """Return what vertices have, (n_side, n_row, n_value) float32 or float64, with what new ones have behind it.
 
         `rows` (3, n_face) is where the three corners of each triangle find theirs. A constant stays one, and no value
         leaves the range of its triangle's, whatever is rounded. Where there are no values, none are added.
@@ -92,7 +92,7 @@ class Clipped(NamedTuple):
             means = weight[:, :, 0] * a + weight[:, :, 1] * b + weight[:, :, 2] * c
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
         new = np.clip(means, low, high).reshape(len(values), -1, values.shape[-1])
-        return np.concatenate([values, new], axis=1)
+        return np.concatenate([values, new.astype(values.dtype)], axis=1)
 
     def rows_of(self, rows, n_row):
         """Return where the corners of the triangles that are left find what they have, (3, n) uint32: of parts behind

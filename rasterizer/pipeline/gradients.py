@@ -78,20 +78,31 @@ def clear_planes(block):
 def compute_levels(n_attribute, coding, block):
     """Compute the planes of levels, then those of intensities where the first are not good enough; clear HAS_LEVELS and
     HAS_PLANES where neither are."""
-    ints, n_left = block.ints, 0
+    ints = block.ints
     if coding.needs_distance:
         check_distances(coding, block)
-    compute_level_plane(coding, block)
+    n_in_entries = 0
     for k in range(s.BLOCK):
-        n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
-    if n_left > 0:
-        compute_pieces(coding, block)
-        n_left = 0
-        for k in range(s.BLOCK):
-            n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
+        ints[s.HAS_LEVELS + k] = ints[s.PIECE + k] = 0
+        ints[s.HAS_PLANES + k] &= ints[s.PATH + k] != EXACT
+        n_in_entries += ints[s.PATH + k] == IN_ENTRIES
+    if n_in_entries > 0:
+        compute_level_plane(coding, block)
+        if count_left(block) > 0:
+            compute_pieces(coding, block)
+    n_left = count_left(block)
     if n_left > 0 and n_attribute > 0:
         compute_value_planes(0, MAX_CHANNELS, coding.depths, block)
         compute_textured(n_attribute, coding.textures, coding.depths, block)
+
+
+@helper
+def count_left(block):
+    """Return how many triangles of a block may have planes, and have no levels."""
+    n_left = 0
+    for k in range(s.BLOCK):
+        n_left += block.ints[s.HAS_PLANES + k] > block.ints[s.HAS_LEVELS + k]
+    return n_left
 
 
 @helper
@@ -132,8 +143,6 @@ def compute_level_plane(coding, block):
         # vertices.
         is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)
-        ints[s.HAS_PLANES + k] &= path != EXACT
-        ints[s.PIECE + k] = 0
         rise1, rise2 = (level1 - level0) * shrink, (level2 - level0) * shrink
         dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
         dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
