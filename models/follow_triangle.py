@@ -38,7 +38,7 @@ OPTIONS = Options(size=(24, 16), shading="gouraud", samples=1, threads=1)
 WIDTH, HEIGHT = OPTIONS.size
 COLUMN, ROW = 14, 9  # of the sample that is followed
 NAMES = "ABC"
-VERTICES = [(-2.5, -1.5, 0.0), (2.6, -0.9, 0.005), (0.2, 1.8, 0.01)]
+VERTICES = [(-2.5, -1.5, 0.0), (2.6, -0.9, 0.09), (0.2, 1.8, 0.02)]
 NORMALS = [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.8, 0.6)]
 SERIAL = Workers(1)
 
@@ -164,25 +164,33 @@ def describe_setup(followed: Followed) -> list[str]:
     """The planes over the triangle."""
     ordered = ", ".join(f"v{k} = {name_at(followed, k)}" for k in range(3))
     anchor = tuple(of_block(followed.block.ints, s.ANCHOR_X, 2))
-    z, level = planes_of(followed)
+    z, m, f = planes_of(followed)
+    (middle,) = reals_of(followed, s.MIDDLE, 1)
     return [
         f"{ordered}: the topmost first, then clockwise",
         f"anchor: sample {anchor}, the first of the box",
         "plane        at the anchor            d/dx            d/dy",
         f"z        {z[0]:17d} {z[1]:15d} {z[2]:15d}",
-        f"level    {level[0]:17d} {level[1]:15d} {level[2]:15d}",
-        f"a level is 1/{followed.render_pass.coding.level_scale:.2f} of an intensity of 1",
+        f"f        {f[0]:17.9f} {f[1]:15.9f} {f[2]:15.9f}",
+        f"M        {m[0]:17.3f} {m[1]:15.3f} {m[2]:15.3f}",
+        f"level = {middle:.1f} + M/f; a level is 1/{followed.render_pass.coding.level_scale:.2f} of an intensity of 1",
     ]
 
 
 def describe_choice(followed: Followed) -> list[str]:
-    """Why the intensity may stand in the entries: the bound of affine interpolation."""
-    intensities = followed.render_pass.attributes[0, :, 0]
+    """Why spans are cut: the bounds of affine interpolation over the triangle, and over a piece."""
+    intensities, scale = followed.render_pass.attributes[0, :, 0], followed.render_pass.coding.level_scale
     w = 6.0 - np.array(VERTICES)[:, 2]
     ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
+    (piece,), (_, m, f) = of_block(followed.block.ints, s.PIECE, 1), planes_of(followed)
+    least, bend = w.min() / w.max(), abs(f[1])
+    slope = (abs(m[1]) / scale + spread / 2 * bend) / least
+    bound, tolerance = min(spread, piece * slope) * piece * bend / (4 * least), OPTIONS.tolerance
+    assert bound < tolerance < spread * (ratio - 1) / 4
     return [
         f"|ΔI| = {spread:.6f}, r = w_max/w_min = {ratio:.6f}",
-        f"|ΔI|·(r - 1)/4 = {spread * (ratio - 1) / 4:.3e}; the tolerance is {OPTIONS.tolerance:.3e}: good enough",
+        f"|ΔI|·(r - 1)/4 = {spread * (ratio - 1) / 4:.3e}; the tolerance is {tolerance:.3e}: too much",
+        f"over {piece} samples: |ΔI| <= {piece * slope:.6f}, r - 1 <= {piece * bend / least:.6f}: at most {bound:.3e}",
     ]
 
 
@@ -204,18 +212,25 @@ def describe_scan(followed: Followed) -> list[str]:
 def describe_entry(followed: Followed) -> list[str]:
     """The entry of the sample that is followed."""
     anchor_x, anchor_y = of_block(followed.block.ints, s.ANCHOR_X, 2)
-    z, level = planes_of(followed)
-    columns, rows = COLUMN - anchor_x, ROW - anchor_y
-    at = [plane[0] + columns * plane[1] + rows * plane[2] for plane in (z, level)]
-    entry, step = (at[0] << PAYLOAD_BITS) + at[1], (z[1] << PAYLOAD_BITS) + level[1]
+    z, m, f = planes_of(followed)
+    (piece,), (middle,) = of_block(followed.block.ints, s.PIECE, 1), reals_of(followed, s.MIDDLE, 1)
+    first = COLUMN // piece * piece  # where the piece of the sample begins, and the next one
+    (_, left, right) = next(row for row in walk_edges(followed) if row[0] == ROW)
+    assert left.x < first and first + piece < right.x, "the piece is one between two cuts"
+    rows, ends = ROW - anchor_y, []
+    for x in (first, first + piece):
+        here = [plane[0] + (x - anchor_x) * plane[1] + rows * plane[2] for plane in (m, f)]
+        ends.append(round(middle + here[0] / here[1]))
+    columns, level_step = COLUMN - first, round((ends[1] - ends[0]) / piece)
+    z_here, level = z[0] + (COLUMN - anchor_x) * z[1] + rows * z[2], ends[0] + columns * level_step
+    entry, step = (z_here << PAYLOAD_BITS) + level, (z[1] << PAYLOAD_BITS) + level_step
     assert entry == followed.entries[ROW, COLUMN] and entry + step == followed.entries[ROW, COLUMN + 1]
     bits = f"{entry:064b}"
     return [
-        f"sample ({COLUMN}, {ROW}): {columns} columns and {rows} rows from the anchor",
-        *(
-            f"{name:<5} = {p[0]} {p[1]:+d}·{columns} {p[2]:+d}·{rows} = {value}"
-            for name, p, value in zip(("z", "level"), (z, level), at, strict=True)
-        ),
+        f"sample ({COLUMN}, {ROW}), in the piece of the columns {first} to {first + piece - 1}",
+        f"level at {first}: {ends[0]}, at {first + piece}: {ends[1]}, so {level_step} a sample",
+        f"z     = {z[0]} {z[1]:+d}·{COLUMN - anchor_x} {z[2]:+d}·{rows} = {z_here}",
+        f"level = {ends[0]} {level_step:+d}·{columns} = {level}",
         f"entry = z·2^{PAYLOAD_BITS} + level = {entry}",
         f"bits  = {bits[0]} | {bits[1 : 1 + DEPTH_BITS]} | {bits[1 + DEPTH_BITS]} | {bits[2 + DEPTH_BITS :]}",
         "        sign, z, is_id, level",
@@ -282,9 +297,16 @@ def of_block(rows, first, n) -> list[int]:
     return [int(rows[int(first) + k * s.BLOCK]) for k in range(n)]
 
 
-def planes_of(followed: Followed) -> tuple[list[int], list[int]]:
-    """The planes of z and of the level: at the anchor, d/dx, d/dy."""
-    return of_block(followed.block.longs, s.PLANE_Z, 3), of_block(followed.block.longs, s.PLANE_LEVEL, 3)
+def reals_of(followed: Followed, first, n) -> list[float]:
+    """The same of rows of real numbers."""
+    return [float(followed.block.reals[int(first) + k * s.BLOCK]) for k in range(n)]
+
+
+def planes_of(followed: Followed) -> tuple[list[int], list[float], list[float]]:
+    """The planes of z, M and f: at the anchor, d/dx, d/dy."""
+    z, rows = of_block(followed.block.longs, s.PLANE_Z, 3), (s.PLANE_OVER_W, s.PLANE_INV_W)
+    m, f = (reals_of(followed, first, 3) for first in rows)
+    return z, m, f
 
 
 def name_at(followed: Followed, k) -> str:

@@ -1,7 +1,7 @@
 """A triangle's path from the scene to the picture, one stage after the other.
 
-    Scene ─ geometry ─ light ─ transform ─ clip ─ cull ─ bands ─ scan ─ shade ─ resolve ─ Frame
-            normals            1/256 px          boxes   by y    z-test         8 bits
+    Scene ─ geometry ─ transform ─ clip ─ cull ─ bands ─ light ─ scan ─ shade ─ resolve ─ Frame
+            normals    1/256 px          boxes   by y    seen    z-test         8 bits
 
 Every stage hands plain arrays to the next; `draw` is the path from transform on. What is drawn, how it is shaded and
 what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
