@@ -36,14 +36,13 @@ class Variant(NamedTuple):
     edits: tuple
 
 
-LEVELS = "pipeline/gradients.py", "ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)", "0"
 PATHS = (
-    Variant("packed entries", (LEVELS,)),
+    Variant("packed entries", (("pipeline/gradients.py", "    if n_in_entries > 0:", "    if False:"),)),
+    Variant("spans in pieces", (("pipeline/gradients.py", "if count_left(block) > 0:", "if False:"),)),
     Variant(
         "planes",
         (
-            LEVELS,
-            ("pipeline/gradients.py", "&= path != EXACT", "= 0"),
+            ("pipeline/gradients.py", "&= ints[s.PATH + k] != EXACT", "= 0"),
             ("pipeline/gradients.py", "&= ints[s.PATH + k] == IN_PLANES", "= 0"),
         ),
     ),
@@ -65,6 +64,9 @@ PATHS = (
     Variant("spans: by hand", (("pipeline/scan.py", '@spelled_out("build_fill_span")', "@helper"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
     Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_row")', "@helper"),)),
+    Variant("planes in ranges: by hand", (("pipeline/samples.py", '@spelled_out("build_values_of_row")', "@helper"),)),
+    Variant("passes that look away", (("pipeline/cull.py", "if n_left > 0:", "if True:"),)),
+    Variant("light of what is seen", (("engine/lit_points.py", "len(faces) >= geometry.corner.shape[1]", "True"),)),
     Variant(
         "slopes: by hand",
         (
