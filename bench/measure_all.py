@@ -23,11 +23,14 @@ QUICK = {"--frames": "3", "--seconds": "0.2", "--runs": "3", "--pairs": "1", "--
 
 def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
     """List the command lines by the names of their results."""
-    dense = ["dense", "quads-front", "quads-back", "--sizes", "1080p", "--cull", "back", "--threads", "1", "2"]
+    usual = ["teapot", "gear", "confetti", "dense", "quad-torus", "quads-front", "quads-back"]
+    usual += ["--sizes", "1080p", "--cull", "back", "--threads", "1", "2", "--seconds", "0.7"]
     peers = ["textured", "model-512-gouraud", "model-1080p-gouraud", "model-1080p-phong", "specks"]
     return {
-        "frame": ["frame.py", scan, *dense, "--seconds", "1"],
-        "frame_rgb": ["frame.py", scan, *dense, "--seconds", "1", "--shadings", "gouraud", "--channels", "rgb"],
+        "frame": ["frame.py", scan, *usual],
+        "frame_4": ["frame.py", scan, *usual, "--samples", "4"],
+        "frame_rgb": ["frame.py", scan, *usual, "--channels", "rgb"],
+        "frame_rgb_4": ["frame.py", scan, *usual, "--channels", "rgb", "--samples", "4"],
         "frame_huge": ["frame.py", "--huge", "--shadings", "gouraud", "--threads", "2"],
         "tolerance": ["tolerance.py", "--seconds", "1"],
         "tolerance_modes": ["tolerance_modes.py", "--models", "teapot", "sphere", f"{scan}@1080p"],
