@@ -35,6 +35,7 @@ MIN_FOV = 1e-6  # degrees: a hair in 10 km
 _ASPECT, _MAX_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
 _FIRST, _MAX_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
+_FEW = 8 * _CHUNK  # points that are copied once for all that is asked of them
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
 
 
@@ -211,8 +212,11 @@ class Cloud:
     """
 
     def __init__(self, sets: list[NDArray[Any]], axes: Array, origin: Array | None = None) -> None:
-        self._sets, self._axes, self._workers = sets, axes, Workers(n_core())
-        self._origin = sets[0][0].astype(np.float64) if origin is None else origin
+        self._axes, self._origin = axes, sets[0][0].astype(np.float64) if origin is None else origin
+        self._chunks = [points[i : i + _CHUNK] for points in sets for i in range(0, len(points), _CHUNK)]
+        # Few points are turned into columns once, and are soon looked through: no thread is woken for them.
+        is_few = sum(map(len, sets)) <= _FEW
+        self._columns = [self._columns_of(points) for points in self._chunks] if is_few else []
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
         if not np.isfinite(self.extremes).all():
             raise SceneError("the points to be framed must be finite; some are not")
@@ -224,18 +228,26 @@ class Cloud:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
         directions_world = directions @ self._axes
 
-        def search(points: NDArray[Any]) -> tuple[Array, Array]:
+        def search(columns: Array) -> tuple[Array, Array]:
             """Return how far the furthest of some points are along the directions, (k,), and these, (k, 3)."""
-            columns = np.array(points.T, np.float64, order="C")  # numpy's loops over columns are long
-            columns -= self._origin[:, None]
             scores = directions_world @ columns
             where = scores.argmax(axis=1)
             return scores[np.arange(len(scores)), where], columns.T[where]
 
-        chunks = [points[i : i + _CHUNK] for points in self._sets for i in range(0, len(points), _CHUNK)]
         with np.errstate(invalid="ignore"):  # of points that aren't finite, which are refused
-            reached, found = map(np.array, zip(*self._workers.map(search, chunks), strict=True))
+            if self._columns:
+                parts = list(map(search, self._columns))
+            else:
+                with Workers(n_core()) as workers:
+                    parts = workers.map(lambda points: search(self._columns_of(points)), self._chunks)
+            reached, found = map(np.array, zip(*parts, strict=True))
             return found[reached.argmax(axis=0), np.arange(len(directions))] @ self._axes.T
+
+    def _columns_of(self, points: NDArray[Any]) -> Array:
+        """Return points relative to the origin, (3, n): numpy's loops over columns are long."""
+        columns = np.array(points.T, np.float64, order="C")
+        columns -= self._origin[:, None]
+        return columns
 
     def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
         """Return a point given along the camera's axes, or along other ones (3, 3), in world coordinates."""
