@@ -10,7 +10,7 @@ for its illumination; each triangle takes the cheapest from there on that is goo
 * In entries: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
   (Gouraud 1971). One channel, flat shading and Gouraud's method.
 * In planes: a record holds value, d/dx and d/dy of every attribute in float32: the normals of Phong's method over w,
-  and intensities of three channels or in strong perspective.
+  and intensities of three channels.
 * Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
   perspective and in float64. What the first two can't do within the tolerance, and everything at tolerance 0.
 
@@ -193,7 +193,7 @@ def compute_pieces(coding, block):
         m0, m1, m2 = (level0 - middle) * shrink * f0, (level1 - middle) * shrink * f1, (level2 - middle) * shrink * f2
         s.compute_plane_at(s.PLANE_OVER_W + k, k, m0, m1, m2, block)
         s.compute_plane_at(s.PLANE_INV_W + k, k, f0, f1, f2, block)
-        reals[s.MIDDLE + k] = middle
+        reals[s.MIDDLE + k], reals[s.HALF_RANGE + k] = middle, 0.5 * spread * shrink
         least, bend = min(f0, f1, f2), abs(reals[s.PLANE_INV_W + s.NEXT + k])
         slope = (abs(reals[s.PLANE_OVER_W + s.NEXT + k]) + 0.5 * spread * bend) / least
         rest = tolerance - 2.0 * MARGIN - 2.0**-26 * spread / least

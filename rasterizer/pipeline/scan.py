@@ -27,7 +27,7 @@ import numpy as np
 from ..compiler.kernels import helper, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
-from .gradients import IS_INVISIBLE, IS_TRANSPARENT, MARGIN, clamp, clear_planes, compute_levels, compute_normals
+from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_levels, compute_normals
 from .records import write_exact, write_normals, write_values
 from .transform import HALF, SUBPIXEL
 from .visibility import (
@@ -36,7 +36,6 @@ from .visibility import (
     IS_ID,
     IS_WEIGHTED,
     LANES,
-    LEVEL_MASK,
     PADDING,
     VisibilityBuffer,
     id_payload,
@@ -476,6 +475,7 @@ class Perspective(NamedTuple):
     """What gives the levels of a triangle in perspective: middle + M/f, float64, two planes beside a sample."""
 
     middle: float
+    half_range: float  # of the levels at ends of pieces
     anchor_x: int  # the sample at which the planes have their values
     anchor_y: int
     m: float
@@ -491,19 +491,21 @@ def perspective_of(k, block):
     """Return what gives the levels of triangle k of the block."""
     reals, m, f = block.reals, s.PLANE_OVER_W + k, s.PLANE_INV_W + k
     return Perspective(
-        reals[s.MIDDLE + k], np.int64(block.ints[s.ANCHOR_X + k]), np.int64(block.ints[s.ANCHOR_Y + k]),
-        reals[m], reals[m + s.NEXT], reals[m + s.NEXT + s.NEXT], reals[f], reals[f + s.NEXT],
-        reals[f + s.NEXT + s.NEXT],
+        reals[s.MIDDLE + k], reals[s.HALF_RANGE + k],
+        np.int64(block.ints[s.ANCHOR_X + k]), np.int64(block.ints[s.ANCHOR_Y + k]),
+        reals[m], reals[m + s.NEXT], reals[m + s.NEXT + s.NEXT],
+        reals[f], reals[f + s.NEXT], reals[f + s.NEXT + s.NEXT],
     )  # fmt: skip
 
 
 @helper
 def level_at(perspective, x, y):
-    """Return the level of a triangle at one of its samples, a whole number, float64."""
+    """Return the level of a triangle at one of its samples, a whole number, float64; whatever float64 rounds, it stays
+    within the range that is left for ends of pieces."""
     across, down = float(x - perspective.anchor_x), float(y - perspective.anchor_y)
     m = perspective.m + across * perspective.m_dx + down * perspective.m_dy
     f = perspective.f + across * perspective.f_dx + down * perspective.f_dy
-    return np.rint(MARGIN + clamp(perspective.middle + m / f - MARGIN, float(LEVEL_MASK - 1) - 2.0 * MARGIN))
+    return np.rint(perspective.middle + min(max(m / f, -perspective.half_range), perspective.half_range))
 
 
 @helper

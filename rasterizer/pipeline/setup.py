@@ -67,11 +67,12 @@ ATTRIBUTE, MAX_ATTRIBUTES = BLOCK * 13, 13
 PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = BLOCK * (13 + 3 * MAX_ATTRIBUTES), 10
 TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(13 + 3 * MAX_ATTRIBUTES, 19 + 3 * MAX_ATTRIBUTES)
 LIMIT = BLOCK * (13 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES)
-# Of spans in pieces: the planes of (level - MIDDLE)/w and 1/w, value at the anchor, d/dx, d/dy each; MIDDLE.
-PLANE_OVER_W, PLANE_INV_W, MIDDLE = (
-    BLOCK * (14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES + rows) for rows in (0, 3, 6)
+# Of spans in pieces: the planes of (level - MIDDLE)/w and 1/w, value at the anchor, d/dx, d/dy each; MIDDLE, and how
+# far from it ends of pieces may be.
+PLANE_OVER_W, PLANE_INV_W, MIDDLE, HALF_RANGE = (
+    BLOCK * (14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES + rows) for rows in (0, 3, 6, 7)
 )
-N_REAL = 21 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
+N_REAL = 22 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES
 NEXT = BLOCK  # from row to row
 NEXT_PLANE = 3 * BLOCK  # from one plane, or attribute at the three vertices, to the next
 # Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64

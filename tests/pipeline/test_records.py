@@ -179,6 +179,22 @@ def test_spans_in_pieces_err_by_the_tolerance_at_most(ratio):
     assert n_triangle > 100 and n_exact < 0.15 * n_triangle, f"{n_exact} of {n_triangle} are exact"
 
 
+def test_spans_in_pieces_stay_in_range_where_there_is_little_of_one():
+    """What is nearly black, and what is nearly as bright as may be: roundings have less room than they take."""
+    screen, rng, n_level = plain_screen(True, (1.0, 400.0)), np.random.default_rng(11), 0
+    for triangle in random_triangles(rng, 200, SIZE, 30.0):
+        depth, values = np.exp(rng.uniform(0, np.log(400.0), 3)), 60 / LEVELS * rng.random((3, 1))
+        for ends in (values, 1.0 - values) if len(covered(triangle, SIZE)[0]) else ():
+            coding = plain_coding("entries", screen, 1, level_scale=LEVELS, tolerance=80 / LEVELS)
+            found, expected, _ = drawn_values((triangle, depth, ends.astype(np.float32), SIZE), coding, screen)
+            if found is not None:
+                n_level += 1
+                low, high = (np.float32(end) for end in (ends.min(), ends.max()))
+                assert found.min() >= low - 0.5 / LEVELS and found.max() <= high + 0.5 / LEVELS, (triangle, depth, ends)
+                assert np.abs(found - expected).max() <= 80 / LEVELS
+    assert n_level > 150
+
+
 def test_spans_in_pieces_are_the_same_in_every_band():
     """Pieces end at columns of the picture and at the triangle's own edges, wherever a band begins or the picture
     ends."""
