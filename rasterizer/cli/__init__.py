@@ -40,8 +40,8 @@ def main(argv=None) -> int:
 
 
 def _run_as_program() -> int:
-    """Run with the process's own arguments, and remember interrupts: libraries may make other errors of them in their
-    imports.
+    """Run with the process's own arguments, and remember signals that end it: libraries may make other errors of them
+    in their imports.
 
     What imports make lives as long as the process. The collector of cyclic garbage has no business with it: looking
     through it would take time, while modules are imported and at the end. Nor are there threads for linear algebra, of
@@ -52,7 +52,7 @@ def _run_as_program() -> int:
     import signal
     import threading
 
-    interrupts = []
+    signals = []  # the exit codes of those that came
     gc.disable()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -61,26 +61,27 @@ def _run_as_program() -> int:
         gc.enable()
 
     def interrupt(*_):
-        interrupts.append(True)
+        signals.append(INTERRUPTED)
         raise KeyboardInterrupt
 
+    def end(*_):
+        signals.append(TERMINATED)
+        raise SystemExit(TERMINATED)
+
     def take_again(unraisable):
-        # In a callback that can't raise, as those of imports, an interrupt would be printed and lost: it comes once
-        # more.
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            threading.Timer(0.01, _thread.interrupt_main).start()
+        # In a callback that can't raise, as those of imports, a signal would be printed and lost: it comes once more.
+        if issubclass(unraisable.exc_type, (KeyboardInterrupt, SystemExit)):
+            number = signal.SIGTERM if issubclass(unraisable.exc_type, SystemExit) else signal.SIGINT
+            threading.Timer(0.01, _thread.interrupt_main, (number,)).start()
         else:
             sys.__unraisablehook__(unraisable)
 
-    def end(*_):
-        raise SystemExit(TERMINATED)
-
+    sys.unraisablehook = take_again
     signal.signal(signal.SIGTERM, end)  # so that no half file stays
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as for a process that was started in the background
         signal.signal(signal.SIGINT, interrupt)
-        sys.unraisablehook = take_again
     try:
-        code = _guarded(sys.argv[1:], interrupts, collect_from_now_on)
+        code = _guarded(sys.argv[1:], signals, collect_from_now_on)
     except KeyboardInterrupt:
         code = _interrupted()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
@@ -94,8 +95,9 @@ def _interrupted() -> int:
     return INTERRUPTED
 
 
-def _guarded(argv, interrupts, is_imported) -> int:
-    """Run the command, and say what went wrong; `is_imported` is called when its modules are there."""
+def _guarded(argv, signals, is_imported) -> int:
+    """Run the command, and say what went wrong; `signals` takes the exit codes of signals that came, `is_imported` is
+    called when its modules are there."""
     from ..errors import RasterizerError
     from .messages import Messages, write_stdout
     from .parser import parse
@@ -116,8 +118,8 @@ def _guarded(argv, interrupts, is_imported) -> int:
         messages.error(error)
         return exit_code(error)
     except Exception as error:  # noqa: BLE001  whatever it is ends in one line
-        if interrupts:
-            return _interrupted()
+        if signals:
+            return _interrupted() if signals[-1] == INTERRUPTED else signals[-1]
         from ..errors import error_of
 
         failure = error_of("command line", error)

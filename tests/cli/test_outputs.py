@@ -414,6 +414,36 @@ def test_a_signal_while_writing_leaves_nothing(folder, number, alone):
     assert not os.listdir(folder)
 
 
+PLACES = {
+    "takes for another fault": "try: yield_to()\n    except BaseException: raise ImportError",
+    "swallows": "Deaf()",
+}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
+def test_a_signal_that_a_library_swallows_or_takes_for_another_fault_ends_it(folder, number, place, alone):
+    """As NumPy does while it is imported, and whatever comes in a callback that can't raise."""
+    code = (
+        "import sys, time\n"
+        "import rasterizer.cli as cli\n"
+        "def yield_to():\n"
+        "    print('now', flush=True); time.sleep(1)\n"
+        "class Deaf:\n"
+        "    def __del__(self): yield_to()\n"
+        "def run(*_):\n"
+        f"    {place}\n"
+        "    time.sleep(15)\n"
+        "    return 0\n"
+        "cli._run = run\n"
+        "sys.exit(cli.main())"
+    )
+    process = start_with(code)
+    assert process.stdout.readline() == b"now\n"
+    end_by_signal(process, number)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize(
     "delays", [(0.0, 0.15), pytest.param((0.01, 0.02, 0.05, 0.1, 0.2, 0.4), marks=pytest.mark.nightly)]
