@@ -43,7 +43,7 @@ def light_seen(geometry, plan, lightings, screen, n_side, normal_offsets, thread
     n_flag, all_are_seen = len(geometry.normals) // BATCH_SIZE + 1, len(faces) >= geometry.corner.shape[1]
     seen = np.full(n_flag, all_are_seen, np.uint8)
     if not all_are_seen:
-        flag_seen(faces, geometry.corner, seen)
+        flag_seen(faces, geometry.corner[: 1 if plan.options.is_flat else 3], seen)
     offsets = geometry.point_offsets.tolist()
     groups = [*map(Group, geometry.group_material.tolist(), offsets[:-1], offsets[1:])]
     textured = [group for group in groups if plan.tables.has_texture[group.material]]

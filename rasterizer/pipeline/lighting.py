@@ -245,10 +245,10 @@ def flag_seen(faces, corner_idx, out):
     Parameters
     ----------
     faces : (n,) uint32, the triangles
-    corner_idx : (3, n_face) uint32, the points at their corners
+    corner_idx : (3, n_face) uint32, the points at their corners; (1, n_face) where these are one
     out : (n_point // BATCH_SIZE + 1,) uint8, clear; written
     """
-    for corner in range(3):
+    for corner in range(len(corner_idx)):
         points = corner_idx[corner]
         for k in range(len(faces)):
             out[points[faces[k]] // BATCH_SIZE] = 1

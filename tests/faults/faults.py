@@ -67,8 +67,8 @@ FAULTS = (
     Fault(
         "light of what is seen: the first corner of a triangle stands for all three",
         "pipeline/lighting.py",
-        "    for corner in range(3):\n        points = corner_idx[corner]",
-        "    for corner in range(1):\n        points = corner_idx[corner]",
+        "for corner in range(len(corner_idx)):",
+        "for corner in range(1):",
         "pipeline engine pictures",
     ),
     Fault(
