@@ -20,7 +20,7 @@ import numpy as np
 
 from ..choices import ARRAY_SUFFIXES, install_command
 from ..errors import OutputError, RasterizerError, SceneError, shown
-from ..io.files import make_folder_of, write_whole
+from ..io.files import are_same, make_folder_of, write_whole
 from ..io.png import encode_png
 from ..keywords import checked_keywords
 from ..scene.validate import number as checked_number
@@ -48,10 +48,12 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
     ------
     RasterizerError : pycocotools, the extra `dataset`, is not installed
     SceneError : what is no manifest, or has no pictures
-    OutputError : the file can't be written
+    OutputError : the file can't be written, or is the manifest
     """
     masks = import_pycocotools()
     lines, path = read_manifest(manifest), checked_path(path, "path")
+    if are_same(path, os.fspath(manifest)):
+        raise OutputError(f"can't write {path}: it is the manifest")
     categories = _categories(lines)
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []

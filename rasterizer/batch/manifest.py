@@ -11,11 +11,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..errors import OutputError, SceneError, cut, shown
-from ..io.files import make_folder_of, write_whole
+from ..io.files import are_same, make_folder_of, write_whole
+
+FIRST = b'{"index":'  # what a manifest begins with
 
 
 class Manifest:
-    """Write the manifest of a batch.
+    """Write the manifest of a batch; what is no manifest is never replaced by one.
 
     Parameters
     ----------
@@ -32,8 +34,11 @@ class Manifest:
         self._stream: Any = None
 
     def open(self) -> None:
-        """Read what is known from before; raises OutputError where the file can't be written."""
+        """Read what is known from before; raises OutputError where the file can't be written, or is no manifest."""
         make_folder_of(self.path)
+        for path in (self.path, self._partial):
+            if os.path.isdir(path) or not _may_be_replaced(path):
+                raise OutputError(f"can't write {path}: something else is there, no manifest")
         for path in (self.path, self._partial) if self._is_resumed else ():
             for line in _lines_of(path):
                 self._known[next(iter(line["files"].values()))] = line
@@ -45,7 +50,7 @@ class Manifest:
 
     def is_one_of(self, path: str) -> bool:
         """Tell whether a path is that of one of its files."""
-        return os.path.abspath(path) in map(os.path.abspath, (self.path, self._partial))
+        return are_same(path, self.path) or are_same(path, self._partial)
 
     def relative(self, files: dict[str, str]) -> dict[str, str]:
         """Return paths as the manifest has them: as seen from its folder, with slashes."""
@@ -90,6 +95,18 @@ class Manifest:
         """Close the partial file, which stays."""
         if self._stream is not None:
             self._stream.close()
+
+
+def _may_be_replaced(path: str) -> bool:
+    """Tell whether a path is that of a manifest, be it torn or empty; of a device or a pipe; or of nothing."""
+    try:
+        if not os.path.isfile(path):
+            return True
+        with open(path, "rb") as stream:
+            found = stream.read(len(FIRST))
+    except OSError as fault:
+        raise OutputError(f"can't write {path}: {fault.strerror or fault}") from fault
+    return FIRST.startswith(found)
 
 
 def as_seen_from(file: str, path: str | os.PathLike[str]) -> str:

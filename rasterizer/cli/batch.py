@@ -109,6 +109,7 @@ class _Manifest:
     def __init__(self, arguments, views):
         from ..batch.datasets import import_pycocotools
         from ..batch.manifest import Manifest
+        from ..io.files import are_same
 
         self._arguments, self._views = arguments, views
         if arguments.coco:
@@ -118,6 +119,11 @@ class _Manifest:
         for target in (target for view in views for target in view):
             if self._file.is_one_of(target.output):
                 raise OutputError(f"can't write {target.output}: it is the manifest")
+            for path in (target.output, target.model) if arguments.coco else ():
+                if are_same(arguments.coco, path):
+                    raise OutputError(f"can't write {arguments.coco}: it is {path}; give another name with --coco")
+        if arguments.coco and self._file.is_one_of(arguments.coco):
+            raise OutputError(f"can't write {arguments.coco}: it is the manifest")
         self._file.open()
         self.close = self._file.close
 

@@ -272,6 +272,14 @@ def identity_of(path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
+def are_same(path: str, other: str) -> bool:
+    """Tell whether two paths are those of one file, by whatever names or links; also where there is none yet."""
+    identity = identity_of(path)
+    if identity is not None and identity == identity_of(other):
+        return True
+    return os.path.realpath(path) == os.path.realpath(other)
+
+
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 

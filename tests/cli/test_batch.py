@@ -195,6 +195,34 @@ def test_outputs_that_several_arrays_can_not_have(capsys):
     assert_refused(capsys, [([CUBE, "--manifest", "cube.png"], "it is the manifest")], "batch", code=4)
 
 
+def test_no_manifest_takes_the_place_of_what_is_none(folder, capsys):
+    """A model, by its name or by a link, or any other file; in its own place, or in that of the unfinished one."""
+    shutil.copy(CUBE, "a.obj")
+    Path("link").symlink_to("a.obj")
+    Path("notes.txt").write_text("mine")
+    Path("b.partial").write_text("mine")
+    Path("folder").mkdir()
+    before = sorted(os.listdir())
+    for name in ("a.obj", "link", "notes.txt", "b", "folder"):
+        assert batch("a.obj", "--manifest", name) == 4
+        assert "something else is there, no manifest" in errors(capsys), name
+    assert sorted(os.listdir()) == before and Path("a.obj").read_bytes() == Path(CUBE).read_bytes()
+    assert Path("notes.txt").read_text() == Path("b.partial").read_text() == "mine"
+    for torn in ("", '{"ind', '{"index":0,"fi'):
+        Path("m.jsonl").write_text(torn)
+        assert batch("a.obj", "--manifest", "m.jsonl") == 0 and len(Path("m.jsonl").read_text().splitlines()) == 1
+    capsys.readouterr()
+
+
+def test_annotations_take_no_place_of_what_is_read_or_written(folder, capsys):
+    pytest.importorskip("pycocotools", reason="the extra dataset is not installed")
+    shutil.copy(CUBE, "a.obj")
+    for name, is_what in (("a.obj", "it is a.obj"), ("a.png", "it is a.png"), ("./m.jsonl", "it is the manifest")):
+        assert batch("a.obj", "--manifest", "m.jsonl", "--coco", name) == 4
+        assert is_what in errors(capsys)
+    assert os.listdir() == ["a.obj"] and Path("a.obj").read_bytes() == Path(CUBE).read_bytes()
+
+
 def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
     pytest.importorskip("pycocotools", reason="the extra dataset is not installed")
     arrays = ["--array", "rgb", "--array", "depth", "--array", "object", "--view", "iso,top"]
