@@ -98,7 +98,7 @@ def project(ends: NDArray, screen: Screen) -> tuple[NDArray[np.float64], NDArray
     points = (axes @ (ends.reshape(-1, 3).T - eye[:, None])).T.reshape(-1, 2, 3)
     for sign, limit in ((1.0, screen.near), (-1.0, screen.far)):
         if np.isfinite(limit):
-            points = cut(points, sign * (points[..., 2] - limit))
+            points = cut(points, sign, limit)
     is_left = np.isfinite(points).all(axis=(1, 2))
     across, up, depth = points[is_left].reshape(-1, 3).T
     w = depth if screen.is_perspective else np.ones(len(depth))
@@ -107,14 +107,19 @@ def project(ends: NDArray, screen: Screen) -> tuple[NDArray[np.float64], NDArray
     return np.stack([x, y, nearness], axis=1).reshape(-1, 6), is_left
 
 
-def cut(points: NDArray, inside: NDArray) -> NDArray:
-    """Cut segments (n, 2, 3) where a distance (n, 2), linear between their ends, falls below 0; NaN where none is
-    left."""
+def cut(points: NDArray, sign: float, limit: float) -> NDArray:
+    """Cut segments (n, 2, 3) at a depth, below which they end where `sign` is 1, above it where it is -1; NaN where
+    none is left."""
+    inside = sign * (points[..., 2] - limit)
+    # From the end that is left: rounding takes from it less than from one that may be far away.
+    order = np.argsort(-inside, axis=1)
+    first, second = np.take_along_axis(points, order[..., None], axis=1).swapaxes(0, 1)
+    before, behind = np.take_along_axis(inside, order, axis=1).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = inside[:, 0] / (inside[:, 0] - inside[:, 1])
-        crossing = points[:, :1] + t[:, None, None] * (points[:, 1:] - points[:, :1])
-    crossing[(inside < 0.0).all(axis=1)] = np.nan
-    return np.where((inside < 0.0)[..., None], crossing, points)
+        crossing = first + (before / (before - behind))[:, None] * (second - first)
+    crossing[:, 2] = limit  # nothing may come to lie at the eye
+    crossing[before < 0.0] = np.nan
+    return np.where((inside < 0.0)[..., None], crossing[:, None], points)
 
 
 def lay_over(share, seen, edge_color, rgba, color, alpha) -> None:

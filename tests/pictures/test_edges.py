@@ -86,6 +86,18 @@ def test_an_edge_is_as_wide_as_asked_for(samples):
             assert coverage[row, pixel_of((0.5, 0, 0), scene)[1]] == 0, f"{width} px reach too far"
 
 
+def test_edges_that_come_from_far_behind_the_eye_are_those_of_nearer_ones():
+    """Whichever end comes first, and however near the near plane is: nothing is divided by a depth of 0."""
+    camera = rz.Camera(position=(0, 0, 0), target=(0, 0, -1), fov=60.0, near=1e-9)
+    ends, way = np.array([(0.3, -0.2, -2.0), (-0.6, 0.1, -3.0)]), np.array([0.2, -0.1, 1.0])
+    for turn in range(3):
+        found = []
+        for reach in (1e7, 1e10):
+            corners = np.roll([ends[0] + reach * way, *ends], turn, axis=0)
+            found.append(coverage_of(rz.Scene(rz.Mesh(corners, [[0, 1, 2]]), camera=camera), "wire", cull="none"))
+        assert found[0].sum() > 10 and np.abs(found[1] - found[0]).max() < 1e-3, turn
+
+
 def test_a_sphere_has_a_closed_silhouette_and_no_creases():
     scene = rz.Scene(rz.Mesh(*octasphere(4)), camera=rz.Camera.perspective((0.3, 0.4, 4), fov=35))
     coverage = coverage_of(scene, "silhouette", edge_width=1.5)
