@@ -157,7 +157,7 @@ def long_packed_span(_):
 
 @case(
     "a span of 16 384 px",
-    "One line over it would add up more than the default tolerance: in pieces of 64 samples it starts anew.",
+    "One line over it would add up more than the default tolerance: in pieces it starts anew.",
     path="entries",
 )
 def long_span(_):

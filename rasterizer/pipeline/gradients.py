@@ -162,15 +162,14 @@ def compute_level_plane(coding, block):
 #     over a piece of P     |ΔI| <= min(D, P·G), and f grows by a factor q with q - 1 <= P·|f_x|/f_min
 #     between its ends      I - line <= |ΔI|·(√q - 1)/(√q + 1) <= |ΔI|·(q - 1)/4 <= min(D, P·G)·P·|f_x|/(4 f_min)
 #
-# Levels are whole: an end is rounded by half of one, an increment by half of one, which adds up to P/2 at most. So
-# vertices are first shrunk by MARGIN about I_m, as those of planes are: no rounding leaves their range. Float64 errs by
-# 2^-28 of what M and f rise by (MAX_ELONGATION in setup.py), so with f <= 1 a level errs by 3/2·2^-28·D/f_min.
+# Levels are whole: an end is rounded by half of one, an increment by half of one, which adds up to P/2 at most. So M is
+# first shrunk by P/2 + 1 levels, as planes are: no rounding leaves the range of the vertices. Float64 errs by 2^-28 of
+# what M and f rise by (MAX_ELONGATION in setup.py), so with f <= 1 a level errs by 3/2·2^-28·D/f_min.
 #
 # Columns are those of the picture, and ends are samples of the triangle: an entry is a function of triangle and sample
 # alone.
 
-PIECES = 8, 16, 32, 64  # samples
-MARGIN = float(PIECES[-1] // 2 + 1)  # levels
+PIECES = 8, 16, 32, 64, 128, 256, 512  # samples
 LEAST_INVERSE = 2.0**-20  # of f, the largest being 1: far above what float64 loses
 
 
@@ -186,21 +185,25 @@ def compute_pieces(coding, block):
         level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
         low, high = min(level0, level1, level2), max(level0, level1, level2)
         spread, middle = high - low, 0.5 * (low + high)
-        shrink = 1.0 - 2.0 * MARGIN / spread if spread > 2.0 * MARGIN else 0.0
         f0, f1, f2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         inverse = 1.0 / max(f0, f1, f2)
         f0, f1, f2 = f0 * inverse, f1 * inverse, f2 * inverse
-        m0, m1, m2 = (level0 - middle) * shrink * f0, (level1 - middle) * shrink * f1, (level2 - middle) * shrink * f2
+        m0, m1, m2 = (level0 - middle) * f0, (level1 - middle) * f1, (level2 - middle) * f2
         s.compute_plane_at(s.PLANE_OVER_W + k, k, m0, m1, m2, block)
         s.compute_plane_at(s.PLANE_INV_W + k, k, f0, f1, f2, block)
-        reals[s.MIDDLE + k], reals[s.HALF_RANGE + k] = middle, 0.5 * spread * shrink
         least, bend = min(f0, f1, f2), abs(reals[s.PLANE_INV_W + s.NEXT + k])
         slope = (abs(reals[s.PLANE_OVER_W + s.NEXT + k]) + 0.5 * spread * bend) / least
-        rest = tolerance - 2.0 * MARGIN - 2.0**-26 * spread / least
-        piece = 1 if rest >= 0.0 else 0
+        rest = tolerance - 2.0**-26 * spread / least
+        piece = 1 if rest >= 3.0 else 0
         for n in PIECES:
             steps = min(n, float(ints[s.EXTENT_X + k]))
-            piece = n if min(spread, steps * slope) * steps * bend <= 4.0 * least * rest else piece
+            bent = min(spread, steps * slope) * steps * bend
+            piece = n if bent <= 4.0 * least * (rest - float(n + 2)) else piece
+        margin = float(piece + 2)  # of both ends
+        shrink = 1.0 - margin / spread if spread > margin else 0.0
+        for part in range(3):
+            reals[s.PLANE_OVER_W + part * s.NEXT + k] *= shrink
+        reals[s.MIDDLE + k], reals[s.HALF_RANGE + k] = middle, 0.5 * spread * shrink
         is_left = (ints[s.PATH + k] == IN_ENTRIES) & (ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k])
         is_good = is_left & (piece > 0) & (least >= LEAST_INVERSE)
         ints[s.PIECE + k] = piece if is_good else 0

@@ -39,15 +39,15 @@ FAULTS = (
     Fault(
         "pieces of spans: sixteen times the error is accepted",
         "pipeline/gradients.py",
-        "* steps * bend <= 4.0 * least * rest",
-        "* steps * bend <= 64.0 * least * rest",
+        "bent <= 4.0 * least * (rest - float(n + 2))",
+        "bent <= 64.0 * least * (rest - float(n + 2))",
         "pipeline/test_records.py pipeline pictures",
     ),
     Fault(
         "pieces of spans: levels aren't shrunk, so rounding leaves their range",
         "pipeline/gradients.py",
-        "shrink = 1.0 - 2.0 * MARGIN / spread if spread > 2.0 * MARGIN else 0.0",
-        "shrink = 1.0",
+        "margin = float(piece + 2)  # of both ends",
+        "margin = 0.0",
         "pipeline/test_records.py pipeline pictures",
     ),
     Fault(
