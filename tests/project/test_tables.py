@@ -65,9 +65,6 @@ def sentences():
     yield front, f"llvmpipe takes {min(found):.1f} to {max(found):.1f} times as long"
     found = [row["ratio_of_cpu"] for row in tables.load("peers")["rows"] if row.get("speck", "plain") != "plain"]
     yield guide, f"costs at most {100.0 * max(found) - 100.0:.0f} %"
-    plain = {row["case"]: row["ms_1"] for row in tables.load("frame")["rows"] if row["shading"] == "gouraud"}
-    found = [row["ms_1"] / plain[row["case"]] for row in tables.load("frame_rgb")["rows"]]
-    yield bench, f"takes {min(found):.1f} to {max(found):.1f} times as long by Gouraud's method"
     found = [100.0 * saved for saved in column("tolerance_modes", "saved", tolerance="1/4096")]
     yield bench, f"would save {min(found):.0f} to {max(found):.0f} % of the time at most"
     yield "tests/README.md", f"{len(FAULTS)} small faults"
