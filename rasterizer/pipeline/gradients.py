@@ -226,15 +226,13 @@ def compute_normals(n_attribute, coding, block):
     """Compute the planes of normals and albedo, where there are any; clear HAS_PLANES where they aren't good enough."""
     ints = block.ints
     for k in range(s.BLOCK):
-        ints[s.HAS_LEVELS + k] = 0
+        ints[s.HAS_LEVELS + k] = ints[s.IS_WEIGHTED + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.PATH + k] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
         for k in range(s.BLOCK):
             block.reals[s.LIMIT + k] = coding.albedo_tolerance
         compute_value_planes(3, 0, coding.depths, block)
-    for k in range(s.BLOCK):
-        ints[s.IS_WEIGHTED + k] = 0  # of normals
     compute_texcoords(n_attribute, coding.textures, coding.depths, block)
     if coding.needs_distance:
         check_distances(coding, block)

@@ -8,6 +8,7 @@ only where one is compiled.
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
 
+import math
 from contextlib import contextmanager
 from itertools import tee
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from numba.core import cgutils
 
 from .fragments import BATCH_SIZE
 from .samples import PLANE_GROUP
-from .visibility import LANES, LEVEL_BITS
+from .visibility import IS_WEIGHTED, LANES, LEVEL_BITS
 
 TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
 FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)
@@ -143,7 +144,7 @@ def build_values_of_row(typing_context, entries, group, first, out, start, weigh
 
 class _Rows(NamedTuple):
     """What is written of a group of planes: their values, or these, d/dx of the first three, and d/dy of these; or
-    their values times a factor, within a range."""
+    their values times a factor, within their ranges."""
 
     out: object  # the type of the array
     column: int  # of the group, behind the first one of the record
@@ -172,7 +173,7 @@ def _build_evaluation(groups, entries, group):
             for rows, pairs, (out, start) in zip(groups, located, outs, strict=True):
                 if rows.has_range:
                     factors = _eight_at(builder, out, builder.add(arguments[5], first))
-                    parts = [[reader.read_within(pair, j, factors) for j, pair in enumerate(pairs)]]
+                    parts = [[reader.read_within(pair, samples, j, factors) for j, pair in enumerate(pairs)]]
                 else:
                     parts = zip(*(reader.read(pair, rows) for pair in pairs), strict=True)
                 target = builder.add(start, first)
@@ -193,6 +194,9 @@ class _PlaneReader:
         numbers, self._mask, self._shift, self._column = cgutils.unpack_tuple(builder, arguments[1])
         self._numbers = data_of(context, builder, signature.args[1][0], numbers)
         self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
+        unlimited = ir.Constant(_REALS, [-math.inf] * PLANE_GROUP + [math.inf] * PLANE_GROUP)
+        unlimited = cgutils.alloca_once_value(builder, unlimited)
+        self._unlimited = builder.bitcast(unlimited, ir.FloatType().as_pointer())
         first = ir.Constant(_EDGES, [0] * LANES)
         for lane, coordinate in zip(_ANCHOR, cgutils.unpack_tuple(builder, arguments[2]), strict=True):
             for place in (lane, lane + PLANE_GROUP):
@@ -230,17 +234,25 @@ class _PlaneReader:
         value = builder.fadd(builder.fadd(value, builder.fmul(across, dx)), builder.fmul(down, dy))
         return (value, dx, dy) if rows.has_slopes else (value,)
 
-    def read_within(self, located, j, factors):
+    def read_within(self, located, samples, j, factors):
         """The values of four planes at samples j and j + 4, times the factors of these, within their ranges."""
-        builder = self._builder
+        builder, pair = self._builder, (j, j + PLANE_GROUP)
         (value,) = self.read(located, _Rows(None, 0, has_slopes=False))
-        lanes = [j] * PLANE_GROUP + [j + PLANE_GROUP] * PLANE_GROUP
+        lanes = [lane for lane in pair for _ in range(PLANE_GROUP)]
         value = builder.fmul(value, shuffle(builder, factors, factors, lanes))
-        planes = [builder.gep(record, [self._column]) for record in located[0]]
-        for comparison, part in ((">", 3), ("<", 4)):  # of what is no number the least
-            limit = self._load(planes, part * PLANE_GROUP, FLOATS)
+        ranges = [self._range(samples[k], record) for k, record in zip(pair, located[0], strict=True)]
+        for comparison, part in ((">", 0), ("<", 1)):  # of what is no number the least
+            limit = self._load(ranges, part * PLANE_GROUP, FLOATS)
             value = builder.select(builder.fcmp_ordered(comparison, value, limit), value, limit)
         return value
+
+    def _range(self, k, record):
+        """The address of the least and greatest values of sample k: behind weighted planes; others have none."""
+        builder, entry_bit = self._builder, ir.Constant(ir.IntType(64), int(IS_WEIGHTED))
+        entry = builder.load(builder.gep(self._entries, [k]))
+        is_weighted = builder.icmp_unsigned("!=", builder.and_(entry, entry_bit), entry_bit.type(0))
+        behind = builder.add(self._column, ir.Constant(ir.IntType(64), 3 * PLANE_GROUP))
+        return builder.select(is_weighted, builder.gep(record, [behind]), self._unlimited)
 
     def _load(self, addresses, offset, llvm_type):
         """Four numbers each from two addresses, side by side."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, spelled_out
 from .fragments import NEXT
-from .visibility import LEVEL_BITS
+from .visibility import IS_WEIGHTED, LEVEL_BITS
 
 
 @helper
@@ -110,26 +110,28 @@ def anchor_of(group, record):
 
 @spelled_out("build_values_of_row")
 def evaluate_values(entries, group, first, out, start, weights):
-    """Evaluate a group of four planes as `evaluate_planes` does, multiply, and keep values within their ranges.
+    """Evaluate a group of four planes as `evaluate_planes` does, multiply, and keep what is weighted within its range.
 
     Parameters
     ----------
-    group : PlaneGroup, in whose records the least values stand behind the planes, then the greatest
+    group : PlaneGroup, in whose records the least values stand behind weighted planes, then the greatest
     out : (n,) float32, to which the rows are written
     weights : int64, where in `out` the factors of the samples begin
     """
     numbers, behind = group.numbers, 3 * PLANE_GROUP
     for k in range(len(entries)):
-        record = record_number(entries[k], group)
+        record, is_weighted = record_number(entries[k], group), entries[k] & IS_WEIGHTED != 0
         across, down = offset_of_sample(first, k, group, record)
         plane, weight = record + group.column, out[weights + k]
         v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
-        values = (
-            within(v0 * weight, numbers, plane + behind),
-            within(v1 * weight, numbers, plane + behind + 1),
-            within(v2 * weight, numbers, plane + behind + 2),
-            within(v3 * weight, numbers, plane + behind + 3),
-        )
+        values = v0 * weight, v1 * weight, v2 * weight, v3 * weight
+        if is_weighted:
+            values = (
+                within(values[0], numbers, plane + behind),
+                within(values[1], numbers, plane + behind + 1),
+                within(values[2], numbers, plane + behind + 2),
+                within(values[3], numbers, plane + behind + 3),
+            )
         write_row(out, start + k, values)
 
 

@@ -41,8 +41,6 @@ from .records import ATTRIBUTE, VALUES, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values
 from .visibility import CLEAR, IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, is_exact, record_of
 
-WEIGHTED = f.VIEW_DIR  # where the values of weighted planes are put: four quantities that nothing is in yet
-
 
 @kernel
 def shade_interpolated(band, tint, batch, out_radiance):
@@ -79,10 +77,11 @@ def decode_batch(entries, band, first, tint, batch, out_radiance, start):
             factor = tint[channel] if n_channel > 1 else np.float32(1)
             decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
         return
-    if has_affine:
-        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL)
     if has_weighted:
-        decode_weighted(entries, band, first, n_channel, has_affine, batch)
+        fill_weights(entries, band.coding.depths, batch)
+        evaluate_values(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL, f.WEIGHT)
+    else:
+        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL)
     if band.counts.n_level == 0 and all_have_colors(band.coding.features):
         for channel in range(n_channel):
             out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
@@ -148,44 +147,12 @@ def find_planes(entries):
 
 
 @helper
-def decode_weighted(entries, band, first, n_channel, has_others, batch):
-    """Put in the values of weighted planes: run by run where entries show others, too; as a rule few are weighted."""
-    (x, y), group, depths = first, plane_group(band.records, VALUES), band.coding.depths
-    if not has_others:
-        fill_weights(entries, depths, batch)
-        evaluate_values(entries, group, first, batch, f.NORMAL, f.WEIGHT)
-        return
-    start, end = next_weighted_run(entries, 0)
-    while start < end:
-        run = entries[start:end]
-        fill_weights(run, depths, batch)
-        evaluate_values(run, group, (x + start, y), batch, WEIGHTED, f.WEIGHT)
-        for channel in range(n_channel):
-            target, source = f.NORMAL + channel * f.NEXT + start, WEIGHTED + channel * f.NEXT
-            for k in range(end - start):
-                batch[target + k] = batch[source + k]
-        start, end = next_weighted_run(entries, end)
-
-
-@helper
-def next_weighted_run(entries, start):
-    """Find the next samples in a row that show weighted planes: (start, end); an empty one where there is none."""
-    n, both = len(entries), IS_ID | IS_WEIGHTED
-    while start < n and entries[start] & both != both:
-        start += 1
-    end = start
-    while end < n and entries[end] & both == both:
-        end += 1
-    return start, end
-
-
-@helper
 def fill_weights(entries, depths, batch):
-    """Fill 1/r, by which the values of planes are multiplied; see gradients.py."""
+    """Fill 1/r, by which the values of weighted planes are multiplied, see gradients.py; 1 for others."""
     offset, step = depths.ratio_offset, depths.ratio_scale
     for k in range(len(entries)):
-        ratio = offset + step * float(entries[k] >> PAYLOAD_BITS)
-        batch[f.WEIGHT + k] = np.float32(1) / np.float32(ratio)
+        ratio = np.float32(offset + step * float(entries[k] >> PAYLOAD_BITS))
+        batch[f.WEIGHT + k] = np.float32(1) / (ratio if entries[k] & IS_WEIGHTED else np.float32(1))
 
 
 # ---------------------------------------------------------------- exact records
