@@ -66,7 +66,7 @@ PATHS = (
     Variant("planes: by hand", (("pipeline/samples.py", '@spelled_out("build_planes_of_row")', "@helper"),)),
     Variant("planes in ranges: by hand", (("pipeline/samples.py", '@spelled_out("build_values_of_row")', "@helper"),)),
     Variant("passes that look away", (("pipeline/cull.py", "if n_left > 0:", "if True:"),)),
-    Variant("light of what is seen", (("engine/lit_points.py", "len(faces) >= geometry.corner.shape[1]", "True"),)),
+    Variant("light of what is seen", (("engine/lit_points.py", "np.flatnonzero(seen)", "np.arange(len(seen))"),)),
     Variant(
         "slopes: by hand",
         (

@@ -10,17 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cores import MIN_PART
-from ..pipeline.fragments import BATCH_SIZE, make_batch
+from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import HAS_COLORS
 from ..pipeline.lighting import SurfacePoints, flag_seen, light_points
 
 
 class Group(NamedTuple):
-    """Points start..end, all of one material."""
+    """Points start..end, all of one material, and which of them are seen, ascending."""
 
     material: int
     start: int
     end: int
+    seen: NDArray[np.int64]
+
+
+Piece = tuple[int, NDArray[np.int64]]  # a material, and points of it
 
 
 def light_seen(geometry, plan, lightings, screen, n_side, normal_offsets, threads, faces) -> NDArray[np.float64]:
@@ -40,16 +44,19 @@ def light_seen(geometry, plan, lightings, screen, n_side, normal_offsets, thread
     no triangle shows it may be 0. With textures 2 n_channel + 2: of textured surfaces what a black one gives
     off, what the whole one gives off, texture coordinates
     """
-    n_flag, all_are_seen = len(geometry.normals) // BATCH_SIZE + 1, len(faces) >= geometry.corner.shape[1]
-    seen = np.full(n_flag, all_are_seen, np.uint8)
-    if not all_are_seen:
-        flag_seen(faces, geometry.corner[: 1 if plan.options.is_flat else 3], seen)
-    offsets = geometry.point_offsets.tolist()
-    groups = [*map(Group, geometry.group_material.tolist(), offsets[:-1], offsets[1:])]
-    textured = [group for group in groups if plan.tables.has_texture[group.material]]
+    offsets, materials = geometry.point_offsets.tolist(), geometry.group_material.tolist()
+    has_texture = [bool(plan.tables.has_texture[material]) for material in materials]
+    # Of flat shading the centroid stands at all three corners, but for texture coordinates.
+    n_corner = 1 if plan.options.is_flat and not any(has_texture) else 3
+    seen = np.zeros(len(geometry.normals), np.bool_)
+    flag_seen(faces, geometry.corner[:n_corner], seen)
+    which = np.flatnonzero(seen)
+    of_groups = np.split(which, np.searchsorted(which, offsets[1:-1]))
+    groups = [*map(Group, materials, offsets[:-1], offsets[1:], of_groups)]
+    textured = [group for group, has in zip(groups, has_texture, strict=True) if has]
 
     tangents = geometry.tangents if plan.has_tangents else None
-    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets, seen)
+    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     whole = light(points, groups, plan, lightings, screen, n_side, threads)
     if not textured:
         return whole
@@ -80,31 +87,31 @@ def light(points: SurfacePoints, groups, plan, lightings, screen, n_side, thread
     intensities = np.zeros((n_side, len(points.normals), n_channel), np.float64 if is_double else np.float32)
     least = MIN_PART // max(1, len(plan.tables.lights))  # points that are worth a thread of its own
     pieces = [
-        Group(group.material, group.start + first, group.start + end)
+        (group.material, group.seen[first:end])
         for group in groups
-        for first, end in threads.ranges(group.end - group.start, least)
+        for first, end in threads.ranges(len(group.seen), least)
     ]
 
     def light_bundle(bundle):
         batches = {dtype: make_batch(dtype) for dtype in lightings}
         for side, out in enumerate(intensities):
             sign = 0 if plan.options.is_flat else 1 - 2 * side
-            for material, start, end in bundle:
+            for material, which in bundle:
                 dtype = np.dtype(np.float64 if of_materials.is_double[material] else np.float32)
-                light_points(points, (start, end), screen, sign, lightings[dtype], material, batches[dtype], out)
+                light_points(points, which, screen, sign, lightings[dtype], material, batches[dtype], out)
 
     threads.map(light_bundle, bundles_of(pieces, least))
     return intensities
 
 
-def bundles_of(pieces: list[Group], least: int) -> list[list[Group]]:
+def bundles_of(pieces: list[Piece], least: int) -> list[list[Piece]]:
     """Put neighbouring pieces together, until a bundle has `least` points."""
-    bundles: list[list[Group]] = []
+    bundles: list[list[Piece]] = []
     room = 0
     for piece in pieces:
         if room <= 0:
             bundles.append([])
             room = least
         bundles[-1].append(piece)
-        room -= piece.end - piece.start
+        room -= len(piece[1])
     return bundles

@@ -100,10 +100,9 @@ def illuminate(
     screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
     tangents = tangents if plan.has_tangents else None
     n, side = len(points), 0 if two_sided else 1
-    seen = np.ones(n // f.BATCH_SIZE + 1, np.uint8)
-    surface = SurfacePoints(points, normals, tangents, np.empty((0, 3)), np.empty((2, 0)), seen)
+    surface = SurfacePoints(points, normals, tangents, np.empty((0, 3)), np.empty((2, 0)))
     found = np.empty((n, plan.n_channel))
-    light_points(surface, (0, n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
+    light_points(surface, np.arange(n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * tables.tint_of(0)
     return found.reshape(shape)

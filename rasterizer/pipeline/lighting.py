@@ -60,7 +60,6 @@ class SurfacePoints(NamedTuple):
     albedo: np.ndarray  # (n, n_channel) float64, read only if the material has one
     normal_offsets: np.ndarray  # (2, n) float64, scene units, on the side of the normal and on the other, see
     # geometry/surfaces.py; read only if a light casts shadows
-    seen: np.ndarray  # (n // BATCH_SIZE + 1,) uint8: those that are lit, see `flag_seen`
 
 
 # ---------------------------------------------------------------- one batch
@@ -200,77 +199,74 @@ def combine_channel(batch, n, channel, lighting, material):
 
 
 @kernel
-def light_points(points, part, screen, side, lighting, material, batch, out_intensities):
-    """Evaluate the illumination equation at surface points, all of one material, but where none of a batch is seen.
+def light_points(points, which, screen, side, lighting, material, batch, out_intensities):
+    """Evaluate the illumination equation at surface points, all of one material.
 
     Parameters
     ----------
     points : SurfacePoints
-    part : (first, end) of those that are lit
+    which : (n,) int64, the numbers of the points that are lit
     side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
     material : row of lighting.materials
     batch : see fragments.py, of the lighting's dtype
-    out_intensities : (n, n_channel) float64, linear; the first channel where the material has one
+    out_intensities : (n_point, n_channel), linear; the first channel where the material has one
     """
-    start, end = part
-    for batch_start in range(start, end, BATCH_SIZE):
-        n, first = min(BATCH_SIZE, end - batch_start), batch_start
-        if not (points.seen[first // BATCH_SIZE] | points.seen[(first + n - 1) // BATCH_SIZE]):
-            continue
-        gather_positions(points.positions, first, n, screen.eye, batch)
+    for first in range(0, len(which), BATCH_SIZE):
+        some = which[first : first + BATCH_SIZE]
+        n = len(some)
+        gather_positions(points.positions, some, screen.eye, batch)
         if side == 0:
-            gather_normals_to_viewer(points, first, n, screen, batch)
+            gather_normals_to_viewer(points, some, screen, batch)
         else:
-            gather_normals(points.normals, first, n, float(side), batch)
+            gather_normals(points.normals, some, float(side), batch)
         if lighting.has_albedo[material]:
-            gather_albedo(points.albedo, first, n, lighting.n_channels[material], batch)
+            gather_albedo(points.albedo, some, lighting.n_channels[material], batch)
         if lighting.needs_view and screen.is_perspective:
             view_from_position(batch, n)
         elif lighting.needs_view:
             forward, real = screen.forward, batch.dtype.type
             view_from_direction(batch, n, (-real(forward[0]), -real(forward[1]), -real(forward[2])))
-        gather_tangents(points.tangents, first, n, batch)
-        gather_planes(lighting.shadows, points, first, n, batch)
+        gather_tangents(points.tangents, some, batch)
+        gather_planes(lighting.shadows, points, some, batch)
         light_batch(batch, n, lighting, material)
         for channel in range(lighting.n_channels[material]):
             for k in range(n):
-                out_intensities[first + k, channel] = batch[f.INTENSITY + channel * f.NEXT + k]
+                out_intensities[some[k], channel] = batch[f.INTENSITY + channel * f.NEXT + k]
 
 
 @kernel
 def flag_seen(faces, corner_idx, out):
-    """Flag which points triangles have at their corners, BATCH_SIZE of them by one flag: neighbours in a file are seen
-    together, as a rule.
+    """Flag the points that triangles have at their corners.
 
     Parameters
     ----------
     faces : (n,) uint32, the triangles
     corner_idx : (3, n_face) uint32, the points at their corners; (1, n_face) where these are one
-    out : (n_point // BATCH_SIZE + 1,) uint8, clear; written
+    out : (n_point,) bool, clear; written
     """
     for corner in range(len(corner_idx)):
         points = corner_idx[corner]
         for k in range(len(faces)):
-            out[points[faces[k]] // BATCH_SIZE] = 1
+            out[points[faces[k]]] = True
 
 
 @helper
-def gather_positions(positions, first, n, eye, batch):
+def gather_positions(positions, some, eye, batch):
     """Copy positions, relative to the eye: subtracted in float64, before digits are dropped."""
     eye = read_vector(eye, 0)
-    for k in range(n):
-        set_vector(batch, f.POSITION, k, subtract(vector_of_row(positions, first + k), eye))
+    for k in range(len(some)):
+        set_vector(batch, f.POSITION, k, subtract(vector_of_row(positions, some[k]), eye))
 
 
 @helper
-def gather_normals(normals, first, n, sign, batch):
+def gather_normals(normals, some, sign, batch):
     """Copy normals, or their opposites."""
-    for k in range(n):
-        set_vector(batch, f.NORMAL, k, scale(vector_of_row(normals, first + k), sign))
+    for k in range(len(some)):
+        set_vector(batch, f.NORMAL, k, scale(vector_of_row(normals, some[k]), sign))
 
 
 @helper
-def gather_normals_to_viewer(points, first, n, screen, batch):
+def gather_normals_to_viewer(points, some, screen, batch):
     """Copy normals, each flipped to the side that the eye, or the viewer at infinity, is on.
 
     In float64: of a face that is far away and seen at a grazing angle, N·(P - eye) is the small difference of large
@@ -278,40 +274,40 @@ def gather_normals_to_viewer(points, first, n, screen, batch):
     """
     positions, normals = points.positions, points.normals
     eye, forward = read_vector(screen.eye, 0), read_vector(screen.forward, 0)
-    for k in range(n):
-        normal = vector_of_row(normals, first + k)
+    for k in range(len(some)):
+        normal = vector_of_row(normals, some[k])
         away = dot(normal, forward)
         if screen.is_perspective:
-            away = dot(normal, subtract(vector_of_row(positions, first + k), eye))
+            away = dot(normal, subtract(vector_of_row(positions, some[k]), eye))
         set_vector(batch, f.NORMAL, k, scale(normal, -1.0 if away > 0.0 else 1.0))
 
 
 @helper
-def gather_albedo(albedo, first, n, n_channel, batch):
+def gather_albedo(albedo, some, n_channel, batch):
     """Copy the albedo."""
     real = batch.dtype.type
     for channel in range(n_channel):
-        for k in range(n):
-            batch[f.ALBEDO + channel * f.NEXT + k] = real(albedo[first + k, channel])
+        for k in range(len(some)):
+            batch[f.ALBEDO + channel * f.NEXT + k] = real(albedo[some[k], channel])
 
 
 @helper
-def gather_tangents(tangents, first, n, batch):
+def gather_tangents(tangents, some, batch):
     """Copy the tangents, if there are any."""
     if tangents is not None:
-        for k in range(n):
-            set_vector(batch, f.TANGENT, k, vector_of_row(tangents, first + k))
+        for k in range(len(some)):
+            set_vector(batch, f.TANGENT, k, vector_of_row(tangents, some[k]))
 
 
 @helper
-def gather_planes(shadows, points, first, n, batch):
+def gather_planes(shadows, points, some, batch):
     """Fill what shadows need, if there are any: of a point alone, its own normal is that of the surface's plane, which
     its normal offset moves."""
     if shadows is not None:
-        for k in range(n):
+        for k in range(len(some)):
             normal = get_vector(batch, f.NORMAL, k)
             set_vector(batch, f.FACE_NORMAL, k, normal)
-            is_turned = np.int64(dot(normal, vector_of_row(points.normals, first + k)) < 0.0)
+            is_turned = np.int64(dot(normal, vector_of_row(points.normals, some[k])) < 0.0)
             height = dot(normal, get_vector(batch, f.POSITION, k))
-            batch[f.FACE_OFFSET + k] = height + points.normal_offsets[is_turned, first + k]
+            batch[f.FACE_OFFSET + k] = height + points.normal_offsets[is_turned, some[k]]
             batch[f.FACE_SIDE + k] = 0

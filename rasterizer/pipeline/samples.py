@@ -124,21 +124,20 @@ def evaluate_values(entries, group, first, out, start, weights):
         across, down = offset_of_sample(first, k, group, record)
         plane, weight = record + group.column, out[weights + k]
         v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
-        values = v0 * weight, v1 * weight, v2 * weight, v3 * weight
-        if is_weighted:
-            values = (
-                within(values[0], numbers, plane + behind),
-                within(values[1], numbers, plane + behind + 1),
-                within(values[2], numbers, plane + behind + 2),
-                within(values[3], numbers, plane + behind + 3),
-            )
+        values = (
+            within(v0 * weight, numbers, plane + behind, is_weighted),
+            within(v1 * weight, numbers, plane + behind + 1, is_weighted),
+            within(v2 * weight, numbers, plane + behind + 2, is_weighted),
+            within(v3 * weight, numbers, plane + behind + 3, is_weighted),
+        )
         write_row(out, start + k, values)
 
 
 @helper
-def within(value, numbers, min_at):
-    """Return a value kept within its range; the least one where it is no number."""
-    least, greatest = numbers[min_at], numbers[min_at + PLANE_GROUP]
+def within(value, numbers, min_at, has_range):
+    """Return a value kept within its range, if it has one; the least one where it is no number."""
+    least = numbers[min_at] if has_range else np.float32(-np.inf)
+    greatest = numbers[min_at + PLANE_GROUP] if has_range else np.float32(np.inf)
     value = value if value > least else least
     return value if value < greatest else greatest
 

@@ -75,10 +75,9 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
     )
     out = np.full((len(positions), plan.n_channel), np.nan)
     rows, albedo = map(np.ascontiguousarray, (positions, normals)), albedo if has_albedo else NOTHING
-    seen = np.ones(len(positions) // BATCH_SIZE + 1, np.uint8)
-    surface = SurfacePoints(*rows, None, albedo, np.empty((2, 0)), seen)
-    end = len(positions) if end is None else end
-    light_points(surface, (start, end), screen, side, lighting, n_material - 1, make_batch(dtype), out)
+    surface = SurfacePoints(*rows, None, albedo, np.empty((2, 0)))
+    which = np.arange(start, len(positions) if end is None else end)
+    light_points(surface, which, screen, side, lighting, n_material - 1, make_batch(dtype), out)
     return out, plan
 
 

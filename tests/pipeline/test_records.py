@@ -341,7 +341,7 @@ def test_normal_planes_err_as_little_as_they_say(shape):
             if (entries & IS_EXACT).any():
                 assert counts.n_exact == 1
                 continue
-            assert counts.n_plane == 1 and not differences(entries & (IS_ID | LEVEL_MASK), IS_ID)
+            assert counts.n_plane == 1 and not differences(entries & (IS_ID | RECORD_MASK), IS_ID)
             is_front = np.linalg.det([triangle[1] - triangle[0], triangle[2] - triangle[0]]) < 0
             inv_w = 1 / depth if is_perspective else np.ones(3)
             is_flat = (normals == normals[0]).all()

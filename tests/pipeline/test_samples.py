@@ -17,7 +17,7 @@ from rasterizer.pipeline.samples import (
     evaluate_with_slopes,
 )
 from rasterizer.pipeline.scan import fill_span, merge_box
-from rasterizer.pipeline.visibility import LANES
+from rasterizer.pipeline.visibility import IS_WEIGHTED, LANES
 
 PITCH, ROWS = 21, 6
 
@@ -141,14 +141,14 @@ def evaluate(form, entries, group, first, out, places, behind):
 
 WAYS = {"vectors": evaluate, "plain": as_plain(evaluate, over="ignore", invalid="ignore")}
 ID_BIT, N_RECORD, UNIT_SHIFT = 24, 40, 4
-RECORD_MASK = (1 << 24) - 2  # as in the pipeline: bit 0 says whether a record is exact
+RECORD_MASK = (1 << 24) - 4  # as in the pipeline: bit 0 says whether a record is exact, bit 1 whether it is weighted
 START, START_BEHIND, WEIGHTS = 5, 3, 5 + 10 * NEXT
 PLACES = tuple(np.int64(place) for place in (START, WEIGHTS, START_BEHIND))
 
 
 def group_of(numbers, column):
     """A PlaneGroup with the types that kernels take."""
-    return PlaneGroup(numbers, np.int64(RECORD_MASK), np.int64(UNIT_SHIFT - 1), np.int64(column))
+    return PlaneGroup(numbers, np.int64(RECORD_MASK), np.int64(UNIT_SHIFT - 2), np.int64(column))
 
 
 def random_records(rng, n_unit):
@@ -164,8 +164,9 @@ def random_records(rng, n_unit):
 
 
 def random_entries(rng, n, n_unit):
-    """Entries that hold indices of records, some of exact ones, others that hold intensities, and clear ones."""
-    record = n_unit * rng.integers(0, N_RECORD - 1, n) << 1 | rng.integers(0, 2, n)
+    """Entries that hold indices of records, some of exact or weighted ones, others that hold intensities, and clear
+    ones."""
+    record = n_unit * rng.integers(0, N_RECORD - 1, n) << 2 | rng.integers(0, 4, n)
     entries = rng.integers(0, 2**38, n) << 25 | 1 << ID_BIT | record
     levels = rng.integers(0, 2**38, n) << 25 | rng.integers(0, 1 << ID_BIT, n)
     entries = np.where(rng.random(n) < 0.3, levels, entries)
@@ -179,14 +180,16 @@ def evaluate_plainly(entries, group, column, first, n_row, weights=None):
     Of entries without a record's index, the values of record 0.
     """
     numbers, whole, k = group.numbers, group.numbers.view(np.int32), np.arange(len(entries))
-    record = np.where(entries >> ID_BIT & 1, entries & RECORD_MASK, 0) << (UNIT_SHIFT - 1)
+    record = np.where(entries >> ID_BIT & 1, entries & RECORD_MASK, 0) << (UNIT_SHIFT - 2)
     across, down = (np.float32(place - whole[record + 1 + axis]) for axis, place in enumerate((first[0] + k, first[1])))
     part = numbers[(record + column)[:, None] + np.arange(5 * PLANE_GROUP)].reshape(-1, 5, PLANE_GROUP)
     rows = ((part[:, 0] + across[:, None] * part[:, 1]) + down[:, None] * part[:, 2]).T
     if weights is not None:
         rows = rows * weights[k]
-        rows = np.where(rows > part[:, 3].T, rows, part[:, 3].T)
-        rows = np.where(rows < part[:, 4].T, rows, part[:, 4].T)
+        is_weighted = (entries & IS_WEIGHTED).astype(bool)
+        least, greatest = (np.where(is_weighted, part[:, k].T, end) for k, end in ((3, -np.inf), (4, np.inf)))
+        rows = np.where(rows > least, rows, least)
+        rows = np.where(rows < greatest, rows, greatest).astype(np.float32)
     return np.concatenate([rows, part[:, 1, :3].T, part[:, 2, :3].T])[:n_row]
 
 
@@ -223,7 +226,7 @@ def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant
     numbers = np.zeros(32, np.float32)
     numbers[4:8] = (np.nan, np.inf, -np.inf, 1e38)
     numbers[16:20], numbers[20:24] = (0.25, 0.25, 0.25, 0.5), (0.75, 0.75, 0.25, 0.5)
-    entries = np.full(8, 1 << ID_BIT, np.int64)
+    entries = np.full(8, 1 << ID_BIT | IS_WEIGHTED, np.int64)
     out = np.zeros(4 * NEXT + 8, np.float32)
     out[4 * NEXT :] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
     places = tuple(np.int64(place) for place in (0, 4 * NEXT, 0))
