@@ -6,13 +6,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..engine.sample_path import draw_sample
 from ..io.camera_file import viewpoint_of
 from ..io.loader import FileLike
 from ..keywords import divided, takes_words
 from ..look import Look
 from ..options import Options
 from ..reference import explain as explaining
-from ..reference.explain import Explanation
+from ..reference.explain import Explanation, Row
 from ..renderer import load_look, render
 from ..scene.scene import SceneLike
 from ..viewpoint import Viewpoint
@@ -34,7 +37,8 @@ def explain(
     options: Options | None = None,
     **words: Unpack[RenderWords],
 ) -> Explanation:
-    """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
+    """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it; and
+    what the picture shows.
 
     Parameters
     ----------
@@ -42,12 +46,13 @@ def explain(
     x, y : column and row of the pixel, from the upper left, whole numbers
     size, options, words : those of the picture, as for `render`, but edges and the ground. Of several samples each is
         explained, and the pixel's value is their mean. `color_range` "global" takes the largest value of the whole
-        picture, which is then drawn, slowly. The values are the reference's: `tolerance`, `outputs` and `threads`
-        are of no effect
+        picture, which is then drawn, slowly. `outputs` and `threads` are of no effect, `tolerance` on the last rows
 
     Returns
     -------
-    Explanation, which prints as text
+    Explanation, which prints as text. The last rows are the picture's own: its "picture" value, linear, the largest
+    "difference" of a channel from the reference's, and how the nearest opaque surface of the sample nearest to the
+    pixel's centre was "drawn"
 
     Raises
     ------
@@ -59,5 +64,10 @@ def explain(
     side, others = divided(words, Viewpoint)
     viewpoint = viewpoint_of(side)
     scene, options, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
-    scene = replace(scene, camera=viewpoint.over(framing).camera_of(scene, options.size))
-    return explaining.explain(scene, x, y, options)
+    camera = viewpoint.over(framing).camera_of(scene, options.size)
+    found = explaining.explain(replace(scene, camera=camera), x, y, options)
+    drawn = draw_sample(scene, replace(options, outputs=("color", "rgb")), camera, x, y)
+    difference = float(np.abs(drawn.color - dict(found.rows)["linear"]).max())
+    rows: list[Row] = [("picture", tuple(drawn.color.tolist())), ("difference", difference)]
+    rows += [] if drawn.path is None else [("drawn", drawn.path)]
+    return replace(found, rows=(*found.rows, *rows))

@@ -28,5 +28,6 @@ What is drawn beside a picture:
 
     edges               edges over a picture
     ground_shadow       the soft shadow on the ground under a scene
+    sample_path         how one sample of a picture was drawn
     point_lighting      the illumination equation at points, without a picture; one light, one reflection model
 """

@@ -72,7 +72,7 @@ FAULTS = (
         "pipeline engine pictures",
     ),
     Fault(
-        "light of what is seen: of flat shading one corner, also where texture coordinates give each a point of its own",
+        "light of what is seen: of flat shading one corner, where texture coordinates give each its own",
         "engine/lit_points.py",
         " and not any(has_texture)",
         "",

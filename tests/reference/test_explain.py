@@ -201,7 +201,7 @@ def test_the_text_says_what_is_seen():
         "background              transparent",
     ):
         assert words in text, f"{words!r} is missing:\n{text}"
-    assert re.search(r"sRGB +\(\d+, \d+, \d+\)\ncode +#[0-9a-f]{6}$", text)
+    assert re.search(r"sRGB +\(\d+, \d+, \d+\)\ncode +#[0-9a-f]{6}\npicture +", text)
     assert len(max(text.splitlines(), key=len)) <= 160
 
 
