@@ -3,7 +3,7 @@
     python bench/encode.py                               models at 640x480 and 1080p, and noise
     python bench/encode.py path/to/scan.obj --sizes 4k --levels 1 6 9
 
-Writers take turns: `rasterizer/io/png.py` on one thread and on all, and Pillow at several levels of compression.
+Writers take turns: `rasterizer/io/png.py`, and Pillow at several levels of compression.
 Columns are explained in bench/README.md; the last line of the output is the same as JSON.
 """
 
@@ -17,9 +17,8 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 from bench import measure, scenes
-from rasterizer import Options, render
+from rasterizer import render
 from rasterizer.analysis.timing import take_turns
-from rasterizer.cores import Workers
 from rasterizer.io.png import encode_png
 
 NOISE = "noise"  # what no writer can make smaller
@@ -33,20 +32,18 @@ def main(argv=None) -> int:
     table = measure.Table([("case        ", "case", ""), ("size     ", "size", ""), ("writer   ", "writer", ""),
                            ("    ms", "ms", ".2f"), ("   KiB", "kib", ".0f"),
                            ("of Pillow's", "share", ".3f")])  # fmt: skip
-    workers = Workers(max(args.threads))
     for text in args.sizes:
         of_size = []
         for case in args.cases:
             pixels = draw(case, scenes.size_of(text))
             shape = {"case": Path(case).stem, "size": f"{pixels.shape[1]}x{pixels.shape[0]}"}
-            for row in measure_writers(pixels, workers, args):
+            for row in measure_writers(pixels, args):
                 table.print(shape | row)
                 of_size.append(shape | row)
         for row in average([row for row in of_size if row["case"] != NOISE]):
             table.print(row)
             of_size.append(row)
         rows += of_size
-    workers.close()
     measure.print_json("encode", machine, args, rows)
     return 0
 
@@ -58,7 +55,6 @@ def make_parser() -> argparse.ArgumentParser:
                         help=f"a model file, {NOISE}, or one of {', '.join(scenes.all_names())}")  # fmt: skip
     parser.add_argument("--sizes", nargs="+", default=["640x480", "1080p"], metavar="SIZE")
     parser.add_argument("--levels", nargs="+", type=int, default=[1, 3, DEFAULT_LEVEL], help="of Pillow's files")
-    parser.add_argument("--threads", nargs="+", type=int, default=sorted({1, Options().n_thread}))
     parser.add_argument("--rounds", type=int, default=15, help="most files of each row (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=2.0, help="time limit of a picture (default: %(default)s)")
     measure.add_output(parser)
@@ -72,10 +68,9 @@ def draw(case: str, size: tuple[int, int]) -> np.ndarray:
     return render(scenes.build(case, size, "studio", "own"), size, samples=4, outputs=("rgb",)).rgba
 
 
-def measure_writers(pixels: np.ndarray, workers: Workers, args) -> list[dict]:
+def measure_writers(pixels: np.ndarray, args) -> list[dict]:
     """Write one picture by all writers in turns; return a row for each."""
-    maps = {n_thread: map if n_thread == 1 else workers.map for n_thread in args.threads}
-    calls = {f"own {n}T": lambda each=each: encode_png(pixels, each) for n, each in maps.items()}
+    calls = {"own": lambda: encode_png(pixels)}
     calls |= {f"Pillow {level}": lambda level=level: pillow_png(pixels, level) for level in args.levels}
     sizes = {name: len(call()) for name, call in calls.items()}
     turns = take_turns(calls, args.seconds, args.rounds)

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .choices import ARRAY_SUFFIXES, SAVED_ARRAYS, SavedArray
-from .cores import Workers
 from .errors import OutputError, SceneError, counted, shown
 from .io.files import write_whole
 from .io.formats import encoded, on_white, picture_format
@@ -357,13 +356,13 @@ class Frame:
             has_bytes = self._rgba is not None and format == "npz"
             names = ["rgb"] * has_bytes + ["alpha"] * (has_bytes and "alpha" not in self._arrays) + list(self._arrays)
             names = ["color"] if format == "npy" or not names else names
-        return encode_arrays({name: self.array(name) for name in names}, format, scale, self._map_bands)
+        return encode_arrays({name: self.array(name) for name in names}, format, scale)
 
     def encode(self, format: str = "PNG", **options: Any) -> bytes:
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
 
         Transparency is laid on white where the format has none; `options` are passed to Pillow. Without options a PNG
-        file is written by `io.png`, on as many threads as have drawn the picture; a TIFF file has a profile of sRGB.
+        file is written by `io.png`; a TIFF file has a profile of sRGB.
 
         Raises
         ------
@@ -372,7 +371,7 @@ class Frame:
         """
         name = picture_format(format)
         if name == "PNG" and not options:
-            return encode_png(self._pixels(), self._map_bands)
+            return encode_png(self._pixels())
         if name == "TIFF" and not options:
             options = {"icc_profile": srgb_profile()}
         image = self.to_pil()
@@ -385,11 +384,6 @@ class Frame:
             return encoded(on_white(image), name, options)
         except (OSError, ValueError) as error:
             raise OutputError(f"can't write a {name} file: {error}") from error
-
-    def _map_bands(self, function: Callable[[Any], Any], items: list) -> list:
-        """Call a function with every item, on as many threads as have drawn the picture."""
-        with Workers(getattr(self.stats, "threads", 1)) as workers:  # a sheet of pictures has no stats
-            return workers.map(function, items)
 
 
 def show_in_notebook(picture: object) -> bool:

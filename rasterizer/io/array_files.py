@@ -22,7 +22,7 @@ import math
 import os
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,12 +55,7 @@ CHANNELS = {  # of EXR files that hold several arrays
 }
 
 
-def encode_arrays(
-    arrays: dict[str, NDArray],
-    format: str,
-    scale: float | None = None,
-    map_bands: Callable[[Callable, list], Iterable] = map,
-) -> bytes:
+def encode_arrays(arrays: dict[str, NDArray], format: str, scale: float | None = None) -> bytes:
     """Return arrays by name as the bytes of a file.
 
     Parameters
@@ -68,7 +63,6 @@ def encode_arrays(
     arrays : as `Frame` has them
     format : small letters: "npy", "npz", "exr" or "png"
     scale : of depths in a PNG file, see `encode_array_png`
-    map_bands : as in `encode_png`
 
     Raises
     ------
@@ -78,7 +72,7 @@ def encode_arrays(
     names = list(arrays)
     check_arrays(names, format, scale)
     if format == "png":
-        return encode_array_png(names[0], arrays[names[0]], scale, map_bands)
+        return encode_array_png(names[0], arrays[names[0]], scale)
     if format == "npy":
         return encode_npy(arrays[names[0]])
     return encode_npz(arrays) if format == "npz" else encode_exr(arrays)
@@ -124,9 +118,7 @@ def encode_npz(arrays: dict[str, NDArray]) -> bytes:
     return stream.getvalue()
 
 
-def encode_array_png(
-    name: str, array: NDArray, scale: float | None = None, map_bands: Callable[[Callable, list], Iterable] = map
-) -> bytes:
+def encode_array_png(name: str, array: NDArray, scale: float | None = None) -> bytes:
     """Return an array as the bytes of a PNG file.
 
     Parameters
@@ -134,7 +126,6 @@ def encode_array_png(
     name : one of IN_PNG
     array : as `Frame` has it
     scale : scene units that 1 in the file stands for, of depths alone; None = DEFAULT_SCALE
-    map_bands : as in `encode_png`
 
     Raises
     ------
@@ -143,7 +134,7 @@ def encode_array_png(
     """
     check_scale(scale, name)
     if name in ("rgb", "rgba"):
-        return encode_png(array, map_bands)
+        return encode_png(array)
     if name == "depth":
         stored, text = _stored_depths(array, DEFAULT_SCALE if scale is None else number(scale, "scale"))
     elif name == "mask":
@@ -160,7 +151,7 @@ def encode_array_png(
         stored[(array == 0).all(axis=-1)] = 0  # which no unit vector is
         text = _text(2 / MAX_U8, -1, "unit vector")
     has_runs = name == "mask" or name in INDICES
-    return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text}, has_runs)
+    return encode_png(stored.reshape(*array.shape[:2], -1), {"array": name, **text}, has_runs)
 
 
 def check_scale(scale: float | None, name: str) -> None:
