@@ -6,6 +6,7 @@ run time: what stands here are the built-in ones, which the help lists; `scene.l
 `scene.material.REFLECTION_MODELS` know all.
 """
 
+from collections.abc import Iterable
 from typing import Literal, get_args
 
 # --- options of a picture -----------------------------------------------------------------------------------
@@ -118,3 +119,29 @@ EXTRAS: dict[str, str] = {
 def install_command(extra: str) -> str:
     """Return the command that installs an extra, wherever the package was installed from."""
     return f"pip install '{DISTRIBUTION}[{extra}]'"
+
+
+# --- what somebody probably meant who wrote a word that isn't there ------------------------------------------
+
+SYNONYMS = {  # what other programs call it, and the command line, or functions
+    "aa": "samples", "alpha": "opacity", "anti_aliasing": "samples", "antialiasing": "samples", "array": "outputs",
+    "azim": "azimuth", "background_color": "background", "base_color": "diffuse", "bg": "background",
+    "buffers": "outputs", "camera_position": "eye", "color": "diffuse", "colour": "diffuse", "dimensions": "size",
+    "elev": "elevation", "format": "input_format", "frames": "n_frame", "height": "size", "input_format": "format",
+    "intensity": "color", "jobs": "threads", "look_at": "target", "mode": "shading", "msaa": "samples",
+    "multisample": "samples", "orthographic": "ortho", "out": "output", "outfile": "output", "perspective": "fov",
+    "position": "eye", "processes": "n_process", "res": "size", "resolution": "size", "shape": "size",
+    "silent": "quiet", "smooth": "shading", "spp": "samples", "supersample": "samples", "supersampling": "samples",
+    "vertex_colors": "colors", "width": "size", "workers": "threads",
+}  # fmt: skip
+
+
+def nearest_word(word: str, legal: Iterable[str]) -> str | None:
+    """Return the legal word that is meant by another one: its synonym, or the nearest in letters; None where none is
+    near."""
+    from difflib import get_close_matches
+
+    words, word = list(legal), word.lower()
+    if SYNONYMS.get(word) in words:
+        return SYNONYMS[word]
+    return next(iter(get_close_matches(word, words, n=1)), None)

@@ -1,7 +1,7 @@
 """The command line, `raster COMMAND MODEL...`. A command is the file of its name: its flags, and `run`.
 
     parser     the commands, how a command line is read, the help
-    flags      the flags that several commands have, by topic
+    flags      the flags that several commands have, in groups
     values     what is written behind flags: numbers, colours, materials, lights
     models     which models are read, and how
     outputs    which pictures there are: their names, their formats, their files

@@ -36,7 +36,7 @@ def add_flags(parser) -> None:
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
-    group = parser.add_topic("work", is_own=True)
+    group = parser.add_argument_group("work")
     add_processes(group)
     add = group.add_argument
     add("--scheduler", metavar="ADDRESS",

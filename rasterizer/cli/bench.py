@@ -47,7 +47,7 @@ def add_flags(parser) -> None:
     parser.description = _DESCRIPTION
     parser.set_defaults(outputs=None, default_name="{stem}-bench", default_suffix=".png", always_writes=False)
     add_models(parser)
-    output = parser.add_topic("output")
+    output = parser.add_argument_group("output")
     output.add_argument(
         "--plot", dest="output", metavar="OUT",
         help="draw time against error, as .png, .svg or .pdf; with {stem} or {view} for several (needs matplotlib)",
@@ -55,7 +55,7 @@ def add_flags(parser) -> None:
     add_size(output, Options.size)
     add_json(output, "print a line of JSON for each model instead of the table")
     add_messages(output)
-    add = parser.add_topic("measured", _TABLE, is_own=True).add_argument
+    add = parser.add_argument_group("measured", _TABLE).add_argument
     add("--shadings", type=values.list_of(str, choices.SHADINGS), default=("flat", "gouraud", "phong"), metavar="LIST",
         help="shading methods (default flat,gouraud,phong)")  # fmt: skip
     add("--subdivisions", type=values.list_of(values.whole, range(16)), default=(0, 1, 2), metavar="LIST",

@@ -71,7 +71,7 @@ def add_flags(parser) -> None:
     parser.description = _DESCRIPTION
     add_models(parser)
     add_output(parser, "{stem}-compare", SIZE)
-    add = parser.add_topic("comparison", _TABLE, is_own=True).add_argument
+    add = parser.add_argument_group("comparison", _TABLE).add_argument
     add("--methods", type=values.list_of(values.shading_method), default=("flat", "gouraud", "phong"), metavar="LIST",
         help="what is compared, with commas between; gouraud+N cuts triangles in four N times before "
         "(default flat,gouraud,phong)")  # fmt: skip

@@ -45,7 +45,5 @@ def run(arguments, _messages) -> tuple[list, int]:
                 action.choices = metavar[1:-1].split(",")
             elif metavar in _FILES:
                 action.complete = shtab.FILE
-            elif metavar == "TOPIC":
-                action.choices = command.topics()
     print_text(shtab.complete(parser, arguments.shell) + "\n")
     return [], 0

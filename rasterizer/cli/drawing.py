@@ -26,7 +26,6 @@ from .flags import UNSAID
 from .messages import STDIO, Failures, Results, compilation_shown
 from .models import told_of
 from .outputs import Outputs, holds_arrays, needed_outputs, plan_targets, seed_of, without
-from .parser import did_you_mean
 from .values import make_light
 
 if TYPE_CHECKING:
@@ -107,8 +106,7 @@ def _make_look(arguments, shadow) -> Look:
         material |= given
     for word, flag in ((arguments.reflection, "--reflection"), (material.get("reflection"), "--material: reflection")):
         if word is not None and word not in REFLECTION_MODELS:
-            meant = did_you_mean(word, REFLECTION_MODELS)
-            raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}{meant}")
+            raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
     if material or arguments.reflection:
         with told_of("--material"):
             material = Look(material=material, reflection=arguments.reflection).material

@@ -1,4 +1,4 @@
-"""The flags that several commands have, each once, by topic: models, output, array, camera, shading, material, light,
+"""The flags that several commands have, each once, in groups: models, output, array, camera, shading, material, light,
 shadow, picture, speed.
 
 Every field of `Options` is a flag. Its name, its words and its default are those of the field; where it isn't given it
@@ -51,8 +51,8 @@ _Z_UP = " and ".join(each.name for each in formats.FORMATS.values() if each.up =
 
 def add_models(parser) -> None:
     """Add the models that are read, and how."""
-    group = parser.add_topic("models", "A scene file (.json or .toml) holds models, materials, lights, camera, "
-                             "background, depth cue and options; flags come first.")
+    group = parser.add_argument_group("models", "A scene file (.json or .toml) holds models, materials, lights, "
+                                      "camera, background, depth cue and options; flags come first.")
     models, scenes = [], []
     for entry in formats.FORMATS.values():
         (scenes if entry.is_scene else models).append(entry.name)
@@ -89,7 +89,7 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
     parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, outputs=None, files=())
     fields += " {array}" if has_arrays else ""
     several = "; several -o, each after its --array, write what one frame shows" if has_arrays else ""
-    group = parser.add_topic("output")
+    group = parser.add_argument_group("output")
     default = f"{default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
     default += ", -VIEW before .png for several views" if "{view}" in fields else ""
     group.add_argument(
@@ -124,7 +124,7 @@ def add_messages(group) -> None:
 
 def add_arrays(parser) -> None:
     """Add arrays, in place of pictures or beside them."""
-    add = parser.add_topic(
+    add = parser.add_argument_group(
         "array", "-o '{stem}.{array}.png' makes a file of each, as an -o after each does. Arrays have one sample a "
         f"pixel, but for color and rgb with --samples.\n{_ARRAYS}").add_argument
     add("--array", dest="outputs", action="append", choices=tuple(_HELD), metavar="NAME",
@@ -151,7 +151,7 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     azimuth, frame : text, what the degrees of --azimuth are, and what --camera frame does
     has_seed : whether views and lights may be random
     """
-    add = parser.add_topic(
+    add = parser.add_argument_group(
         "camera", "The model fills the picture, unless --eye is given. A scene file's camera is used where none of "
         "these but --zoom is given; a model's is, with --camera file.").add_argument
     parser.set_defaults(views=[])
@@ -186,7 +186,7 @@ def add_look(parser, is_compared=False):
     ----------
     is_compared : leave out what methods that are compared say themselves, and what isn't compared
     """
-    group = parser.add_topic("shading")
+    group = parser.add_argument_group("shading")
     if not is_compared:
         _add_option(group, "shading", "light polygons (flat or lambert), vertices (gouraud) or samples (phong)")
         _add_option(group, "samples", "samples a pixel; buffers have one")
@@ -199,7 +199,7 @@ def add_look(parser, is_compared=False):
         help="cut every triangle in four, N times, up to 15: for highlights with gouraud (default 0)")
     _add_option(group, "cull", "leave out what closed bodies hide, nothing, or all faces seen from behind")
 
-    add = parser.add_topic("material", _MATERIAL).add_argument
+    add = parser.add_argument_group("material", _MATERIAL).add_argument
     add("--material", dest="materials", action="append", type=values.material, default=[],
         metavar="[NAME,]KEY=VALUE,...",
         help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic "
@@ -208,13 +208,13 @@ def add_look(parser, is_compared=False):
         help="short for --material diffuse=...")
     add("--reflection", metavar=f"{{{','.join(choices.REFLECTIONS)}}}", help="short for --material reflection=...")
 
-    add = parser.add_topic("light", _LIGHT).add_argument
+    add = parser.add_argument_group("light", _LIGHT).add_argument
     add("--preset", choices=choices.PRESETS,
         help="ready-made lights (default: the file's own, else studio, or none beside --light)")
     add("--light", dest="lights", action="append", default=[], metavar="KIND:...",
         help="add a light; in raster render and batch also random, for lights by --seed in place of the file's")
 
-    group = parser.add_topic("shadow")
+    group = parser.add_argument_group("shadow")
     add = group.add_argument
     add("--shadows", action="store_true", help="all lights but ambient ones cast shadows, unless one says shadow=no")
     add("--shadow-size", type=int, metavar="N", help="texels along the side of shadow maps, 16 to 8192 (default 1024)")
@@ -224,7 +224,7 @@ def add_look(parser, is_compared=False):
         _add_option(group, "ground", "the tabletop: a key light with its shadow in place of the studio's, and a soft "
                     "shadow on the ground, in pictures' alpha (default: none, or as a scene file says)")
 
-    group = parser.add_topic("picture")
+    group = parser.add_argument_group("picture")
     add = group.add_argument
     add("-b", "--background", type=values.color, metavar="COLOR",
         help="colour, or transparent (default, but for a scene file with a background)")
@@ -243,7 +243,7 @@ def add_look(parser, is_compared=False):
         _add_option(group, "edge_color", "of the edges (default black)", type=values.color, metavar="COLOR")
         _add_option(group, "edge_width", "of the edges, in pixels", metavar="PX")
 
-    group = parser.add_topic("speed")
+    group = parser.add_argument_group("speed")
     if not is_compared:
         _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = all in float64 "
                     "(default 1/4096: 8-bit values are off by one level at most, but next to steps of the light)",

@@ -42,7 +42,7 @@ def add_flags(parser) -> None:
     parser.usage = "raster info MODEL... [options]"
     parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
     add_models(parser)
-    output = parser.add_topic("output")
+    output = parser.add_argument_group("output")
     output.add_argument("--formats", action=_ListFormats, nargs=0, help="list the formats that can be loaded, and exit")
     add_json(output, "print a line of JSON for each model")
     add_messages(output)

@@ -1,8 +1,7 @@
 """The commands, their parsers and their help.
 
-    raster --help                     the commands, exit codes
-    raster render --help              the usual flags, and the names of all others by topic
-    raster render --help camera       the flags of a topic; `all` has everything
+    raster --help             the commands, exit codes
+    raster render --help      the flags of a command, in groups
 
 Flags are made of the command that is called alone, so that help and errors come at once.
 """
@@ -11,10 +10,10 @@ import argparse
 import glob
 import os
 import re
-import sys
 from importlib import import_module
 
 from .. import __version__
+from ..choices import nearest_word
 from ..errors import SceneError
 
 # Each command is the module of this folder that has its name, imported when it is called: `add_flags(parser)` adds its
@@ -125,7 +124,7 @@ def _with_command(argv) -> list[str]:
         return ["--help"]
     first = argv[0]
     if first in ("help", "-h", "--help") and argv[1:] and argv[1] in COMMANDS:
-        return [argv[1], "--help", *argv[2:3]]
+        return [argv[1], "--help"]
     if first in COMMANDS or first in ("-h", "--help", "--version"):
         return argv
     if first == "help":
@@ -137,8 +136,8 @@ def _with_command(argv) -> list[str]:
         return ["render", *argv] if any(map(_is_model, argv)) else argv
     if _is_model(first):
         return ["render", *argv]
-    commands, meant = ", ".join(COMMANDS), did_you_mean(first, COMMANDS)
-    raise SceneError(f"there is no command and no file {first!r} (commands are {commands}){meant} (see raster --help)")
+    commands = ", ".join(COMMANDS)
+    raise SceneError(f"there is no command and no file {first!r} (commands are {commands}) (see raster --help)")
 
 
 def _is_model(word) -> bool:
@@ -157,8 +156,6 @@ def _joined_values(argv) -> list[str]:
         if is_after_end or not word.startswith("-"):
             joined.append(word)
             continue
-        if re.fullmatch(r"-(\w|-[a-z-]+=|\w=)--", word):  # argparse would make a list of it
-            raise SceneError(f"{word[:-2].removesuffix('=')} can't have the value -- (see raster --help)")
         is_value = joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1]) and re.match(r"-(\.?\d|[xyzXYZ]$)", word)
         if is_value:
             joined[-1] += f"={word}"
@@ -189,90 +186,24 @@ def make_command_parser(name) -> "Parser":
     return parser
 
 
-_USUAL = frozenset({
-    "MODEL", "--help", "--output", "--plot", "--size", "--view", "--azimuth", "--elevation", "--shading", "--samples",
-    "--color", "--background", "--ground", "--processes", "--json", "--verbose", "--quiet",
-})  # what the first help of a command shows  # fmt: skip
-
-
 class Parser(argparse.ArgumentParser):
-    """A parser whose help has topics, and whose errors are ours: one line, and the exit code chosen in one place.
-
-    Groups of arguments with a title of our own are its topics. Where there are some, the first help shows usual flags,
-    and all of the groups in `own`; of others the names.
-    """
-
-    own, commands = (), {}
+    """A parser whose errors are ours: one line, and the exit code chosen in one place."""
 
     def __init__(self, prog, has_help=True, **settings):
         super().__init__(prog, allow_abbrev=False, add_help=False, formatter_class=_Formatter, **settings)
         if has_help:
             # As a parser's own flag it would be tried on a formatter, which measures the terminal: 6 modules.
-            self._optionals.add_argument("-h", "--help", action=_Help, nargs=0, help="show this help")
-
-    def add_topic(self, title, description=None, is_own=False):
-        """Add a group of flags; the first help shows it as a whole where it is the command's own."""
-        group = self.add_argument_group(title, description)
-        help_flag = self._actions[0]
-        help_flag.nargs, help_flag.metavar, help_flag.help = "?", "TOPIC", "show this help, or all flags of a topic"
-        if is_own:
-            self.own = (*self.own, group)
-        return group
-
-    def topics(self) -> dict:
-        """Return the groups of flags by their titles."""
-        return {group.title: group for group in self._action_groups[2:] if group.title != "commands"}
-
-    def format_help(self, topic=None) -> str:
-        """Return the help, or what it says of a topic; a word that is none gets the first help, which lists them."""
-        topics = self.topics()
-        if not topics or topic == "all":
-            return super().format_help()
-        formatter = self._get_formatter()
-        if topic == "examples" and self.epilog:
-            formatter.add_text(self.epilog)
-        elif topic in topics:
-            formatter.start_section(topic)
-            formatter.add_text(topics[topic].description)
-            formatter.add_arguments(topics[topic]._group_actions)
-            formatter.end_section()
-        else:
-            self._add_first_help(formatter, topics)
-        return formatter.format_help()
-
-    def _add_first_help(self, formatter, topics):
-        import textwrap
-
-        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
-        formatter.add_text(self.description)
-        formatter.start_section("usual flags")
-        of_own = [each for group in self.own for each in group._group_actions]
-        others = [each for each in (*self._actions[1:], self._actions[0]) if each not in of_own]
-        formatter.add_arguments(each for each in others if _USUAL.intersection(_names_of(each)))
-        formatter.end_section()
-        for group in self.own:
-            formatter.start_section(group.title)
-            formatter.add_arguments(group._group_actions)
-            formatter.end_section()
-        width = max(map(len, (*topics, "examples"))) + 2
-        lines = [f"all flags, by {self.prog} --help TOPIC:"]
-        for title, group in topics.items():
-            head, names = f"  {title:<{width}}", " ".join(_title_of(each) for each in group._group_actions)
-            indents = {"initial_indent": head, "subsequent_indent": " " * len(head)}
-            lines += textwrap.wrap(names, formatter._width, **indents, break_on_hyphens=False)
-        lines += [f"  {'examples':<{width}}of commands, and remarks"] if self.epilog else []
-        lines += [f"  {'all':<{width}}everything"]
-        formatter.add_text("\n".join(lines))
+            self._optionals.add_argument("-h", "--help", action="help", help="show this help")
 
     def error(self, message):
-        """Raise SceneError, with what was probably meant."""
-        if message.startswith("unrecognized arguments: "):
-            flags = [flag for action in self._actions for flag in action.option_strings]
-            message += _nearest_flag(message.partition(": ")[2].split(), flags)
-        elif chosen := re.match(r"argument (\S+): invalid choice: '?(.*?)'? \(choose from ", message, re.DOTALL):
-            names = set(chosen[1].split("/"))
-            choices = [action.choices for action in self._actions if names & set(action.option_strings)]
-            message += did_you_mean(chosen[2], map(str, choices[0])) if choices else ""
+        """Raise SceneError, with the flag that was probably meant."""
+        if unknown := re.match(r"unrecognized arguments: -*([^\s=]+)", message):
+            flags = {}
+            for action in self._actions:
+                for flag in action.option_strings:
+                    flags[flag.lstrip("-").replace("-", "_")] = flag
+            near = nearest_word(unknown[1].replace("-", "_"), flags)
+            message += f"; did you mean {flags[near]}?" if near else ""
         raise SceneError(f"{message} (see {self.prog} --help)")
 
 
@@ -287,60 +218,3 @@ class _Formatter(argparse.HelpFormatter):
             else:
                 parts.append(super()._fill_text(paragraph, width, indent))
         return "\n\n".join(parts)
-
-
-class _Help(argparse.Action):
-    """Print the help, or a topic of it, and end."""
-
-    def __init__(self, option_strings, dest, **settings):
-        super().__init__(option_strings, argparse.SUPPRESS, default=argparse.SUPPRESS, **settings)
-
-    def __call__(self, parser, _namespace, topic, _flag=None):
-        parser._print_message(parser.format_help(topic or None), sys.stdout)
-        parser.exit()
-
-
-def _names_of(action) -> tuple[str, ...]:
-    """The flags of an argument; of one without flags what stands for it."""
-    return tuple(action.option_strings) or (action.metavar or action.dest,)
-
-
-def _title_of(action) -> str:
-    """The first long flag of an argument, or what stands for it."""
-    names = _names_of(action)
-    return next((name for name in names if name.startswith("--")), names[0])
-
-
-# --- what somebody probably meant who wrote a word that isn't there -------------------------------------------------
-
-# Flags of other programs, by which people call ours.
-_HABITS = {
-    "--bg": "--background", "--background-color": "--background", "--width": "--size", "--height": "--size",
-    "--resolution": "--size", "--res": "--size", "--dimensions": "--size", "--out": "--output", "--outfile": "--output",
-    "--aa": "--samples", "--msaa": "--samples", "--supersample": "--samples", "--anti-aliasing": "--samples",
-    "--smooth": "--shading", "--camera-position": "--eye", "--position": "--eye", "--look-at": "--target",
-    "--orthographic": "--ortho", "--perspective": "--fov", "--elev": "--elevation", "--azim": "--azimuth",
-    "--jobs": "--threads", "--workers": "--threads", "--silent": "--quiet", "--format": "--input-format",
-}  # fmt: skip
-
-
-def did_you_mean(word: str, legal) -> str:
-    """Return "; did you mean X?" with the nearest of the legal words: one that is alike but for its case, begins like
-    the word, or has most letters in common with it. Return nothing where none is near."""
-    import difflib
-
-    letters = word.lower().lstrip("-")
-    bare = {each.lower().lstrip("-"): each for each in legal if len(each.lstrip("-")) > 1}
-    begun = [name for name in bare if len(letters) >= 3 and name.startswith(letters)]
-    near = [letters] if letters in bare else begun or difflib.get_close_matches(letters, bare, n=1)
-    return f"; did you mean {bare[near[0]]}?" if near else ""
-
-
-def _nearest_flag(words, flags) -> str:
-    """Return the same for the first of some words that is no flag; flags of other programs are known, too."""
-    for word in words:
-        name = word.partition("=")[0]
-        if name.startswith("-"):
-            habit = _HABITS.get(name.lower())
-            return f"; did you mean {habit}?" if habit in flags else did_you_mean(name, flags)
-    return ""

@@ -37,7 +37,7 @@ def add_flags(parser) -> None:
     parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}-sheet", _SIZE, fields="{stem} {ext}")
-    add = parser.add_topic("sheet", is_own=True).add_argument
+    add = parser.add_argument_group("sheet").add_argument
     add("--columns", type=values.whole, metavar="N", help="pictures in a row (default: as many as views, or as rows)")
     add("--rows", type=values.whole, metavar="N", help="rows, instead of --columns")
     add("--gap", type=values.whole, default=8, metavar="N", help="pixels between pictures (default 8)")

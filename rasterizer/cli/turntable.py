@@ -46,7 +46,7 @@ def add_flags(parser) -> None:
     parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}-turntable", _SIZE, suffix=".gif", fields="{stem} {ext}, or {frame} for a file each")
-    add = parser.add_topic("turn", is_own=True).add_argument
+    add = parser.add_argument_group("turn").add_argument
     add("--frames", type=values.whole, metavar="N",
         help=f"pictures of one round (default {_FRAMES}, or as many as --fps and --seconds make)")  # fmt: skip
     add("--seconds", type=values.number, metavar="S", help=f"that a round takes (default {_SECONDS:g})")

@@ -9,7 +9,6 @@ import re
 
 from ..choices import DISTRIBUTIONS, EDGE_TYPES, VIEWS
 from ..errors import SceneError
-from .parser import did_you_mean
 
 _MAX_PROCESSES = 1024
 
@@ -111,7 +110,7 @@ def list_of(read, legal=()):
             if legal and value not in legal:
                 words = list(map(str, legal))
                 needed = f"one or several of {', '.join(words)}, with commas, are needed"
-                raise argparse.ArgumentTypeError(f"{needed}; given {text!r}{did_you_mean(str(value), words)}")
+                raise argparse.ArgumentTypeError(f"{needed}; given {text!r}")
         return found
 
     values.legal = legal  # for the completion of shells
@@ -149,8 +148,7 @@ def word_of(legal):
 
     def word(text) -> str:
         if text not in legal:
-            meant = did_you_mean(text, legal)
-            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}{meant}")
+            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}")
         return text
 
     return word
@@ -176,17 +174,13 @@ def _read_settings(parts, readers, what) -> dict:
     for part in parts:
         name, _, text = part.strip().partition("=")
         if name not in readers or not text:
-            legal, meant = _list_names(readers), did_you_mean(name, readers)
-            raise argparse.ArgumentTypeError(f"{what} takes {legal}; given {part!r}{meant}")
+            legal = ", ".join(f"{name}=..." for name in readers)
+            raise argparse.ArgumentTypeError(f"{what} takes {legal}; given {part!r}")
         try:
             settings[name] = readers[name](text)
         except argparse.ArgumentTypeError as fault:
             raise argparse.ArgumentTypeError(f"{name}: {fault}") from None
     return settings
-
-
-def _list_names(readers) -> str:
-    return ", ".join(f"{name}=..." for name in readers)
 
 
 _NEXT = r",(?=\s*\w+=)"  # a comma that no NAME= follows belongs to the value, as in rgb(1,2,3) or a file's name
@@ -204,7 +198,7 @@ def material(text) -> dict:
         try:
             settings = named_fields(parts.pop(0).strip())
         except SceneError as fault:
-            raise argparse.ArgumentTypeError(f"{fault}; or KEY=VALUE, see --help material") from None
+            raise argparse.ArgumentTypeError(f"{fault}; or KEY=VALUE, see --help") from None
     return settings | _read_settings(parts, MATERIAL_FIELDS, "a material")
 
 
@@ -284,8 +278,7 @@ def make_light(text, shadow):
     word, _, rest = text.partition(":")
     if word not in LIGHT_TYPES:
         legal = ", ".join(f"{each}:..." for each in LIGHT_TYPES)
-        meant = did_you_mean(word, LIGHT_TYPES)
-        raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}{meant}")
+        raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}")
     described = describe_fields(LIGHT_TYPES[word])
     try:
         settings = _read_light(rest, described, f"a {word} light")

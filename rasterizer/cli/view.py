@@ -28,7 +28,7 @@ def add_flags(parser) -> None:
     parser.description = _DESCRIPTION
     parser.set_defaults(outputs=None, output=None, default_size=None)
     add_models(parser)
-    page = parser.add_topic("page", _PAGE, is_own=True)
+    page = parser.add_argument_group("page", _PAGE)
     page.add_argument("--open", dest="is_opened", action="store_true", help="open the page in a browser")
     page.add_argument("--once", dest="is_once", action="store_true", help="end when the page is closed")
     page.add_argument("--port", type=values.whole, default=0, metavar="N",

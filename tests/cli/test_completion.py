@@ -45,7 +45,7 @@ def test_every_command_flag_and_word_is_there(shell, capsys):
         flags = [flag for action in actions for flag in action.option_strings]
         lacking = [flag for flag in flags if (flag if shell != "fish" else flag.lstrip("-")) not in text]
         assert name in text and not lacking, f"{name}: {lacking}"
-    for word in ("gouraud", "silhouette", "x86-64-v3", "bottom", "picture"):
+    for word in ("gouraud", "silhouette", "x86-64-v3", "bottom"):
         assert word in text, word
 
 
@@ -68,7 +68,6 @@ def test_bash_completes(capsys, folder):
         "render --view b": "back bottom",
         "render --edges cre": "crease",
         "render --reflection bl": "blinn",
-        "render --help li": "light",
         "info --js": "--json",
         "completion z": "zsh",
         "render models/": "models/part.obj",

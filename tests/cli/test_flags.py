@@ -50,7 +50,7 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
     assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS) and choices.WEIGHTINGS == mesh.WEIGHTINGS
     assert choices.DISTRIBUTIONS == material.DISTRIBUTIONS
     assert choices.LIGHT_TYPES == tuple(lights.LIGHT_TYPES) and choices.PRESETS == tuple(light_presets.PRESETS)
-    text = make_command_parser("render").format_help("light")
+    text = make_command_parser("render").format_help()
     for kind, cls in lights.LIGHT_TYPES.items():
         (line,) = re.findall(rf"^ +{kind}:.*(?:\n {{10}}.*)*", text, re.MULTILINE)
         if "as for point" in line:

@@ -9,24 +9,23 @@ from PIL import Image
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_the_nearest_is_named(capsys):
+def test_the_word_that_is_meant_is_named(capsys):
+    """A flag by its nearest or by a word of other programs; of other words all that are legal are listed."""
     meant = {
+        "render x.obj --exposur 1": "did you mean --exposure?",
+        "render x.obj --bg=white": "did you mean --background?",
+        "render x.obj --resolution 80": "did you mean --size?",
+        "--versoin": "did you mean --version?",
         "rendr x.obj": "render",
         "render x.obj --shading gourad": "gouraud",
         "render x.obj --view Top": "top",
-        "render x.obj --exposur 1": "--exposure",
-        "render x.obj --back white": "--background",
-        "render x.obj --bg=white": "--background",
-        "render x.obj --resolution 80": "--size",
         "render x.obj --reflection blin": "blinn",
         "bench x.obj --shadings flat,fong": "phong",
-        f"render {CUBE} --material diffus=0.5": "diffuse",
         f"render {CUBE} --material shine=9": "shininess",
         f"render {CUBE} --light pont:1,2,3": "point",
         f"render {CUBE} --light spot:1,2,3,fall=2": "falloff",
-        "--versoin": "--version",
     }
-    assert_refused(capsys, [(argv.split(), f"did you mean {word}?") for argv, word in meant.items()])
+    assert_refused(capsys, [(argv.split(), word) for argv, word in meant.items()])
     assert_refused(capsys, [(["qwertz"], "there is no command and no file 'qwertz' (commands are render, ")])
     assert raster("render", "x.obj", "--qwertz") == 2 and "did you mean" not in one_error(capsys)
 

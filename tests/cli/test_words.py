@@ -80,20 +80,9 @@ OTHER = {
     "no-ground": ("--no-ground", {"ground": False}, "True and False"),
     "input-format": ("--input-format obj", {"format": "obj"}, "rz.load has it by that name"),
 }  # fmt: skip
-# What isn't of a picture: the word that a program tries, and what the error says of it.
-REFUSED = {
-    "help": ("help", "Options are"),
-    "recursive": ("recursive", "rglob"),
-    "output": ("output", "save"),
-    "skip-existing": ("skip_existing", "render_many"),
-    "json": ("json", "frame.stats"),
-    "verbose": ("verbose", "log=print"),
-    "quiet": ("quiet", "warnings"),
-    "array": ("array", "did you mean outputs?"),
-    "scale": ("scale", "save"),
-    "seed": ("seed", "RenderTask"),
-    "processes": ("processes", "n_process"),
-}
+# What isn't of a picture: of a command line, of files, of several pictures.
+REFUSED = ("help", "recursive", "output", "skip-existing", "json", "verbose", "quiet", "array", "scale", "seed",
+           "processes")  # fmt: skip
 
 
 def test_every_flag_is_a_word_or_on_the_list():
@@ -305,11 +294,10 @@ def test_words_are_combined_as_flags_are(capsys):
     capsys.readouterr()
 
 
-def test_what_is_no_word_says_how_it_is_written():
-    for word, said in REFUSED.values():
-        with pytest.raises(rz.OptionError, match="render has no option") as caught:
-            rz.render(TORUS, SIZE, **{word: 1})
-        assert said in str(caught.value), word
+def test_what_is_no_word_is_refused():
+    for flag in REFUSED:
+        with pytest.raises(rz.OptionError, match="render has no option"):
+            rz.render(TORUS, SIZE, **{flag.replace("-", "_"): 1})
 
 
 def test_every_entry_takes_the_words():

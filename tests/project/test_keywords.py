@@ -2,11 +2,9 @@
 
 import inspect
 import re
-import traceback
 
 import numpy as np
 import pytest
-from helpers.odd_format import odd_format
 
 import rasterizer as rz
 
@@ -60,15 +58,6 @@ def test_words_of_others_are_understood():
                 rz.render("x.obj", **{given: 1})
 
 
-def test_a_word_that_another_function_has_is_said():
-    for given in ("material", "preset", "shadows", "fov", "margin", "view", "colour", "subdivide", "texture"):
-        for call in (rz.load, rz.Scene, rz.render if given in ("colour", "texture") else rz.Scene):
-            with pytest.raises(rz.OptionError) as caught:
-                call("x.obj", **{given: 1})
-            text = str(caught.value)
-            assert "did you mean" not in text and text.partition(f"{given!r}: ")[2].partition(". Options are ")[1], text
-
-
 def test_a_message_of_many_options_is_short():
     for call in (rz.render, rz.Renderer, rz.turntable):
         with pytest.raises(rz.OptionError, match=r"Options are those of help\(rz\.\w+\)") as caught:
@@ -81,39 +70,6 @@ def test_it_is_an_error_of_the_package_and_one_of_python():
         rz.Material(colour="red")
     with pytest.raises(rz.RasterizerError):
         rz.Material(colour="red")
-
-
-def test_a_traceback_ends_at_the_line_of_the_user_and_one_of_ours(tmp_path):
-    holed = ([[0, 0, 0], [1, 0, 0], [0, float("nan"), 0]], [[0, 1, 2]])
-    frame = rz.render(TRIANGLE, 8)
-    calls = (
-        lambda: rz.render(None),
-        lambda: rz.render("none.obj"),
-        lambda: rz.render(holed),
-        lambda: rz.render(TRIANGLE, -1),
-        lambda: rz.render(TRIANGLE, 8, camera=3),
-        lambda: rz.load(TRIANGLE, up="w"),
-        lambda: rz.Mesh(*holed),
-        lambda: rz.Material(diffuse=(255, 0, 0)),
-        lambda: rz.save(3, "none.json"),
-        lambda: rz.render(TRIANGLE, 8, material="cheese"),
-        lambda: rz.render(TRIANGLE, 8, eye=(1, 2, 3), view="top"),
-        lambda: rz.render(TRIANGLE, 8, nonsense=3),
-        lambda: rz.Renderer(TRIANGLE, 8, shadows=3),
-        lambda: rz.turntable(TRIANGLE, shading="none"),
-        lambda: rz.sheet([3]),
-        lambda: frame.save("x.foo"),
-    )
-    for call in calls:
-        with pytest.raises(rz.RasterizerError) as caught:
-            call()
-        files = [each.filename for each in traceback.extract_tb(caught.tb)]
-        assert files[:2] == [__file__] * 2 and len(files) == 3, f"{caught.value}: {files}"
-
-    (tmp_path / "a.odd").write_bytes(b"any")
-    with odd_format(ZeroDivisionError("of ours")), pytest.raises(rz.ModelError, match="internal error") as caught:
-        rz.load(tmp_path / "a.odd")
-    assert len(traceback.extract_tb(caught.value.__cause__.__traceback__)) > 1, "a fault of ours keeps all of it"
 
 
 def test_signatures_fit_a_screen_and_the_text_says_what_each_word_is():
