@@ -95,25 +95,9 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
 LIGHT_TYPES: tuple[str, ...] = get_args(LightType)  # built-in
 
-# --- extras of the package, which pip installs: what each is for ---------------------------------------------
+# --- extras of the package, which pip installs ----------------------------------------------------------------
 
 DISTRIBUTION = "scanline-rasterizer"  # what pip calls it
-EXTRAS: dict[str, str] = {
-    "completion": "raster completion",
-    "dataset": "annotations of datasets as COCO has them",
-    "distributed": "batches on Dask's workers",
-    "exr": "EXR files",
-    "formats": "3MF with its colours, COLLADA (DAE, ZAE), 3DXML and XAML files",
-    "notebook": "rz.view, a viewer in notebooks",
-    "progress": "a bar on the terminal while many pictures are drawn",
-    "video": "MP4, MOV and MKV files",
-    "all": "all of these",
-    "bench": "rz.color_difference, FLIP, plots, and other renderers to compare with",
-    "browser": "tests of the viewer",
-    "docs": "pages of the API",
-    "lint": "what looks at the source",
-    "test": "the tests",
-}
 
 
 def install_command(extra: str) -> str:

@@ -3,18 +3,16 @@
 What can't be imported is a finding, so nothing but the standard library is imported before it has been looked for.
 """
 
-import ast
-import operator
 import os
 import platform
-import re
 import shutil
 import sys
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 
 from .. import __version__
-from ..choices import DISTRIBUTION, EXTRAS, install_command
+from ..choices import install_command
 from ..cores import n_core
 from ..errors import OutputError, SceneError
 from .flags import add_json, add_messages
@@ -42,9 +40,15 @@ variables of the environment:
 {"".join(f"  {name:<20}{text}" + chr(10) for name, text in ENVIRONMENT.items())}"""
 
 _NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
-_COMPARISONS = {
-    ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
-    ast.GtE: operator.ge, ast.In: lambda a, b: a in b,
+_EXTRAS = {  # what each gives, and the modules that it brings
+    "completion": ("raster completion", ("shtab",)),
+    "dataset": ("annotations of datasets as COCO has them", ("pycocotools",)),
+    "distributed": ("batches on Dask's workers", ("distributed",)),
+    "exr": ("EXR files", ("OpenEXR",)),
+    "formats": ("3MF with its colours, COLLADA (DAE, ZAE), 3DXML and XAML files",
+                ("lib3mf", "lxml", "networkx", "collada")),
+    "notebook": ("rz.view, a viewer in notebooks", ("anywidget",)),
+    "video": ("MP4, MOV and MKV files", ("av",)),
 }  # fmt: skip
 _MB = 1e6
 _LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
@@ -121,59 +125,12 @@ def _cpu_name() -> str | None:
 
 
 def _list_extras() -> dict[str, dict]:
-    """The extras of the package as it is installed: what each gives, the version of every package of it (None =
-    missing), whether all are there, and the command that installs it."""
+    """What each extra gives, which of its modules are missing, and the command that installs it."""
     found = {}
-    for extra, what in EXTRAS.items():
-        packages = {name: _version_of(name) for name in _requirements_of(DISTRIBUTION, extra) if name != DISTRIBUTION}
-        if packages:
-            found[extra] = {
-                "gives": what,
-                "packages": packages,
-                "installed": None not in packages.values(),
-                "command": install_command(extra),
-            }
+    for extra, (what, modules) in _EXTRAS.items():
+        missing = [name for name in modules if find_spec(name) is None]
+        found[extra] = {"gives": what, "missing": missing, "command": install_command(extra)}
     return found
-
-
-def _requirements_of(name, extra) -> list[str]:
-    """The distributions that an extra of an installed one needs on this machine, and those of the extras that it asks
-    of them."""
-    try:
-        requirements = metadata.requires(name) or []
-    except metadata.PackageNotFoundError:
-        return []
-    found = []
-    for text in requirements:
-        needed, inner, marker = re.fullmatch(r"([\w.-]+) *(?:\[([^]]*)\])?[^;]*;?(.*)", text).groups()
-        if "extra" in marker and _holds(marker, extra):
-            found.append(needed)
-            found += [each for part in re.findall(r"[\w-]+", inner or "") for each in _requirements_of(needed, part)]
-    return found
-
-
-def _holds(marker, extra) -> bool:
-    """Tell whether the marker of a requirement holds here, for an extra: comparisons of texts or versions, `and`, `or`
-    and brackets, as Python writes them but for ~= and ===.
-
-    Source: PyPA specifications, Dependency specifiers.
-    """
-    known = {
-        "extra": extra, "os_name": os.name, "sys_platform": sys.platform, "platform_machine": platform.machine(),
-        "platform_system": platform.system(), "python_full_version": platform.python_version(),
-        "python_version": ".".join(platform.python_version_tuple()[:2]), "implementation_name": sys.implementation.name,
-    }  # fmt: skip
-
-    def is_true(node) -> bool:
-        if isinstance(node, ast.BoolOp):
-            return (all if isinstance(node.op, ast.And) else any)(map(is_true, node.values))
-        sides = [known.get(side.id, "") if isinstance(side, ast.Name) else side.value
-                 for side in (node.left, node.comparators[0])]  # fmt: skip
-        if all(re.fullmatch(r"\d+(\.\d+)*", side) for side in sides):
-            sides = [[int(number) for number in side.split(".")] for side in sides]
-        return _COMPARISONS[type(node.ops[0])](*sides)
-
-    return is_true(ast.parse(marker.strip().replace("~=", ">=").replace("===", "=="), mode="eval").body)
 
 
 # --- compiled kernels -----------------------------------------------------------------------------------------------
@@ -257,11 +214,9 @@ def _text(facts) -> str:
 
 
 def _extra_words(extra) -> str:
-    """What an extra gives, what is there of it, and how to get the rest."""
-    missing = [name for name, version in extra["packages"].items() if version is None]
-    if missing:
-        return f"{extra['gives']}: {', '.join(missing)} missing; {extra['command']}"
-    return f"{extra['gives']}: {', '.join(f'{name} {version}' for name, version in extra['packages'].items())}"
+    """What an extra gives, and how to get what is missing of it."""
+    missing = ", ".join(extra["missing"])
+    return f"{extra['gives']}: " + (f"{missing} missing; {extra['command']}" if missing else "installed")
 
 
 def _kernel_lines(kernels):

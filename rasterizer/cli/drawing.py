@@ -4,7 +4,6 @@ loaded, drawn and written, and a failure doesn't stop the rest. And what looks l
 
 import os
 from argparse import Namespace
-from contextlib import closing
 from dataclasses import fields
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
@@ -195,8 +194,8 @@ def draw_models(arguments, settings, messages, draw, check=None) -> tuple[list, 
     plan, n_model = plan_missing(arguments, messages, check)
     failures = Failures(messages, arguments.json)
     n_target = sum(map(len, plan))
-    with compilation_shown(messages), closing(Results(messages, n_target, is_told=not arguments.json)) as results:
-        outputs = Outputs(plan, results)
+    with compilation_shown(messages):
+        outputs = Outputs(plan, Results(messages, n_target, is_told=not arguments.json))
         for targets in plan:
             with failures.caught(targets[0].model, arguments.size, targets[0].output == STDIO):
                 draw(targets, arguments, settings, messages, outputs)

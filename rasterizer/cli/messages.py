@@ -11,7 +11,6 @@ from ..errors import OutputError, counted, error_of
 QUIET, NORMAL, VERBOSE, EVERYTHING = -1, 0, 1, 2  # the last: what explains how the program works
 STDIO = "-"  # what stands for stdin or stdout
 BAR_WIDTH = 24
-_MANY = 5  # pictures from which on there is a bar
 _EVERY_RUN = (
     "compiling kernels takes a while in every run, as there is no folder that could keep them (-v says why); "
     "RASTER_STORE names one"
@@ -23,7 +22,6 @@ class Messages:
 
     def __init__(self, level: int = NORMAL):
         self.level = level
-        self.bar = None  # one of tqdm, while it is on the terminal
         self._told: set[str] = set()  # what is said but once
 
     def error(self, text) -> None:
@@ -60,7 +58,7 @@ class Messages:
         """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
 
         Its `status` is "failed" beside an error, else "done", unless the dict has one.
-        A number that is not finite, which JSON doesn't have, becomes null; the field NAME_reason says what it was.
+        A number that is not finite, which JSON doesn't have, becomes null.
         """
         import json
 
@@ -76,9 +74,7 @@ class Messages:
 
     def say(self, text) -> None:
         """Say a line, whatever the level."""
-        if self.bar is not None:
-            self.bar.write(_line_of(text), file=sys.stderr)
-        elif sys.stderr is not None:  # None where the process was started without one
+        if sys.stderr is not None:  # None where the process was started without one
             print(_line_of(text), file=sys.stderr, flush=True)
 
     @contextmanager
@@ -140,16 +136,15 @@ class Failures(list):
 
 
 class Results:
-    """Tell of each picture that is done, until `close`: a line on a terminal, and a bar where there are many.
+    """Tell of each picture that is done in a line on a terminal:
 
         raster: [37/200] thumbs/part.png, 640x480, 35.1 kB, 0.12 s
 
-    The bar is that of tqdm, the extra `progress`; without it the lines count alone. Nothing is said where stderr is no
-    terminal, where -q or -v is given, or where lines of JSON say more.
+    Nothing is said where stderr is no terminal, where -q or -v is given, or where lines of JSON say more.
 
     Parameters
     ----------
-    messages : Messages, whose lines go through the bar while it is there
+    messages : Messages
     n : how many pictures there will be
     is_told : whether anybody wants lines
     """
@@ -158,20 +153,6 @@ class Results:
         is_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._messages, self._n, self._n_done = messages, n, 0
         self._is_told = is_told and is_terminal and messages.level == NORMAL
-        self._bar = None
-        if self._is_told and n >= _MANY:
-            try:
-                from tqdm import tqdm
-            except ImportError:
-                return
-            self._bar = tqdm(total=n, file=sys.stderr, unit="picture", leave=False, dynamic_ncols=True)
-            messages.bar = self._bar
-
-    def close(self) -> None:
-        """Take the bar off the terminal."""
-        if self._bar is not None:
-            self._messages.bar = None
-            self._bar.close()
 
     def tell(self, output: str, size, n_byte: int, seconds: float) -> None:
         """Say that a picture is done.
@@ -189,8 +170,6 @@ class Results:
             name = "stdout" if output == STDIO else output
             width, height = size
             self._messages.notice(f"{count}{name}, {width}x{height}, {byte_words(n_byte)}, {seconds:.2f} s")
-        if self._bar is not None:
-            self._bar.update()
 
 
 # --- stdout, and lines of JSON ----------------------------------------------------------------------------------------
@@ -206,21 +185,11 @@ def byte_words(n_byte: int) -> str:
 
 def _finite(value):
     """Replace what JSON can't say."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
     if isinstance(value, (list, tuple)):
-        return [None if _is_not_finite(each) else _finite(each) for each in value]
-    if not isinstance(value, dict):
-        return value
-    found = {}
-    for key, each in value.items():
-        if _is_not_finite(each):
-            found |= {key: None, f"{key}_reason": "infinite: no bound is known" if abs(each) > 0 else "not a number"}
-        else:
-            found[key] = _finite(each)
-    return found
-
-
-def _is_not_finite(value) -> bool:
-    return isinstance(value, float) and not math.isfinite(value)
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_text(text: str, is_stdout_taken: bool = False) -> None:
@@ -288,7 +257,7 @@ class Bar:
 
     def __init__(self, messages, patience: float = 0.0):
         is_terminal = sys.stderr is not None and sys.stderr.isatty()
-        self.is_shown = messages.level == NORMAL and is_terminal and messages.bar is None
+        self.is_shown = messages.level == NORMAL and is_terminal
         self._is_drawn, self._start = False, perf_counter() + patience
 
     def show(self, n_done: int, n: int, what: str) -> None:

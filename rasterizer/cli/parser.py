@@ -13,7 +13,6 @@ import re
 from importlib import import_module
 
 from .. import __version__
-from ..choices import nearest_word
 from ..errors import SceneError
 
 # Each command is the module of this folder that has its name, imported when it is called: `add_flags(parser)` adds its
@@ -198,6 +197,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message):
         """Raise SceneError, with the flag that was probably meant."""
         if unknown := re.match(r"unrecognized arguments: -*([^\s=]+)", message):
+            from ..choices import nearest_word
+
             flags = {}
             for action in self._actions:
                 for flag in action.option_strings:

@@ -10,7 +10,6 @@ a message.
 
 import os
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -133,7 +132,7 @@ def draw_in_processes(
     if not getattr(pool, "is_warm", True):
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
-    with compilation_shown(messages), closing(results):
+    with compilation_shown(messages):
         try:
             work = _Work(arguments, settings, messages, pool, plan, (draw, note), results)
             return work.run() if plan else ([], 0, RenderSummary())

@@ -1,7 +1,6 @@
 """`raster warmup`: compile the kernels of all pictures that were recorded."""
 
 import os
-from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
@@ -43,33 +42,18 @@ def run(arguments, messages) -> tuple[list, int]:
     from ..engine.recorded_kernels import list_all_kernels
 
     start = perf_counter()
-    settings = {}
-    if arguments.cpu is not None:
-        settings = {"NUMBA_CPU_NAME": arguments.cpu, "NUMBA_CPU_FEATURES": fingerprint.features_of(arguments.cpu)}
-    with _environment_with(settings):
-        store = kernels.STORE if arguments.into is None else _store_in(arguments.into)
-        if store.own is None:
-            reasons = "; ".join(store.reasons) or "there is no folder for them"
-            raise OutputError(f"compiled kernels can't be kept: {reasons}; RASTER_STORE names another folder")
-        missing = kernels.missing_in(store, list_all_kernels())
-        if missing:
-            _fill(store, missing, messages)
+    if arguments.cpu is not None:  # processes that compile inherit it
+        os.environ["NUMBA_CPU_NAME"] = arguments.cpu
+        os.environ["NUMBA_CPU_FEATURES"] = fingerprint.features_of(arguments.cpu)
+    store = kernels.STORE if arguments.into is None else _store_in(arguments.into)
+    if store.own is None:
+        reasons = "; ".join(store.reasons) or "there is no folder for them"
+        raise OutputError(f"compiled kernels can't be kept: {reasons}; RASTER_STORE names another folder")
+    if missing := kernels.missing_in(store, list_all_kernels()):
+        _fill(store, missing, messages)
     text = "ready" if missing else "were ready already"
     messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {store.own}")
     return [], 0
-
-
-@contextmanager
-def _environment_with(settings: dict):
-    """Set variables of the environment inside the block: processes that compile inherit them."""
-    before = dict(os.environ)
-    os.environ.update(settings)
-    try:
-        yield
-    finally:
-        for name in settings:
-            del os.environ[name]
-        os.environ.update({name: before[name] for name in settings if name in before})
 
 
 def _fill(store, missing, messages) -> None:

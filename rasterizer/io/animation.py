@@ -21,10 +21,8 @@ if TYPE_CHECKING:
 Frames = Collection[NDArray[np.uint8]]  # (height, width, 4) uint8 each; may be gone through more than once
 _MAX_GIF_FPS = 50  # times are hundredths of a second, and viewers take 1 for 10
 _MAX_GIF = 65535  # pixels along a side of a GIF file
-_MAX_COLORS = 255  # of a GIF file; one more index is that of what is transparent
+_CLEAR = 255  # of a GIF file: the index of what is transparent, after 255 colours
 _COVERED = 128  # alpha from which on a pixel of a GIF file counts as covered
-_SAMPLED = 1 << 16  # pixels that its palette is chosen by, where there are too many colours
-_BATCH = 1 << 14  # colours that are looked at in one go
 _MAX_WEBP = 16383
 _MAX_BYTES = 4e9  # of frames that Pillow holds together
 _VIDEO = {"crf": "18", "preset": "veryfast"}  # of H.264: quality that looks like the original
@@ -111,72 +109,26 @@ def encode_animation(frames: Frames, suffix: str, timing: Timing) -> bytes:
 
 
 def _encode_gif(frames: Frames, timing: Timing, _suffix: str) -> bytes:
-    """Encode frames with one palette for all of them, so that no colour flickers: Pillow's own would be one a frame.
+    """Encode frames of 255 colours, which Pillow chooses for each; those that have no more, as of a grey model, keep
+    them.
 
-    Frames that have 255 colours or fewer together keep them exactly, as those of a grey model do. GIF knows no partly
-    covered pixels: those that are covered by half and more count as covered.
+    GIF knows no partly covered pixels: those that are covered by half and more count as covered.
     """
     _shape_of(frames, _MAX_GIF, "GIF")
-    palette, is_transparent = _palette_of(frames)
-    # What stood in the frame before is taken away where something is transparent.
-    options = {"transparency": len(palette), "disposal": 2} if is_transparent else {"disposal": 1}
-    pictures = (_indexed(frame, palette) for frame in frames)
     loop = {} if timing.loop == 1 else {"loop": max(timing.loop - 1, 0)}  # rounds after the first one
     delays = [10 * delay for delay in timing.delays(len(frames), 0.01)]
-    return _saved(frames, pictures, "GIF", n_byte=1, duration=delays, optimize=False, **loop, **options)
+    # What stood in the frame before is taken away where something is transparent.
+    options = {"duration": delays, "transparency": _CLEAR, "disposal": 2, "optimize": False}
+    return _saved(frames, map(_indexed, frames), "GIF", n_byte=1, **loop, **options)
 
 
-def _palette_of(frames: Frames) -> tuple[NDArray[np.uint8], bool]:
-    """Return the colours (n, 3) of a palette for all frames, at most 255, and whether a pixel is transparent.
-
-    Where the frames have more, Pillow chooses them: median cut of a sample, each frame with its share, then means.
-    """
+def _indexed(frame: NDArray[np.uint8]) -> "Image.Image":
+    """Return a frame as a picture of indices of 255 colours; the last index, _CLEAR, is transparent."""
     from PIL import Image
 
-    found, is_transparent = np.empty(0, np.uint32), False
-    step = max(1, sum(frame.shape[0] * frame.shape[1] for frame in frames) // _SAMPLED)
-    sampled = []
-    for frame in frames:
-        packed, is_covered = _packed(frame)
-        seen = packed[is_covered]
-        is_transparent |= len(seen) < is_covered.size
-        sampled.append(seen[::step])
-        if len(found) <= _MAX_COLORS:
-            found = np.union1d(found, seen)
-    if len(found) > _MAX_COLORS:
-        pixels = Image.fromarray(_unpacked(np.concatenate(sampled))[None])
-        chosen = pixels.quantize(_MAX_COLORS, Image.Quantize.MEDIANCUT, kmeans=1).getpalette()
-        found = np.unique(np.array(chosen, np.uint32).reshape(-1, 3) @ np.array((1, 1 << 8, 1 << 16), np.uint32))
-    return _unpacked(found[:_MAX_COLORS]), is_transparent
-
-
-def _indexed(frame: NDArray[np.uint8], palette: NDArray[np.uint8]) -> "Image.Image":
-    """Return a frame as a picture of indices of the nearest colours; the index after them is transparent."""
-    from PIL import Image
-
-    packed, is_covered = _packed(frame)
-    colors, which = np.unique(packed[is_covered], return_inverse=True)
-    table = palette.astype(np.float32)
-    squares, nearest = (table * table).sum(axis=1), np.empty(len(colors), np.uint8)
-    for begin in range(0, len(colors), _BATCH):
-        batch = _unpacked(colors[begin : begin + _BATCH]).astype(np.float32)
-        # |c - p|² = |c|² - 2 c·p + |p|², and the first is the same for all p; all are whole numbers below 2²⁴
-        nearest[begin : begin + _BATCH] = (squares - 2.0 * batch @ table.T).argmin(axis=1)
-    indices = np.full(is_covered.shape, len(palette), np.uint8)
-    indices[is_covered] = nearest[which]
-    picture = Image.fromarray(indices)
-    picture.putpalette(palette.tobytes() + bytes(3))  # what is transparent has a colour, too, which nobody sees
+    picture = Image.fromarray(np.ascontiguousarray(frame[..., :3])).quantize(_CLEAR)
+    picture.paste(_CLEAR, mask=Image.fromarray(np.where(frame[..., 3] < _COVERED, np.uint8(255), np.uint8(0))))
     return picture
-
-
-def _packed(frame: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-    """Return the colours of a frame as integers r + 256 g + 65536 b, and which pixels are covered."""
-    words = np.ascontiguousarray(frame).view("<u4")[..., 0]
-    return words & 0xFFFFFF, words >= _COVERED << 24
-
-
-def _unpacked(packed: NDArray[np.uint32]) -> NDArray[np.uint8]:
-    return np.stack([packed & 255, packed >> 8 & 255, packed >> 16], axis=1).astype(np.uint8)
 
 
 def _encode_webp(frames: Frames, timing: Timing, _suffix: str) -> bytes:

@@ -18,13 +18,10 @@ def test_kernels_that_are_there_are_not_compiled_again(capsys):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes are looked at on POSIX alone")
-def test_a_place_where_no_store_can_be_is_refused_and_the_environment_given_back(folder, capsys, monkeypatch):
+def test_a_place_where_no_store_can_be_is_refused(folder, capsys):
     (folder / "file").write_text("precious")
-    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
-    before = dict(os.environ)
-    argv = ["--into", str(folder / "file"), "--cpu", "x86-64-v2", "-q"]
-    assert_refused(capsys, [(argv, "no store can be made in")], "warmup", code=4)
-    assert dict(os.environ) == before and (folder / "file").read_text() == "precious"
+    assert_refused(capsys, [(["--into", str(folder / "file"), "-q"], "no store can be made in")], "warmup", code=4)
+    assert (folder / "file").read_text() == "precious"
     own = folder / "kernels" / store.shipped_name()
     own.mkdir(parents=True)
     own.chmod(0o777)

@@ -124,8 +124,7 @@ def test_frames_that_are_alike_take_their_time():
 
 @pytest.mark.parametrize(("step", "most"), [(8, 24), (1, 40)])
 def test_many_colours_become_near_ones(step, most):
-    """Of a smooth picture: a palette of 255 out of some hundreds and of 10 000; each colour has one index in all
-    frames."""
+    """Of a smooth picture: a palette of 255 out of some hundreds and of 10 000."""
     y, x = np.mgrid[:100, :100] * 2
     whole = np.stack([x, y, (x + y) // 2, np.full_like(x, 255)], axis=2).astype(np.uint8)
     whole[..., :3] = whole[..., :3] // step * step
@@ -133,4 +132,4 @@ def test_many_colours_become_near_ones(step, most):
     found, _, _ = decoded(encoded(frames))
     assert_same(found, frames, most)
     assert len(np.unique(found.reshape(-1, 4), axis=0)) > 250
-    assert not differences(found[0], found[2]) and not differences(found[0], found[1][::-1])
+    assert not differences(found[0], found[2])
