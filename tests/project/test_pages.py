@@ -246,7 +246,7 @@ def keywords() -> set[str]:
 
 
 def test_every_flag_name_and_option_on_a_page_exists():
-    flags = ALONE.union(*(flags_in(make_command_parser(name).format_help("all")) for name in COMMANDS))
+    flags = ALONE.union(*(flags_in(make_command_parser(name).format_help()) for name in COMMANDS))
     scripts = {flag for path in (ROOT / "bench").glob("*.py") for flag in flags_in(path.read_text(encoding="utf-8"))}
     known, missing = keywords(), []
     assert is_public("Camera.framing") and is_public("Frame.depth") and not is_public("rendr") and "samples" in known
