@@ -3,7 +3,6 @@
 import argparse
 import ast
 import builtins
-import configparser
 import dataclasses
 import glob
 import inspect
@@ -279,71 +278,28 @@ def test_the_front_page_opens_with_the_two_commands_and_leads_to_every_page():
     assert not missing, f"README.md doesn't lead to {missing}"
 
 
-def test_every_extra_that_is_named_exists_and_is_told_of():
-    setup = configparser.ConfigParser()
-    setup.read(ROOT / "setup.cfg")
-    extras = {name: text.split("\n")[1:] for name, text in setup["options.extras_require"].items()}
-    named = re.compile(r"(?:pip install[^\n]*|'(?:\.|[\w-]+))\[(\w+(?:, ?\w+)*)\]'|\bextra ([`'\"])(\w+)\2")
-    for path in [*ROOT.rglob("rasterizer/**/*.py"), *(ROOT / page for page in PAGES)]:
-        text = path.read_text(encoding="utf-8")
-        for match in named.finditer(text):
-            words = {word.strip() for word in (match[1] or match[3]).split(",")}
-            assert words <= extras.keys(), f"{path}: {words} are not among the extras {sorted(extras)}"
-        found = re.search(r"pip install[^\n]*['\" ]rasterizer\b", text)
-        assert not found, f"{path}: {found[0]}: that is somebody else's"
-    untold = [name for name in extras if f"`{name}`" not in text_of("README.md")]
-    assert not untold, f"README.md doesn't say what {untold} bring"
-    (everything,) = extras["all"]
-    inside = re.fullmatch(r"scanline-rasterizer\[(.+)\]", everything)[1].split(",")
-    assert inside == sorted(extras.keys() - {"test", "browser", "lint", "docs", "bench", "all"})
-
-
 # ---------------------------------------------------------------- recipes that can't be run whole
 
 
-def test_the_image_for_docker_is_made_of_instructions_and_commands_that_there_are():
+def test_the_commands_of_the_image_are_read_and_kernels_lie_where_the_package_looks_for_them():
     from rasterizer.compiler.store import SHIPPED
 
     (text,) = blocks(RECIPES, "dockerfile")
-    rows = [tuple(line.split(" ", 1)) for line in text.splitlines()]
-    words = [word for word, _ in rows]
-    assert set(words) <= {"FROM", "COPY", "RUN", "USER", "ENTRYPOINT", "CMD", "ENV", "WORKDIR"} and words[0] == "FROM"
-    runs = [shlex.split(part) for word, rest in rows if word == "RUN" for part in rest.split(" && ")]
-    assert {run[0] for run in runs} == {"pip", "rm", "raster"}
-    arguments = parse(next(run[1:] for run in runs if run[0] == "raster"))
-    assert arguments.command == "warmup" and arguments.cpu == "x86-64-v3"
-    assert ("ENTRYPOINT", '["raster"]') in rows
-    assert all(int(part) > 0 for part in dict(rows)["USER"].split(":")), "root"
-    assert words.index("USER") > max(k for k, word in enumerate(words) if word == "RUN")
-    # Its kernels lie where the package looks for them before the user's own.
-    (line,) = [rest for _, rest in rows if rest.startswith("raster warmup")]
+    (line,) = re.findall(r"^RUN raster (warmup .*)$", text, re.MULTILINE)
+    assert parse(shlex.split(line)).command == "warmup"
     code = re.search(r"\$\(python -c '(.+?)'\)/kernels", line)[1]
     made = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert f"{made.strip()}/kernels" == str(SHIPPED)
     runs = [shlex.split(line) for line in shell_lines(RECIPES) if line.startswith("docker run")]
-    assert [parse(run[run.index("raster") + 1 :]).command for run in runs]
-    assert [run for run in runs if "--read-only" not in run] == []
-    for run in runs:
-        arguments = parse(run[run.index("raster") + 1 :])
-        mounted = {word.split(":")[1] for word in run if word.count(":") and word.startswith("$PWD")}
-        assert arguments.command == "doctor" or mounted >= {*arguments.models, arguments.output.rstrip("/")}
+    assert runs and all(parse(run[run.index("raster") + 1 :]).command for run in runs)
 
 
-def steps() -> list[dict]:
-    """The steps of the Action."""
+def runs_of_the_action() -> list[list[str]]:
+    """The commands of its steps."""
     yaml = pytest.importorskip("yaml", reason="YAML needs PyYAML (the extra `distributed` brings it)")
     (text,) = blocks(RECIPES, "yaml")
     (job,) = yaml.safe_load(text)["jobs"].values()
-    assert set(job["env"]) == {"RASTER_STORE"} and job["timeout-minutes"] > 0
-    return job["steps"]
-
-
-def test_each_step_of_the_action_runs_or_uses_one_thing():
-    found = steps()
-    assert [step for step in found if ("run" in step) == ("uses" in step)] == []
-    assert all(re.fullmatch(r"actions/[\w-]+@v\d+", step["uses"]) for step in found if "uses" in step)
-    (cache,) = [step["with"] for step in found if step.get("uses", "").startswith("actions/cache")]
-    assert cache["key"].startswith(cache["restore-keys"]) and cache["path"] == ".kernels"
+    return [shlex.split(step["run"]) for step in job["steps"] if "run" in step]
 
 
 @nightly
@@ -354,7 +310,7 @@ def test_the_action_finds_what_has_changed(folder):
     (folder / "models" / "small").mkdir(parents=True)
     shutil.copy(ROOT / "models" / "gear.stl", folder / "models" / "small")
     shutil.copy(ROOT / "models" / "cube.obj", folder / "models")
-    runs = [shlex.split(step["run"]) for step in steps() if "run" in step]
+    runs = runs_of_the_action()
     (draw,) = [words for words in runs if words[0] == "raster"]
     (compare,) = [words for words in runs if words[0] == "python"]
     assert runs.index(draw) < runs.index(compare)
