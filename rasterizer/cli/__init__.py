@@ -34,54 +34,44 @@ def main(argv=None) -> int:
     int, the exit code; `--help` and `--version` raise SystemExit, as argparse does
     """
     try:
-        return _run_as_program() if argv is None else _guarded(argv, [], lambda: None)
+        return _run_as_program() if argv is None else _guarded(argv, lambda: None)
     except KeyboardInterrupt:
         return _interrupted()
 
 
 def _run_as_program() -> int:
-    """Run with the process's own arguments, and remember signals that end it: libraries may make other errors of them
-    in their imports.
+    """Run with the process's own arguments.
+
+    A signal that comes while modules are imported ends the process at once: nothing is written yet, and libraries would
+    make another error of it, or swallow it. Later it is raised, so that no half file stays.
 
     What imports make lives as long as the process. The collector of cyclic garbage has no business with it: looking
     through it would take time, while modules are imported and at the end. Nor are there threads for linear algebra, of
     which commands do little: to start them takes a fifth of the import of NumPy.
     """
-    import _thread
     import gc
     import signal
-    import threading
 
-    signals = []  # the exit codes of those that came
+    is_importing = True
     gc.disable()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-    def collect_from_now_on():
+    def is_imported():
+        nonlocal is_importing
+        is_importing = False
         gc.freeze()
         gc.enable()
 
-    def interrupt(*_):
-        signals.append(INTERRUPTED)
-        raise KeyboardInterrupt
+    def end(number, _):
+        if is_importing:
+            os._exit(_interrupted() if number == signal.SIGINT else TERMINATED)
+        raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(TERMINATED)
 
-    def end(*_):
-        signals.append(TERMINATED)
-        raise SystemExit(TERMINATED)
-
-    def take_again(unraisable):
-        # In a callback that can't raise, as those of imports, a signal would be printed and lost: it comes once more.
-        if issubclass(unraisable.exc_type, (KeyboardInterrupt, SystemExit)):
-            number = signal.SIGTERM if issubclass(unraisable.exc_type, SystemExit) else signal.SIGINT
-            threading.Timer(0.01, _thread.interrupt_main, (number,)).start()
-        else:
-            sys.__unraisablehook__(unraisable)
-
-    sys.unraisablehook = take_again
-    signal.signal(signal.SIGTERM, end)  # so that no half file stays
+    signal.signal(signal.SIGTERM, end)
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as for a process that was started in the background
-        signal.signal(signal.SIGINT, interrupt)
+        signal.signal(signal.SIGINT, end)
     try:
-        code = _guarded(sys.argv[1:], signals, collect_from_now_on)
+        code = _guarded(sys.argv[1:], is_imported)
     except KeyboardInterrupt:
         code = _interrupted()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
@@ -95,9 +85,8 @@ def _interrupted() -> int:
     return INTERRUPTED
 
 
-def _guarded(argv, signals, is_imported) -> int:
-    """Run the command, and say what went wrong; `signals` takes the exit codes of signals that came, `is_imported` is
-    called when its modules are there."""
+def _guarded(argv, is_imported) -> int:
+    """Run the command, and say what went wrong; `is_imported` is called when its modules are there."""
     from ..errors import RasterizerError
     from .messages import Messages, write_stdout
     from .parser import parse
@@ -118,8 +107,6 @@ def _guarded(argv, signals, is_imported) -> int:
         messages.error(error)
         return exit_code(error)
     except Exception as error:  # noqa: BLE001  whatever it is ends in one line
-        if signals:
-            return _interrupted() if signals[-1] == INTERRUPTED else signals[-1]
         from ..errors import error_of
 
         failure = error_of("command line", error)

@@ -19,7 +19,7 @@ from .flags import add_json, add_messages
 from .messages import print_text
 
 ENVIRONMENT = {  # all variables that are read
-    "RASTER_STORE": "the only folder of compiled kernels (./name); off: none",
+    "RASTER_STORE": "the only folder of compiled kernels; off: none",
     "RASTER_MOST_TEXELS": "the most texels of a file's texture (default 8192 x 4096)",
     "NUMBA_CACHE_DIR": "as RASTER_STORE, where that is not set",
     "NUMBA_DISABLE_JIT": "1: nothing is compiled; for small pictures, in a debugger",

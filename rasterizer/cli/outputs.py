@@ -21,7 +21,6 @@ from .messages import STDIO, write_stdout
 from .models import list_models
 
 _ENCODING = {"JPEG": {"quality": 92}}
-_MAX_LETTERS = 255  # to which a name is padded: file systems take no longer ones
 
 
 # --- which pictures there are, and their names ------------------------------------------------------------------------
@@ -212,12 +211,11 @@ def _fill(template, model, view, frame, arrays, arguments) -> str:
         name, _, form = word[1:-1].partition(":")
         if name not in values or not re.fullmatch(r"(.?[<>^])?\d{0,3}", form):
             legal = ", ".join(f"{{{name}}}" for name in values)
-            padded = f"{{stem:_>9}} for at least 9 letters, {_MAX_LETTERS} at most"
+            padded = "{stem:_>9} for at least 9 letters"
             raise SceneError(
                 f"-o may hold {legal}, padded as in {padded}, and {{{{ }}}} for braces; given {template!r}"
             )
-        letters = format(values[name], form)
-        return letters if len(letters) <= _MAX_LETTERS else str(values[name])
+        return format(values[name], form)
 
     return re.sub(r"\{\{|\}\}|\{[^{}]*\}|[{}]", replace, template)
 

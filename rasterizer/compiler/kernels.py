@@ -321,8 +321,7 @@ def by_type(single: Callable, double: Callable) -> Callable:
 def spelled_out(name: str) -> Callable:
     """Decorate a plain function whose instructions the compiler is told: it wouldn't find them itself.
 
-    The plain function says what is computed. It is what runs with the JIT switched off; in a version of numba that was
-    not tried it is compiled like any other.
+    The plain function says what is computed. It is what runs with the JIT switched off.
 
     name : the function that builds the instructions, in the module `intrinsics` beside that of the plain function
     """

@@ -17,6 +17,7 @@ import hashlib
 import logging
 import os
 import re
+import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -28,7 +29,6 @@ from .layouts import are_layouts_known
 PREFIX, SUFFIX, HALF_WRITTEN = "rasterizer-kernels-", ".kernel", ".kernel-part"
 FORMAT = b"rasterizer kernel 1\n"
 SHIPPED = Path(__file__).resolve().parents[1] / "kernels"  # what came with the package; read only
-_OFF, _ON = {"off", "no", "false", "0"}, {"on", "yes", "true", "1"}  # RASTER_STORE, in any case
 
 _log = logging.getLogger("rasterizer")
 
@@ -72,16 +72,9 @@ def measure(folder: Path) -> tuple[int, int]:
 
 
 def clear(base: Path) -> None:
-    """Remove the kernels of all versions below `base`, and nothing else; raises OSError where one can't be removed.
-
-    A folder with anything else in it stays.
-    """
+    """Remove the folders of kernels of all versions below `base`; raises OSError where one can't be removed."""
     for folder in list_folders(base):
-        for name in os.listdir(folder):
-            if name.endswith((SUFFIX, HALF_WRITTEN)):
-                os.unlink(folder / name)
-        if not os.listdir(folder):
-            os.rmdir(folder)
+        shutil.rmtree(folder)
 
 
 def title_of(function: Callable) -> str:
@@ -157,18 +150,16 @@ class Store(NamedTuple):
     def of_process(cls, is_compiling: bool) -> "Store":
         """Return the store that the environment asks for.
 
-        RASTER_STORE is "off", "on" (as if it were not set), or the path of the only folder, with a separator in it;
-        NUMBA_CACHE_DIR is the only folder, too, where RASTER_STORE is not set. A "~" in front is the user's home.
-        Otherwise kernels are kept in the user's folder for caches, XDG_CACHE_HOME or ~/.cache, and a folder in the
-        package is looked into first.
+        RASTER_STORE is "off", or the only folder; where it is not set, NUMBA_CACHE_DIR is that. A "~" in front is the
+        user's home. Otherwise kernels are kept in the user's folder for caches, XDG_CACHE_HOME or ~/.cache; a folder in
+        the package is looked into first.
         """
-        word = os.environ.get("RASTER_STORE", "").strip()
-        is_on = word.lower() in _ON
-        asked = os.path.expanduser(("" if is_on else word) or os.environ.get("NUMBA_CACHE_DIR", ""))
+        word = os.environ.get("RASTER_STORE", "")
+        asked = os.path.expanduser(word or os.environ.get("NUMBA_CACHE_DIR", ""))
         hindrance = ""
         if not is_compiling:
             hindrance = "the JIT is switched off"
-        elif word.lower() in _OFF:
+        elif word.lower() == "off":
             hindrance = "RASTER_STORE is off"
         elif fingerprint.setting("BOUNDSCHECK"):
             hindrance = "NUMBA_BOUNDSCHECK is set: kernels raise errors, for which they need numba"
@@ -180,9 +171,7 @@ class Store(NamedTuple):
         caches = os.environ.get("XDG_CACHE_HOME", "")
         caches = caches if os.path.isabs(caches) else os.path.join(os.path.expanduser("~"), ".cache")
         base = asked or os.path.join(caches, "rasterizer")
-        if word and not (is_on or word.startswith("~") or os.path.dirname(word)):
-            reason = f"RASTER_STORE must be on, off, or a path such as ./{word}; given {word[:60]!r}"
-        elif not asked and not os.path.isabs(base):  # it would depend on where the program is started
+        if not asked and not os.path.isabs(base):  # it would depend on where the program is started
             reason = "there is no folder for caches: neither XDG_CACHE_HOME nor HOME is an absolute path"
         else:
             own = Path(os.path.realpath(base)) / own_name()

@@ -9,8 +9,7 @@ surfaces are left out.
 Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name. A `v` of four or five
 numbers is a position, of six or more a position and its colour (0..1, or 0..255 where one is above 1), used where all
 `v` lines have one. Texture coordinates and normals that a face names and the file doesn't have are none, which is
-warned of. `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced
-Visualizer manual, appendix B1, 1995.
+warned of. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
 """
 
 import re
@@ -265,7 +264,6 @@ _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
 _BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
 _LETTERS = 1 << 18  # that are looked at in one go, likewise
 FEW = 1 << 20  # letters of a file that is read without waiting for a compiler, or for the code that it made
-_NO_COMMENT = re.compile(rb"\d\.#[A-Za-z]+\d*")  # 1.#QNAN, 1.#IND: what C libraries write for what is no number
 
 
 class LineError(Exception):
@@ -419,7 +417,6 @@ class ObjLines:
         ends = self._ends[lines[np.append(~is_next, True)[: len(lines)]]].tolist()
         text = b" " * LEAD + b"".join([self._text[a : b + 1] for a, b in zip(starts, ends, strict=True)])
         if b"#" in text:
-            text = _NO_COMMENT.sub(lambda found: b"nan".ljust(len(found[0])), text)
             text = re.sub(rb"#.*", lambda found: b" " * len(found[0]), text)
         letters = np.frombuffer(bytearray(text), np.uint8)
         lengths = self._ends[lines] + 1 - self._starts[lines]

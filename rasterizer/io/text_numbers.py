@@ -9,7 +9,6 @@ one division rounds correctly (Clinger 1990, How to read floating point numbers 
 others.
 """
 
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +25,6 @@ _BLANKS = bytes.maketrans(b"\t\n\v\f\r", b" " * 5)  # what C's isspace calls so
 _BLOCK = 1 << 18  # letters read in one go: their arrays stay in the cache
 _SHORT = 1 << 8  # letters of a text whose words are sooner read one by one
 _DIGIT, _PLUS, _MINUS, _POINT = b"0+-."
-_NEVER = re.compile(rb"[+-]?nan\(.*\)", re.IGNORECASE)  # what C libraries write for what is no number
 _POWERS = 10 ** np.arange(MAX_DIGITS + 1)
 _BYTES = 0x0101010101010101
 # The highest bit of a byte is set above 9 once 0x76 is added, if it wasn't before.
@@ -87,7 +85,7 @@ def read_integers(words: Words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 def read_decimals(words: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Read words as Python's `float` does; but underscores are not legal, and `nan(ind)` and the like are nan.
+    """Read words as Python's `float` does; but underscores are not legal.
 
     Parameters
     ----------
@@ -195,4 +193,4 @@ def _number(word: bytes) -> float | None:
     try:
         return float(word) if b"_" not in word else None
     except ValueError:
-        return float("nan") if _NEVER.fullmatch(word) else None
+        return None

@@ -63,15 +63,13 @@ def numbered_lines(data):
             continue
         found = re.fullmatch(r"[ \t\v\f]*([^ \t\v\f]+)[ \t\v\f](.*)", begun + line, re.DOTALL)
         if found:
-            rest = re.sub(r"\d\.#[A-Za-z]+\d*", "nan", found[2]).partition("#")[0]
+            rest = found[2].partition("#")[0]
             yield start, found[1], re.findall(r"[^ \t\v\f]+", rest)
         begun, start = "", None
 
 
 def number(word):
     """Return the number that a word stands for, or None."""
-    if re.fullmatch(r"[+-]?nan\(.*\)", word, re.IGNORECASE):
-        return float("nan")
     try:
         return float(word) if word.isascii() and "_" not in word else None
     except ValueError:

@@ -143,8 +143,8 @@ def test_vertex_colors_are_srgb_and_multiply_white():
 
 
 def test_rows_of_several_lengths_and_vertices_that_nobody_uses():
-    """Weights behind some places, what C writes for no number, colours for some vertices only."""
-    text = "v 0 0 0 1\nv 1 0 0\nv 1 1 0 0.5 0.5\nv -nan(ind) 1.#QNAN nan\nv 0 1 0 1 0 0\nf 1 2 3\nf 1 3 5\n"
+    """Weights behind some places, places that are no number, colours for some vertices only."""
+    text = "v 0 0 0 1\nv 1 0 0\nv 1 1 0 0.5 0.5\nv -nan nan nan\nv 0 1 0 1 0 0\nf 1 2 3\nf 1 3 5\n"
     (mesh,) = load_obj(text).meshes
     assert mesh.n_vertex == 4 and mesh.n_face == 2 and mesh.colors is None
 
