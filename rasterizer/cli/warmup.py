@@ -43,8 +43,8 @@ def run(arguments, messages) -> tuple[list, int]:
 
     start = perf_counter()
     if arguments.cpu is not None:  # processes that compile inherit it
-        os.environ["NUMBA_CPU_NAME"] = arguments.cpu
-        os.environ["NUMBA_CPU_FEATURES"] = fingerprint.features_of(arguments.cpu)
+        features = fingerprint.features_of(arguments.cpu)
+        os.environ.update(NUMBA_CPU_NAME=arguments.cpu, NUMBA_CPU_FEATURES=features)
     store = kernels.STORE if arguments.into is None else _store_in(arguments.into)
     if store.own is None:
         reasons = "; ".join(store.reasons) or "there is no folder for them"
