@@ -14,7 +14,7 @@ from pathlib import Path
 from .. import __version__
 from ..choices import install_command
 from ..cores import n_core
-from ..errors import OutputError, SceneError
+from ..errors import OutputError, SceneError, counted
 from .flags import add_json, add_messages
 from .messages import print_text
 
@@ -141,24 +141,23 @@ def _describe_kernels() -> dict:
     try:
         from ..compiler import kernels, store
     except ImportError as fault:
-        return {"folder": None, "reasons": [f"{fault}"], "is_used": False, "count": 0, "bytes": 0, "others": []}
-
-    def measured(folder) -> dict:
-        count, n_byte = (0, 0) if folder is None else store.measure(folder)
-        return {"folder": None if folder is None else str(folder), "count": count, "bytes": n_byte}
-
+        return {"folder": None, "reasons": [f"{fault}"], "is_used": False}
     own = kernels.STORE.own
+    found = {"folder": own and str(own), "is_used": kernels.STORE.is_used, "reasons": list(kernels.STORE.reasons)}
+    if own is not None:
+        others = [folder for folder in store.list_folders(own.parent) if folder != own]
+        found |= _measured([own]) | {"free": shutil.disk_usage(own.parent).free, "others": _measured(others)}
     shipped = [folder for folder in kernels.STORE.folders if folder != own]
-    others = [folder for folder in (store.list_folders(own.parent) if own is not None else []) if folder != own]
-    return {
-        **measured(own),
-        "is_used": kernels.STORE.is_used,
-        "reasons": list(kernels.STORE.reasons),
-        "free": None if own is None else shutil.disk_usage(own.parent).free,
-        "processors": [each.partition(" ")[0] for each in kernels.STORE.processors],
-        "shipped": [{"folder": str(folder), "count": store.measure(folder)[0]} for folder in shipped],
-        "others": [measured(folder) for folder in others],
-    }
+    return found | {"processors": [each.partition(" ")[0] for each in kernels.STORE.processors],
+                    "shipped": _measured(shipped)}  # fmt: skip
+
+
+def _measured(folders) -> dict:
+    """How many kernels some folders hold, and their bytes."""
+    from ..compiler import store
+
+    sizes = [store.measure(folder) for folder in folders]
+    return {"count": sum(count for count, _ in sizes), "bytes": sum(n_byte for _, n_byte in sizes)}
 
 
 def _clear() -> dict:
@@ -167,15 +166,14 @@ def _clear() -> dict:
         from ..compiler import kernels, store
     except ImportError as fault:
         raise OutputError(f"kernels can't be removed: {fault}") from fault
-    own = kernels.STORE.own
-    if own is None:
-        return {"count": 0, "bytes": 0}
-    sizes = [store.measure(folder) for folder in store.list_folders(own.parent)]
+    base = kernels.STORE.own and kernels.STORE.own.parent
+    measured = _measured(store.list_folders(base) if base else [])
     try:
-        store.clear(own.parent)
+        if base:
+            store.clear(base)
     except OSError as fault:
-        raise OutputError(f"kernels in {own.parent} can't be removed: {fault.strerror or fault}") from fault
-    return {"count": sum(count for count, _ in sizes), "bytes": sum(n_byte for _, n_byte in sizes)}
+        raise OutputError(f"kernels in {base} can't be removed: {fault.strerror or fault}") from fault
+    return measured
 
 
 # --- what is printed ------------------------------------------------------------------------------------------------
@@ -221,19 +219,14 @@ def _extra_words(extra) -> str:
 
 def _kernel_lines(kernels):
     """Where kernels are, and how many."""
-    if kernels["folder"] is not None:
-        state = _kernel_words(kernels) + ("" if kernels["count"] else "; raster warmup makes them")
-        yield "kernels", f"{state}, in {kernels['folder']}"
-    else:
+    if kernels["folder"] is None:
         yield "kernels", "not kept"
-    for shipped in kernels.get("shipped", ()):
-        yield "kernels", f"{shipped['count']} that came with the package, in {shipped['folder']}"
-    if kernels["others"]:
-        total = {key: sum(each[key] for each in kernels["others"]) for key in ("count", "bytes")}
-        yield "", f"{_kernel_words(total)} of other versions; raster doctor --clear removes all"
-    for reason in kernels["reasons"] if kernels["folder"] is not None else ():
-        yield "", f"not in {reason}"
+    else:
+        yield "kernels", f"{_kernel_words(kernels)}, in {kernels['folder']}; raster warmup makes all"
+        yield "", f"{_kernel_words(kernels['others'])} of other versions; raster doctor --clear removes all"
+    if "shipped" in kernels:
+        yield "", f"{_kernel_words(kernels['shipped'])} that came with the package"
 
 
 def _kernel_words(facts) -> str:
-    return f"{facts['count']} kernel{'' if facts['count'] == 1 else 's'}, {facts['bytes'] / _MB:.1f} MB"
+    return f"{counted(facts['count'], 'kernel')}, {facts['bytes'] / _MB:.1f} MB"

@@ -10,24 +10,23 @@ from dataclasses import asdict
 from time import perf_counter
 
 from ..choices import install_command
-from ..errors import counted
 from ..io import formats
 from .flags import add_json, add_messages, add_models
-from .messages import STDIO, Failures, byte_words, print_text
+from .messages import STDIO, Failures, print_text
 
 IMPORTS = ("models",)
-_MANY = 12  # materials that are listed by name
-_FIRST = 14  # letters of the names of facts
+_MANY = 12  # materials, and the like, that are listed
+_FIRST = 18  # letters of the names of facts
 _DESCRIPTION = """\
 Say what is in each model, without drawing it.
 
   faces, vertices    triangles, and the different positions that they use
   bounds             lowest and highest corner, in scene units
-  watertight         whether every edge has triangles on both sides; else what
-                     is in the way
+  watertight         whether every edge has triangles on both sides, turned the
+                     same way; the edges that haven't are counted
   bodies             parts that share no edge
-  up                 the axis that raster render takes, and what the shape says
-  not used           what the file holds and no picture shows
+  up                 the axis that raster render takes; guess: what the shape says
+  not drawn          what the file holds and no picture shows
 """
 _EXAMPLES = """\
 examples:
@@ -200,67 +199,25 @@ def _list_not_drawn(scene, said) -> list[str]:
 
 
 def _text(facts) -> str:
-    """The facts as lines."""
-    low, high = facts["bounds"]
-    lines = [
-        ("format", f"{facts['format']}, {byte_words(facts['bytes'])}"),
-        ("faces", _faces(facts)),
-        ("vertices", f"{facts['vertices']}"),
-        ("bounds", f"{_point(low)} to {_point(high)}"),
-        ("extent", " x ".join(f"{value:.6g}" for value in facts["extent"])),
-        ("watertight", _watertight(facts)),
-        ("bodies", f"{facts['bodies']}"),
-        ("area", f"{facts['area']:.6g}"),
-        ("volume", "-" if facts["volume"] is None else f"{facts['volume']:.6g}"),
-        ("up", _up(facts)),
-        ("normals", facts["normals"]),
-        ("materials", _materials(facts["materials"])),
-        ("textures", _textures(facts["textures"])),
-        ("not used", ", ".join(facts["not_drawn"]) or "nothing is left out"),
-    ]
-    lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
-    lines += [("camera", _camera(facts["camera"]))] if facts["camera"] else []
-    lines += [("warning", text) for text in facts["warnings"]]
-    name = "stdin" if facts["model"] == STDIO else " ".join(facts["model"].split())
-    return "\n".join([name, *(f"  {fact:<{_FIRST}}{' '.join(value.split())}" for fact, value in lines)]) + "\n"
+    """The facts as lines; what there is none of is left out."""
+    lines = ["stdin" if facts["model"] == STDIO else _words(facts["model"])]
+    for name, value in facts.items():
+        if name != "model" and value is not None and value != []:
+            lines.append(f"  {name.replace('_', ' '):<{_FIRST}}{_words(value)}")
+    return "\n".join(lines) + "\n"
 
 
-def _camera(camera) -> str:
-    lens = {name: camera[name] for name in ("fov", "height", "aspect") if camera[name] is not None}
-    return ", ".join(["one of the file", *(f"{name} {value:.4g}" for name, value in lens.items())])
-
-
-def _faces(facts) -> str:
-    words = [counted(facts["faces"], "triangle")]
-    words += ["of " + counted(facts["polygons"], "polygon")] if facts["polygons"] != facts["faces"] else []
-    n_mesh = len(facts["meshes"])
-    return " ".join(words) + (f", in {counted(n_mesh, 'mesh')}" if n_mesh > 1 else "")
-
-
-def _watertight(facts) -> str:
-    faults = [(facts["open_edges"], "open edges"), (facts["turned_edges"], "edges between faces turned round"),
-              (facts["branching_edges"], "edges of more than two faces")]  # fmt: skip
-    told = ", ".join(f"{n} of {facts['edges']} are {what}" for n, what in faults if n)
-    return ("yes" if facts["watertight"] else "no") + (f": {told}" if told else "")
-
-
-def _up(facts) -> str:
-    up, guess, reason = facts["up"], facts["up_guess"], facts["up_reason"]
-    if guess is None:
-        return f"{up} ({reason})"
-    verdict = "agrees" if guess == up else f"says {guess}: try --up {guess}"
-    return f"{up}; the shape {verdict} ({reason})"
-
-
-def _materials(materials) -> str:
-    names = [f"'{each['name']}'" if each["name"] else "one without a name" for each in materials]
-    more = len(names) - _MANY
-    return f"{len(names)}: " + ", ".join(names[:_MANY]) + (f" and {more} more" if more > 0 else "")
-
-
-def _textures(textures) -> str:
-    return ", ".join("'{}' {}x{}".format(each["name"], *each["size"]) for each in textures) or "none"
-
-
-def _point(values) -> str:
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+def _words(value) -> str:
+    """A fact as text."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_words(each)}" for name, each in value.items() if each is not None)
+    if isinstance(value, (list, tuple)):
+        if isinstance(value[0], (int, float)):
+            return f"({', '.join(map(_words, value))})"
+        more = f"; and {len(value) - _MANY} more" if len(value) > _MANY else ""
+        return "; ".join(map(_words, value[:_MANY])) + more
+    return " ".join(str(value).split()) or "''"

@@ -40,7 +40,7 @@ def test_a_store_is_measured_and_cleared(folder):
     (folder / "store" / f"{store.PREFIX}mine").mkdir()
     where = {"RASTER_STORE": str(folder / "store")}
     before = json.loads(start("doctor", "--json", variables=where).stdout)["kernels"]
-    assert before["others"] == [{"folder": str(own), "count": 1, "bytes": 5}]
+    assert before["others"] == {"count": 1, "bytes": 5}
     done = start("doctor", "--clear", variables=where)
     assert done.returncode == 0 and re.search(rb"cleared +1 kernel,", done.stdout)
     assert sorted(path.name for path in (folder / "store").iterdir()) == ["mine.txt", f"{store.PREFIX}mine"]

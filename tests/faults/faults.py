@@ -1,9 +1,9 @@
 """Read small faults from faults.txt and held_out.txt, blocks of four lines:
 
-    what is wrong, in words
-      file below the package's folder | folders or files of tests that could see it, the likeliest first
-    - what stands once in the file
-    + what takes its place
+what is wrong, in words
+  file below the package's folder | folders or files of tests that could see it, the likeliest first
+- what stands once in the file
++ what takes its place
 """
 
 from pathlib import Path
