@@ -16,7 +16,7 @@ from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io.camera_file import viewpoint_of
-from ..io.files import identity_of, make_folder_of, write_all
+from ..io.files import identity_of, make_folder_of, refuse_inputs, write_all
 from ..io.loader import SceneFile, read_source
 from ..keywords import checked_keywords
 from ..options import Options
@@ -261,10 +261,8 @@ class Batch:
         if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
                 return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs))
-        identity = None if path is None else identity_of(path)
-        for name, output in outputs.items():
-            if identity is not None and identity == identity_of(output):
-                raise OutputError(f"can't write {name}: it is the model, which is read")
+        if path is not None:
+            refuse_inputs(outputs, {identity_of(path): path})
         if path is not None and not self._pool.is_here:
             path = os.path.abspath(path)
         return Item(index, task, options, path, None if path is not None else self._share(task.source, task.loading))
@@ -342,12 +340,9 @@ class Batch:
             return _failed(item.number, item.task, drawn.error, drawn.seconds)
         paths = tuple(drawn.contents)
         read = {identity_of(path): path for path in (*drawn.files_read, *note.files_read)}
-        read.pop(None, None)
         try:
+            refuse_inputs(paths, read)
             for output in paths:
-                identity = identity_of(output)
-                if identity in read:
-                    raise OutputError(f"can't write {output}: it is {read[identity]}, which the model reads")
                 make_folder_of(output)
             write_all(drawn.contents)
             if self._manifest is not None:

@@ -1,6 +1,5 @@
 """What is written. Names and formats are known and checked before the first model is loaded. A file appears whole or
-not at all, those of a picture together, and never in place of one that the run is told to read or has read, nor of
-another output of the run.
+not at all, those of a picture together, and never in place of one that the run is told to read or has read.
 """
 
 import os
@@ -15,11 +14,15 @@ from typing import NamedTuple
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
 from ..errors import OutputError, SceneError
 from ..io import formats
-from ..io.files import identity_of, make_folder_of, write_all
+from ..io.files import identity_of, make_folder_of, refuse_inputs, write_all
 from .flags import EVERY
 from .messages import STDIO, write_stdout
 from .models import list_models
 
+_HOW_TO_DIFFER = (
+    "give -o a template with {stem}, {view}, {ext} or {array}, or draw the folder above them with --recursive, which "
+    "keeps folders"
+)
 _ENCODING = {"JPEG": {"quality": 92}}
 
 
@@ -239,49 +242,27 @@ def _check_targets(targets, models, arguments, check) -> None:
 
 def _check_places(targets, models, arguments) -> None:
     """Refuse two pictures of one name, folders that can't be made, and outputs that are models, or other files that are
-    named for reading, by whatever name or link."""
-    paths, read, owners = [*models], {}, {}
-    for given in arguments.materials:
-        paths += [given["texture"]] if given.get("texture") else []
+    named for reading."""
+    owners, paths = {}, [*models, *(given["texture"] for given in arguments.materials if given.get("texture"))]
     if arguments.camera not in (None, "file", "frame"):
         paths.append(arguments.camera)
-    for path in paths:
-        if path != STDIO:
-            read[identity_of(path)] = path
-    read.pop(None, None)
+    read = {identity_of(path): path for path in paths}
+    read.pop(None, None)  # of what isn't there
     for target in targets:
         place = os.path.realpath(target.output)
         identity = identity_of(place)
         other = owners.setdefault(identity or place, target)
         if other is not target:
             which = " and ".join(f"{t.model} ({t.view})" if t.view else t.model for t in (other, target))
-            raise SceneError(f"{which} would both be written to {target.output}; {_how_to_differ(other, target)}")
+            raise SceneError(f"{which} would both be written to {target.output}; {_HOW_TO_DIFFER}")
         folder = os.path.dirname(place)
         while not os.path.lexists(folder):
             folder = os.path.dirname(folder)
         if not os.path.isdir(folder):
             raise OutputError(f"can't write {target.output}: {folder} is no folder")
-        if identity in read:
-            if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
-                formats.format_of(read[identity], arguments.input_format)
-            raise _would_replace(target.output, read[identity])
-
-
-def _how_to_differ(a, b) -> str:
-    """What keeps two pictures apart: what differs between them, in their names; or folders."""
-    pairs = {
-        "stem": [Path(each.model).stem for each in (a, b)],
-        "view": [each.view for each in (a, b)],
-        "ext": [Path(each.model).suffix for each in (a, b)],
-        "array": [each.arrays for each in (a, b)],
-    }
-    apart = [name for name, (one, other) in pairs.items() if one != other]
-    if apart:
-        words = "-".join(f"{{{name}}}" for name in dict.fromkeys(["stem", *apart]))
-        return f"give -o a template such as '{words}.png'"
-    if identity_of(a.model) == identity_of(b.model):
-        return "a model is drawn once"
-    return "--recursive with the folder above them keeps folders, else draw them one at a time"
+        if read.get(identity) in models:  # a picture in the place of a model: that no model is read from it says more
+            formats.format_of(read[identity], arguments.input_format)
+        refuse_inputs([target.output], read)
 
 
 # --- pictures and arrays ----------------------------------------------------------------------------------------------
@@ -402,7 +383,7 @@ def encode_target(frame, target, outputs, scale) -> bytes:
 
 
 class Outputs:
-    """Write the outputs of a run, never in place of what it has read or written.
+    """Write the outputs of a run, never in place of what it has read.
 
     Parameters
     ----------
@@ -413,36 +394,21 @@ class Outputs:
     """
 
     def __init__(self, plan, results=None):
-        self.results, self.files_read = results, []
-        self._taken = {}  # by its identity, what a file is
-        for targets in plan:
-            if targets[0].model != STDIO:
-                self.files_read.append(targets[0].model)
+        self.results, self._inputs = results, {}
+        self.files_read = [targets[0].model for targets in plan if targets[0].model != STDIO]
 
     def write(self, contents) -> None:
         """Write the files of a picture, dict of bytes by name, all of them or none; - is stdout.
 
-        Raises OutputError where one can't be written, or would replace what is read or was written.
+        Raises OutputError where one can't be written, or would replace what is read.
         """
         if STDIO in contents:
             write_stdout(contents[STDIO])
             return
         while self.files_read:
             path = self.files_read.pop()
-            self._taken[identity_of(path)] = _would_replace, path
+            self._inputs[identity_of(path)] = path
+        refuse_inputs(contents, self._inputs)
         for output in contents:
             make_folder_of(output)
-            refuse, path = self._taken.get(identity_of(output), (None, ""))
-            if refuse is not None and os.path.isfile(output):
-                raise refuse(output, path)
         write_all(contents)
-        for output in contents:
-            self._taken[identity_of(output)] = _was_written, output
-
-
-def _would_replace(output, path) -> OutputError:
-    return OutputError(f"can't write {output}: it is {path}, which is read; give another name with -o")
-
-
-def _was_written(output, path) -> OutputError:
-    return OutputError(f"can't write {output}: it is {path}, which has just been written")

@@ -25,7 +25,7 @@ import contextlib
 import os
 import stat
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ..errors import ModelError, OutputError, cut, shown
@@ -278,6 +278,17 @@ def are_same(path: str, other: str) -> bool:
     if identity is not None and identity == identity_of(other):
         return True
     return os.path.realpath(path) == os.path.realpath(other)
+
+
+def refuse_inputs(outputs: Iterable[str], inputs: Mapping[tuple[int, int] | None, str]) -> None:
+    """Refuse outputs that are files which are read, by whatever name or link: OutputError names both.
+
+    inputs : paths of the files, by what `identity_of` says of them
+    """
+    for output in outputs:
+        identity = identity_of(output)
+        if identity is not None and identity in inputs:
+            raise OutputError(f"can't write {output}: it is {inputs[identity]}, which is read; give another name")
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:

@@ -213,7 +213,7 @@ def test_no_file_is_written_twice_nor_over_a_model(folder):
     with ThreadPoolExecutor(1) as executor:
         records = draw(tasks, executor)
     assert "task 0 of the batch writes it, too" in str(records[1].error)
-    assert "can't write ./own.png: it is the model, which is read" in str(records[2].error)
+    assert "can't write ./own.png: it is own.png, which is read" in str(records[2].error)
     assert "can't write own.obj/below.png" in str(records[3].error)
     assert [name for name in ("own.obj", "own.png") if (folder / name).read_bytes() != open(CUBE, "rb").read()] == []
     assert not hidden_files()
@@ -381,5 +381,5 @@ def test_a_task_takes_the_cameras_that_render_takes(folder):
     assert Path("0.png").read_bytes() == Path("5.png").read_bytes() != Path("1.png").read_bytes()
     with pytest.raises(rz.OptionError, match="RenderTask has no option 'size'"):
         rz.RenderTask("a.gltf", "x.png", size=3)
-    with pytest.raises(rz.OptionError, match=r'render_many\(tasks, existing="skip"\)'):
+    with pytest.raises(rz.OptionError, match="did you mean existing"):
         rz.render_many(tasks, skip_existing=True)
