@@ -25,7 +25,8 @@ Say what is in each model, without drawing it.
   watertight         whether every edge has triangles on both sides, turned the
                      same way; the edges that haven't are counted
   bodies             parts that share no edge
-  up                 the axis that raster render takes; guess: what the shape says
+  up                 the axis that raster render takes
+  up guess           what the shape says
   not drawn          what the file holds and no picture shows
 """
 _EXAMPLES = """\

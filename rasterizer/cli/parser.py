@@ -7,7 +7,6 @@ Flags are made of the command that is called alone, so that help and errors come
 """
 
 import argparse
-import glob
 import os
 import re
 from importlib import import_module
@@ -63,8 +62,7 @@ def parse(argv) -> argparse.Namespace:
     """
     argv = _with_command(_joined_values(list(argv)))
     if argv[0] not in COMMANDS:
-        make_parser().parse_args(argv)  # help, the version, or an error
-        raise SceneError(f"a command is missing: {' or '.join(COMMANDS)} (see raster --help)")
+        make_parser().parse_args(argv)  # help, or the version
     arguments = make_command_parser(argv[0]).parse_intermixed_args(argv[1:])
     arguments.command = argv[0]
     _fill_in_defaults(arguments)
@@ -119,31 +117,15 @@ def _take_seed(arguments) -> None:
 def _with_command(argv) -> list[str]:
     """Put a command, or a flag of the program's own, in the first place: help without arguments, `render` before
     models."""
-    if not argv or argv == ["help"]:
-        return ["--help"]
+    if argv[:1] in ([], ["help"]):
+        return [*argv[1:2], "--help"]
     first = argv[0]
-    if first in ("help", "-h", "--help") and argv[1:] and argv[1] in COMMANDS:
-        return [argv[1], "--help"]
     if first in COMMANDS or first in ("-h", "--help", "--version"):
         return argv
-    if first == "help":
-        return _with_command(argv[1:])
-    if first.startswith("-") and first != "-":
-        for word in argv[1:]:
-            if word in COMMANDS and not os.path.exists(word):
-                raise SceneError(f"the command comes first: raster {word} {first} ... (see raster --help)")
-        return ["render", *argv] if any(map(_is_model, argv)) else argv
-    if _is_model(first):
-        return ["render", *argv]
-    commands = ", ".join(COMMANDS)
-    raise SceneError(f"there is no command and no file {first!r} (commands are {commands}) (see raster --help)")
-
-
-def _is_model(word) -> bool:
-    """Tell whether a word names a file or stdin rather than a command: it is there, or looks like a path."""
-    if word.startswith("-") and word != "-":
-        return False
-    return word == "-" or os.path.exists(word) or glob.has_magic(word) or bool(re.search(r"[./\\]", word))
+    if re.fullmatch(r"\w+", first) and not os.path.exists(first):
+        commands = ", ".join(COMMANDS)
+        raise SceneError(f"there is no command and no file {first!r} (commands are {commands}) (see raster --help)")
+    return ["render", *argv]
 
 
 def _joined_values(argv) -> list[str]:
