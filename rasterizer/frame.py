@@ -14,7 +14,7 @@ from .choices import ARRAY_SUFFIXES, SAVED_ARRAYS, SavedArray
 from .errors import OutputError, SceneError, counted, shown
 from .io.files import write_whole
 from .io.formats import encoded, on_white, picture_format
-from .io.png import encode_png, srgb_profile
+from .io.png import encode_png
 from .keywords import checked_keywords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 
@@ -373,7 +373,10 @@ class Frame:
         if name == "PNG" and not options:
             return encode_png(self._pixels())
         if name == "TIFF" and not options:
-            options = {"icc_profile": srgb_profile()}
+            from PIL import ImageCms
+
+            profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+            options = {"icc_profile": profile[:24] + bytes(12) + profile[36:]}  # without the time at which it was made
         image = self.to_pil()
         try:
             return encoded(image, name, options)

@@ -191,7 +191,7 @@ def test_usage(capsys):
         ("-o x.foo", "'.foo' is unknown"),
         ("-o x", "without a suffix"),
         ("-o x.jpg --array depth", "written as .npy"),
-        (CUBE, "would both be written to cube.png; a model is drawn once"),
+        (CUBE, "would both be written to cube.png"),
         (f"{GEAR} -o x.png", "would both be written to x.png"),
         (f"{GEAR} -o -", "stdout takes one picture; 2 are asked for"),
     )]  # fmt: skip
