@@ -146,7 +146,7 @@ FORMATS = {
         Format(name="obj", reader="rasterizer.io.obj:read_obj", companions="material libraries (.mtl), textures"),
         Format(name="stl", reader="rasterizer.io.stl:read_stl", up="z", repeats_vertices=False, in_parts=True),
         Format(name="ply", reader="rasterizer.io.ply:read_ply", companions="textures"),
-        Format(name="off", reader="rasterizer.io.other_formats:read_off"),
+        Format(name="off", reader="rasterizer.io.off:read_off"),
         Format(name="glb", **_GLTF, is_binary=True),
         Format(name="gltf", **_GLTF),
         Format(

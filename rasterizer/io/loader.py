@@ -29,10 +29,11 @@ from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
-from ..scene.validate import picture_size
+from ..scene.validate import COORDINATE_LIMIT, picture_size
 from . import formats
 from .files import Folder, name_of, opened_source
 from .model_file import (
+    SCALED_AWAY,
     Contents,
     MeshSettings,
     ModelFile,
@@ -41,7 +42,9 @@ from .model_file import (
     bytes_of_copy,
     materials_of,
     name_in,
+    within_1,
     without_none,
+    without_unused,
 )
 
 if TYPE_CHECKING:
@@ -314,7 +317,9 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
         part["name"] = name_in(part["name"])
         placed.append((part, matrix))
-        parts[id(part)] = part
+        if id(part) not in parts:
+            parts[id(part)] = part
+            _mend(model, part)
     model.textures.warn()
     for part in parts.values() if model.textures.n_halving else ():
         many = "materials" in part
@@ -341,9 +346,22 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
             try:
                 mesh = mesh.transformed(matrix)
             except (ModelError, SceneError) as fault:
+                if _is_flat(mesh, matrix):
+                    model.mend(*SCALED_AWAY)
+                    continue
                 raise model.error(f"{_label(part)}the transform of its node: {fault}") from fault
         meshes.append(mesh)
+    if not meshes:
+        raise model.error("nothing to draw: all its nodes have the scale 0")
+    model.warn_of_mended()
     return meshes
+
+
+def _is_flat(mesh, matrix) -> bool:
+    """Tell whether a matrix is legal, and leaves no face of a mesh an area."""
+    with np.errstate(all="ignore"):
+        vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    return bool((np.abs(vertices) <= COORDINATE_LIMIT).all()) and not has_any_area(vertices, mesh.faces)
 
 
 def _label(part: Part) -> str:
@@ -367,7 +385,7 @@ def _make_mesh(model, part, settings) -> Mesh:
     if repeats and (settings.crease_angle is not None or "normals" not in part):
         part = weld(part)
     words = {}
-    for key, value in _mend_normals(model, _without_useless_textures(model, part)).items():
+    for key, value in _without_useless_textures(model, part).items():
         # The reader's own arrays, which nobody else has: the mesh needs no copies.
         words[key] = fixed(value) if isinstance(value, np.ndarray) else value
     try:
@@ -404,18 +422,31 @@ def _is_worth_drawing(part: Part, drop_bad_faces) -> bool:
     return has_any_area(part["vertices"], faces) or not (drop_bad_faces or np.isfinite(part["vertices"]).all())
 
 
-def _mend_normals(model, part: Part) -> Part:
-    """Make normals that are not finite zero, and say how many are: a mesh computes those from its faces."""
-    normals = part.get("normals")
-    if normals is None or part["faces"].max() >= len(part["vertices"]) or part["faces"].min() < 0:
-        return part
+def _mend(model, part: Part) -> None:
+    """Mend the arrays of a part where that changes nothing that was meant: of every format alike, see `ModelFile.mend`.
+
+    Vertices that no face uses may be anywhere; texture coordinates that aren't finite become 0, colours are brought
+    into their range. Normals that are zero or not finite become zero, which is told: a mesh computes those from its
+    faces.
+    """
+    vertices, faces = part["vertices"], part["faces"]
+    if faces.max() >= len(vertices) or faces.min() < 0:
+        return  # Mesh refuses it
+    part["vertices"] = without_unused(model, vertices, faces)
+    if "uv" in part and not (is_fine := np.isfinite(part["uv"])).all():
+        model.mend("texture coordinate", "not finite: taken as 0", (~is_fine.all(axis=-1)).sum())
+        part["uv"] = np.where(is_fine, part["uv"], 0.0)
+    for key in ("colors", "face_colors"):
+        if key in part and part[key].dtype.kind == "f":
+            part[key] = within_1(model, part[key])
+    if "normals" not in part:
+        return
     with np.errstate(all="ignore"):
-        length = np.linalg.norm(normals, axis=-1)
+        length = np.linalg.norm(part["normals"], axis=-1)
         is_bad = ~((length > 0.0) & np.isfinite(length))
-        if not is_bad.any():
-            return part
-    model.tell(f"{int(is_bad.sum())} file normals are zero or not finite; they are computed from the faces")
-    return {**part, "normals": np.where(is_bad[..., None], 0.0, normals)}
+    if is_bad.any():
+        model.tell(f"{int(is_bad.sum())} file normals are zero or not finite; they are computed from the faces")
+        part["normals"] = np.where(is_bad[..., None], 0.0, part["normals"])
 
 
 def _list_unused(contents, parts) -> list[str]:

@@ -3,6 +3,7 @@
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -11,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ModelError, cut, warn_caller
+from ..errors import ModelError, counted, cut, warn_caller
 from ..scene.material import Material
 from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
+from ..scene.validate import COORDINATE_LIMIT
 from .files import Folder, LongFile
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
@@ -134,6 +136,17 @@ class ModelFile:
         if self.log is not None:
             self.log(f"{self._place(line)}: {cut(fact, MAX_MESSAGE)}")
 
+    def mend(self, noun: str, what: str, n: int = 1) -> None:
+        """Count `n` of something that is taken otherwise than it stands in the file: of each kind one warning is made,
+        as "2 nodes of scale 0: left out", once the whole file has been read."""
+        self.allowance.mended[noun, what] += int(n)
+
+    def warn_of_mended(self) -> None:
+        """Warn of what `mend` has counted."""
+        for (noun, what), n in self.allowance.mended.items():
+            if n:
+                self.warn(f"{counted(n, noun)} {what}")
+
     def _place(self, line) -> str:
         return self.name if line is None else f"{self.name}:{line}"
 
@@ -146,14 +159,45 @@ def text_of(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def bytes_of(colors):
-    """Return colours as 8 bit values; floats count from 0 to 1, or to 255 where one of them is above 1."""
+def bytes_of(model, colors, white: float | None = None) -> np.ndarray:
+    """Return colours (n, 3 or 4) as 8 bit values.
+
+    Parameters
+    ----------
+    white : what stands for 1; None = 255 where the numbers say so: one is above 2, or whole numbers above 1. A hair
+        above 1 is 1
+    """
     colors = np.asarray(colors)
     if colors.dtype == np.uint8:
         return colors
-    colors = np.nan_to_num(colors.astype(np.float64))
-    scale = 255.0 if colors.max(initial=0.0) <= 1.0 else 1.0
-    return np.rint(np.clip(colors * scale, 0.0, 255.0)).astype(np.uint8)
+    values, most = colors.astype(np.float64), 0.0
+    if white is None:
+        shown = values[..., :3][np.isfinite(values[..., :3])]
+        most = shown.max(initial=0.0)
+        white = 255.0 if most > 2.0 or (most > 1.0 and (shown == np.rint(shown)).all()) else 1.0
+    return np.rint(within_1(model, values / white) * 255.0).astype(np.uint8)
+
+
+def within_1(model, colors: np.ndarray) -> np.ndarray:
+    """Return colours within 0..1, the nearest there are; what isn't a number becomes 0."""
+    if colors.size and not (colors.min() >= 0.0 and colors.max() <= 1.0):  # nan neither
+        is_outside = ~((colors >= 0.0) & (colors <= 1.0)).all(axis=-1)
+        model.mend("colour", "outside the legal range: taken as the nearest within", is_outside.sum())
+        return np.clip(np.nan_to_num(colors, nan=0.0), 0.0, 1.0)
+    return colors
+
+
+def without_unused(model, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return vertices (n, 3) of which those that no face uses are finite."""
+    if np.abs(vertices).max(initial=0.0) <= COORDINATE_LIMIT:
+        return vertices
+    is_bad = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
+    is_bad[faces] = False
+    model.mend("vertex", "used by no face, not finite: left out", is_bad.sum())
+    return np.where(is_bad[:, None], vertices[faces[0, 0]], vertices)
+
+
+SCALED_AWAY = "node", "of scale 0: left out"
 
 
 def cut_faces(model, points, corners, counts, line_of) -> Cut:
@@ -240,6 +284,7 @@ class Allowance:
     def __init__(self, n_byte: int, name: str = ""):
         self.n_byte, self.name = n_byte, name
         self.n_made = self.n_mesh = self.n_warning = 0
+        self.mended: Counter[tuple[str, str]] = Counter()
 
     def make(self, n_byte: int) -> None:
         """Count bytes of arrays before they are made; ModelError where they are too many."""

@@ -27,7 +27,18 @@ from ..errors import counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces, name_in, report_progress, text_of
+from .model_file import (
+    WHITE,
+    Contents,
+    ModelFile,
+    Part,
+    bytes_of,
+    cut_faces,
+    name_in,
+    report_progress,
+    text_of,
+    without_unused,
+)
 from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
 
@@ -87,7 +98,8 @@ def _read_parts(model, lines) -> list[Part]:
         return f":{lines.number_of(corners.lines[face])}: the face"
 
     cut = cut_faces(model, points[:, :3], corners.v, corners.counts, place)
-    whole = _make_part(lines, points, corners, cut)
+    whole = _make_part(model, lines, points, corners, cut)
+    without_unused(model, points[:, :3], whole["faces"])  # counts them; parts have those alone that they use
     face_lines = cut.of_polygons(corners.lines)
     material_begins, names = _in_force(lines, "usemtl", face_lines)
     object_begins, objects = _in_force(lines, "o", face_lines)
@@ -118,7 +130,7 @@ def _read_parts(model, lines) -> list[Part]:
     return parts
 
 
-def _make_part(lines, points, corners: "Corners", cut) -> Part:
+def _make_part(model, lines, points, corners: "Corners", cut) -> Part:
     """Put all triangles of the file in one part; of normals and texture coordinates a table, and which row of it each
     corner has, (n, 3), -1 for none."""
     faces = cut.of_corners(corners.v)
@@ -126,10 +138,9 @@ def _make_part(lines, points, corners: "Corners", cut) -> Part:
     if points.shape[1] >= 6:
         is_used = np.zeros(len(points), bool)
         is_used[faces] = True
-        if np.isfinite(points[is_used, 3:6]).all():
-            colors = np.zeros((len(points), 3), np.uint8)
-            colors[is_used] = bytes_of(points[is_used, 3:6])
-            part |= {"colors": colors, "material": WHITE}
+        colors = np.zeros((len(points), 3), np.uint8)
+        colors[is_used] = bytes_of(model, points[is_used, 3:6])
+        part |= {"colors": colors, "material": WHITE}
     for key, keyword, n, indices in (("normals", "vn", 3, corners.vn), ("uv", "vt", 2, corners.vt)):
         if indices is not None and indices.max() >= 0:
             part[key] = lines.rows_of(keyword)[:, :n], cut.of_corners(indices)

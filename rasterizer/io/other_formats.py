@@ -1,4 +1,4 @@
-"""Read what trimesh reads and we don't: OFF, COLLADA (DAE, ZAE), 3DXML, XAML, and the shapes of 3MF.
+"""Read what trimesh reads and we don't: COLLADA (DAE, ZAE), 3DXML, XAML, and the shapes of 3MF.
 
     bytes ─ checks ─ trimesh's reader ─ its arrays, graph and materials ─ parts, placed by their nodes
 
@@ -25,12 +25,12 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ModelError, counted, cut
+from ..errors import ModelError, cut
 from ..scene.material import Material
 from ..scene.texture import Texture, read_picture
 from .files import unpack
 from .gltf import lit_fields
-from .model_file import LEAST_TEXT, WHITE, Contents, ModelFile, Part, bytes_of, most, name_in, text_of
+from .model_file import LEAST_TEXT, WHITE, Contents, ModelFile, Part, bytes_of, most, name_in
 
 DEEPEST = 100  # nodes within nodes
 _TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take
@@ -43,45 +43,6 @@ _VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^>]*>([^<]*)")
 _CORNER = 32  # bytes that pycollada takes for a corner of a polygon before it has seen it
 _TRIANGLE = 24  # bytes, of its corners' numbers
 _FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
-_UP_TO_4 = ("0", "1", "2", "3", "4")
-_OFF = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z_])(\s+BINARY\b)?", re.ASCII)
-
-
-def read_off(model: ModelFile) -> Contents:
-    """Read OFF: vertices and polygons, which trimesh cuts as fans; those with more than 4 corners are warned of.
-    Colours, normals and texture coordinates are left out."""
-    text = text_of(model.data)
-    word = _OFF.match(text)
-    if not word:
-        raise model.error("not an OFF file: 'OFF' is missing at its start")
-    has_uv, has_color, has_normal, has_w, is_n, is_binary = (group is not None for group in word.groups())
-    if has_w or is_n or is_binary:
-        raise model.error(f"{'binary ' if is_binary else '4' * has_w + 'n' * is_n}OFF, which is not read")
-    lines = (line.partition("#")[0] for line in text[word.end() :].split("\n"))
-    rows = [line for line in lines if line and not line.isspace()]
-    counts = rows[0].split() if rows else []
-    if len(counts) < 2 or not all(each.isascii() and each.isdigit() and len(each) < 10 for each in counts[:2]):
-        raise model.error(f"'{cut(rows[0] if rows else '')}' does not say how many vertices and faces there are")
-    n_vertex, n_face = map(int, counts[:2])
-    if n_vertex + n_face > len(rows) - 1:
-        found = f"{min(n_vertex, len(rows) - 1)} and {max(0, len(rows) - 1 - n_vertex)}"
-        raise model.error(f"the header promises {n_vertex} vertices and {n_face} faces, the file has {found}")
-    if n_face == 0:
-        return Contents([], n_point=n_vertex)
-    face = rows[1 + n_vertex].split()
-    has_color = has_color or (face[0].isdigit() and len(face) > 1 + int(face[0]) < 99)
-    if has_color:
-        model.warn("its colours are left out: trimesh, which reads OFF, doesn't read them")
-    # What stands before the counts is no concern of trimesh's, whose search for 'OFF' finds it in comments, too.
-    plain = "\n".join(["OFF", *rows]).encode("ascii", "replace")
-    contents = _contents_of(model, _read(model, "off", plain))
-    words = [name for name, has in (("normals", has_normal), ("texture coordinates", has_uv)) if has]
-    n_large = sum(row.split(None, 1)[0] not in _UP_TO_4 for row in rows[1 + n_vertex : 1 + n_vertex + n_face])
-    if n_large:
-        what = f"trimesh, which reads OFF, cuts {counted(n_large, 'polygon')} of more than 4 corners as fans"
-        model.warn(f"{what}: concave ones look otherwise than they should; OBJ and PLY keep their shape")
-    facts = ("polygons cut as fans",) if any(len(part["faces"]) > n_face for part, _ in contents.parts) else ()
-    return contents._replace(unused=tuple(words), facts=facts)
 
 
 def read_dae(model: ModelFile) -> Contents:
@@ -429,7 +390,7 @@ def _part(model, name, source, pictures) -> Part:
     for key, ours, n in (("vertex_colors", "colors", len(vertices)), ("face_colors", "face_colors", len(faces))):
         colors = source.get(key)
         if colors is not None and len(colors) == n and np.shape(colors)[1:] in ((3,), (4,)):
-            part |= {ours: bytes_of(colors)[:, :3], "material": WHITE}
+            part |= {ours: bytes_of(model, colors)[:, :3], "material": WHITE}
     if np.shape(source.get("vertex_normals")) == vertices.shape:
         part["normals"] = np.asarray(source["vertex_normals"], np.float64)
     return part

@@ -133,7 +133,7 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
     part = {"vertices": points, "faces": faces, "name": "", "material": Material()}
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
-    part |= _vertex_attributes(vertex, elements["vertex"])
+    part |= _vertex_attributes(model, vertex, elements["vertex"])
     if len(strips):
         part["faces"] = np.concatenate([part["faces"], strips])
         if "polygons" in part:
@@ -180,7 +180,7 @@ def _whole(model, numbers, what) -> np.ndarray:
     return numbers if numbers.dtype == np.int32 else numbers.astype(np.int64)
 
 
-def _colors(table, element) -> np.ndarray | None:
+def _colors(model, table, element) -> np.ndarray | None:
     """Return colours as bytes, (n, 3 or 4)."""
     for names in _COLORS:
         full = [*names, names[0].replace("red", "alpha") if "red" in names[0] else "a"]
@@ -189,17 +189,22 @@ def _colors(table, element) -> np.ndarray | None:
             continue
         types = {each.name: each.type for each in element.properties}
         dtype = types[names[0]]
-        if dtype[0] == "f":
-            return bytes_of(colors)
-        full_scale = np.iinfo(dtype).max if dtype in ("u2", "u4") else 255
-        return np.rint(np.clip(colors.astype(np.float64), 0, full_scale) * (255.0 / full_scale)).astype(np.uint8)
+        most = 255 if dtype == "u1" else colors[:, :3].max(initial=0)
+        if dtype[0] == "f" or most <= 255:
+            white = None if dtype[0] == "f" else 255.0
+            if dtype[0] != "f" and most <= 1:
+                white = 1.0
+                model.mend("colour", "of whole numbers up to 1: taken as 0..1", len(colors))
+        else:
+            white = np.iinfo(dtype).max if dtype[0] == "u" else 255.0
+        return bytes_of(model, colors, white)
     return None
 
 
-def _vertex_attributes(table, element) -> dict:
+def _vertex_attributes(model, table, element) -> dict:
     """Return normals, colours and texture coordinates of the vertices, as far as there are any."""
     part = {}
-    normals, uv, colors = _columns(table, [("nx", "ny", "nz")]), _columns(table, _UV), _colors(table, element)
+    normals, uv, colors = _columns(table, [("nx", "ny", "nz")]), _columns(table, _UV), _colors(model, table, element)
     if normals is not None:
         part["normals"] = normals.astype(np.float64)
     if uv is not None:
@@ -212,7 +217,7 @@ def _vertex_attributes(table, element) -> dict:
 def _face_attributes(model, table, element, cut, counts) -> dict:
     """Return colours and texture coordinates of the faces, as far as there are any."""
     part = {}
-    colors = _colors(table, element)
+    colors = _colors(model, table, element)
     if colors is not None:
         part |= {"face_colors": cut.of_polygons(colors), "material": WHITE}
     if isinstance(table.get("texnumber"), np.ndarray):

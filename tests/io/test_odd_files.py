@@ -35,11 +35,6 @@ def test_elements_of_ply_without_rows():
                 rz.load(empty.replace("ascii", order).encode(), format="ply")
 
 
-def test_off_with_blanks_before_its_word_or_none_behind_it():
-    for head in ("\t  OFF\n3 1 0\n", "  OFF3 1 0\n", "\n# a\n \nOFF 3 1 0 # b\n"):
-        assert rz.load((head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n").encode(), format="off").n_face == 1, head
-
-
 def test_a_3mf_file_whose_only_color_is_invisible_is_drawn_opaque():
     points = "".join(f'<vertex x="{x}" y="{y}" z="0"/>' for x, y in ((0, 0), (1, 0), (0, 1)))
     mesh = f'<mesh><vertices>{points}</vertices><triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh>'

@@ -1,4 +1,4 @@
-"""What trimesh reads: OFF, COLLADA, 3DXML and XAML. What arrives, which files are read beside them, and what is refused
+"""What trimesh reads: COLLADA, 3DXML and XAML. What arrives, which files are read beside them, and what is refused
 before trimesh gets it."""
 
 import subprocess
@@ -16,8 +16,6 @@ import rasterizer as rz
 from rasterizer.io import formats
 from rasterizer.io.formats import FORMATS
 from rasterizer.io.loader import load
-
-ELL = "0 0 0\n8 0 0\n8 2 0\n2 2 0\n2 8 0\n0 8 0\n"
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +36,7 @@ def one(data, format, **options):
 def test_boxes_that_trimesh_writes_come_back():
     colored = box()
     colored.visual.vertex_colors = np.arange(32, dtype=np.uint8).reshape(8, 4) * 8
-    for format in ("off", "dae", "3mf"):
+    for format in ("dae", "3mf"):
         mesh = one(exported(colored, format), format)
         assert mesh.n_face == 12 and np.allclose(mesh.bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]]), format
         assert rz.render(mesh, 16, samples=1).stats.covered, format
@@ -46,57 +44,6 @@ def test_boxes_that_trimesh_writes_come_back():
     corner = mesh.colors[np.argmin(np.abs(mesh.vertices - colored.vertices[5]).sum(axis=1)), :3]
     whole = rz.Mesh(colored.vertices, colored.faces, colors=colored.visual.vertex_colors[:, :3]).colors[5]
     assert np.allclose(corner, whole, atol=1e-3)
-
-
-def test_off_heads_comments_and_polygons():
-    heads = (
-        "OFF\n6 1 0\n",
-        "OFF 6 1 0\n",
-        "# c OFF\nOFF # d\n# e\n6 1 # f\n",
-        "OFF\r\n\r\n6 1 0\r\n",
-        " \n\tOFF 6 1 0\n",
-    )
-    for head in heads:
-        with pytest.warns(UserWarning, match="cuts 1 polygon of more than 4 corners as fans: concave ones look"):
-            mesh = one(head + ELL + "6 0 1 2 3 4 5\n", "off")
-        corners = mesh.vertices[mesh.faces]
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
-        assert mesh.n_face == 4 and abs(area - 28) < 1e-12, head
-    facts = []
-    mesh = one("NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2\n", "off", log=facts.append)
-    assert mesh.normals is None and facts[0].endswith("not used: normals")
-
-
-def test_off_of_quads_alone_is_not_warned_of(recwarn):
-    assert one("OFF\n6 2 0\n" + ELL + "4 0 1 2 3\n3 3 4 5\n", "off").n_face == 3
-    assert not recwarn.list
-
-
-def test_off_says_that_colours_are_left_out():
-    for head, row, face in (("COFF", " 255 0 0 255", "3 0 1 2"), ("OFF", "", "3 0 1 2 255 0 0")):
-        rows = "".join(f"{k} {k * k} 0{row}\n" for k in range(3))
-        with pytest.warns(UserWarning, match="its colours are left out"):
-            assert one(f"{head}\n3 1 0\n{rows}{face}\n", "off").n_face == 1
-
-
-def test_off_that_is_none_is_refused():
-    head = "OFF\n6 1 0\n"
-    assert_refused(lambda text: one(text, "off"), [
-        ("6 1 0\n" + ELL + "6 0 1 2 3 4 5\n", "'OFF' is missing"),
-        ("OFF\n3 -1 0\n0 0 0\n", "'3 -1 0' does not say how many"),
-        ("OFF\n", "does not say how many"),
-        ("OFF\n999999999 999999999 0\n0 0 0\n", "the header promises 999999999 vertices"),
-        ("OFF\n6 2 0\n" + ELL + "3 0 1 2\n", "promises 6 vertices and 2 faces, the file has 6 and 1"),
-        (head + ELL + "3 0 1 6\n", "outside the range"),
-        (head + ELL + "3 0 1 two\n", "not a readable off file"),
-        (head + ELL.replace("8 2 0", "8 y 0") + "3 0 1 2\n", "not a readable off file"),
-        (head + ELL.replace("8 2 0", "nan 2 0") + "3 0 1 2\n", "1 of 6 vertices"),
-        (head + ELL + "3 0 1 1\n", "zero area"),
-        ("OFF\n6 0 0\n" + ELL, "a point cloud: 6 points, no faces"),
-        ("4OFF\n3 1 0\n", "4OFF, which is not read"),
-        ("nOFF\n3 3 1 0\n", "nOFF, which is not read"),
-        ("OFF BINARY\n\0\0\0", "binary OFF, which is not read"),
-    ], rz.ModelError, "model: ")  # fmt: skip
 
 
 def test_collada_materials_textures_nodes_and_units(tmp_path):
@@ -268,7 +215,7 @@ def test_the_readers_of_the_required_trimesh_are_known():
 
 
 def test_trimesh_is_imported_only_for_what_it_reads(tmp_path):
-    files = {"a.obj": exported(box(), "obj"), "a.3mf": threemf(), "a.off": exported(box(), "off")}
+    files = {"a.obj": exported(box(), "obj"), "a.off": exported(box(), "off"), "a.dae": exported(box(), "dae")}
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
     code = "import sys, rasterizer as rz\nfor name in sys.argv[1:]:\n    rz.load(name); print('trimesh' in sys.modules)"
