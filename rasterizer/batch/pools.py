@@ -2,87 +2,92 @@
 
     work_through ── submit ──> pool ── wait ──> (job, outcome)
 
-A pool of processes of this machine is in ../processes.py, with jobs and their outcomes.
+    Done(value)       what the job's function returned
+    Died(how)         a process of the executor ended: this one's, or another one's
+    Failed(error)     it could not be sent there or back, or the function raised
+
+Processes of this machine are those of ../processes.py. One that ends breaks its executor, which loses all that it held.
+So another one takes its place, and what was lost is drawn again, a picture at a time: the one that breaks it is named.
 """
 
 import os
+import pickle
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import suppress
 from queue import SimpleQueue
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any, NamedTuple
+from weakref import finalize
 
 from ..choices import install_command
 from ..compiler.kernels import STORE
 from ..cores import n_core
 from ..errors import RasterizerError, SceneError, shown
-from ..processes import Died, Done, Failed, Job, ProcessPool, SharedObject
+from ..processes import end_processes, make_folder, remove_folder, start_processes
 from ..scene.validate import whole
 
 MAX_PROCESSES = 1024
 LONGEST_RUN = 8  # pictures of a job
+MAX_SHARED = 2  # models that a process keeps, of those that it was sent
 
 
-def make_pool(executor: Any, n_process: int | None) -> "Pool":
-    """Return who draws.
+class SharedObject:
+    """A model that many jobs need: it goes to each process once.
 
     Parameters
     ----------
-    executor : None = processes of this machine; an executor of concurrent.futures, a Client of dask.distributed, or the
-        address of its scheduler
-    n_process : how many processes, 1 to 1024, or how many jobs an executor works on at a time; None = as many as this
-        process may use processors, or as the executor has
-
-    Raises SceneError where one of them isn't legal.
+    value : what is shared; not changed any more
     """
-    if n_process is not None:
-        n_process = whole(n_process, "n_process", 1, MAX_PROCESSES)
-    if executor is None:
-        return local_pool(n_process)
-    if isinstance(executor, Executor):
-        return ExecutorPool(executor, n_process)
-    if isinstance(executor, str) or (hasattr(executor, "scatter") and hasattr(executor, "get_executor")):
-        return DaskPool(executor, n_process)
-    legal = "None, an executor of concurrent.futures, a Client of dask.distributed, or the address of its scheduler"
-    raise SceneError(f"executor must be {legal}; given {shown(executor)}")
+
+    def __init__(self, value: Any) -> None:
+        self.value: Any = value
+        self.sent: Any = None  # what stands for it where it was sent to
 
 
-def local_pool(n_process: int | None) -> ProcessPool:
-    """Return processes of this machine; None = as many as this one may use processors.
+class Job:
+    """A piece of work: a function of a module, and what it is called with.
 
-    Where no kernel is stored yet, the first job is alone: it compiles what it needs on all processors, and those that
-    come after it find that in the store.
+    Parameters
+    ----------
+    function : called as function(argument, value of `shared`, kept); `kept` is a dict that stays with a process
+    argument : what can be pickled
+    shared : SharedObject, or None
     """
-    return ProcessPool(n_process or n_core(), is_warm=not STORE.is_kept or has_kernels())
+
+    def __init__(self, function: Callable[..., Any], argument: Any, shared: SharedObject | None = None) -> None:
+        self.function: Callable[..., Any] = function
+        self.argument: Any = argument
+        self.shared: SharedObject | None = shared
+        self.note: Any = None  # the caller's own; it isn't sent
+        self.is_alone = False  # one picture, drawn once more because a process died of some
 
 
-class Pool(Protocol):
-    """Who draws."""
+class Done(NamedTuple):
+    """The function has returned."""
 
-    is_here: bool  # whether it sees the files that this process sees
+    value: Any
 
-    @property
-    def n_slot(self) -> int:
-        """How many jobs it should have at a time."""
 
-    @property
-    def n_running(self) -> int:
-        """How many it has."""
+class Died(NamedTuple):
+    """A process has ended."""
 
-    def submit(self, job: Job) -> None:
-        """Give it a job."""
+    how: str
 
-    def wait(self) -> tuple[Job, Done | Died | Failed]:
-        """Wait for the next job that has an outcome."""
 
-    def close(self) -> None:
-        """Give up what is running, and end what was started."""
+class Failed(NamedTuple):
+    """Nothing came back, but for an error."""
+
+    error: Exception
+
+
+# ---------------------------------------------------------------- jobs, one after the other
 
 
 def work_through(
-    pool: Pool, jobs: Iterable[Any], follow_up: Callable[[Job, Done | Died | Failed], list[Job]]
+    pool: "Pool", jobs: Iterable[Any], follow_up: Callable[[Job, Done | Died | Failed], list[Job]]
 ) -> Iterator[tuple[Any, Done | Died | Failed | None]]:
     """Keep a pool at work; yield (job, outcome) as jobs are done, in any order.
 
@@ -91,12 +96,16 @@ def work_through(
     jobs : are taken as there is room for them; what is no Job is passed on as (it, None)
     follow_up : returns the jobs that take the place of one, after its outcome; none: the outcome is passed on
     """
-    source, again, is_exhausted = iter(jobs), deque[Job](), False
+    source, again, is_exhausted, is_alone = iter(jobs), deque[Job](), False, False
     while True:
-        while pool.n_running < pool.n_slot and (again or not is_exhausted):
+        while again or not is_exhausted:
+            # One that is drawn alone waits until nothing else runs, and while it runs nothing else is begun.
+            if pool.n_running >= (1 if is_alone or (again and again[0].is_alone) else pool.n_slot):
+                break
             job = again.popleft() if again else next(source, None)
             if isinstance(job, Job):
                 pool.submit(job)
+                is_alone = job.is_alone
             elif job is None:
                 is_exhausted = True
             else:
@@ -132,8 +141,8 @@ def replace_job(
 
 
 def died_once(outcome: Died) -> str:
-    """Return what is said of a model whose process has ended, and that is drawn once more."""
-    return f"the process that drew it {outcome.how}; its pictures are drawn once more"
+    """Return what is said of a model that was lost with a process, and is drawn once more."""
+    return f"a process {outcome.how}; its pictures are drawn once more"
 
 
 def make_error(name: str, outcome: Died | Failed) -> RasterizerError:
@@ -144,31 +153,39 @@ def make_error(name: str, outcome: Died | Failed) -> RasterizerError:
     return SceneError(f"{name}: can't be drawn by another process: {type(fault).__name__}: {fault}")
 
 
-def pictures_per_job(pool: Pool, n_picture: int) -> int:
+def pictures_per_job(pool: "Pool", n_picture: int) -> int:
     """Return how many pictures of a model one job draws: fewer where few are left, so that all processes have some."""
     return max(1, min(LONGEST_RUN, n_picture // pool.n_slot))
 
 
-def has_kernels() -> bool:
-    """Tell whether the store of this process has any kernels."""
-    with suppress(OSError):
-        return any(name.endswith(".kernel") for folder in STORE.folders for name in os.listdir(folder))
-    return False
+# ---------------------------------------------------------------- who works on them
 
 
-# ---------------------------------------------------------------- executors
-#
-# Dask takes care of workers that are lost: what they were at is done by others. A shared object is sent to each of its
-# workers once. Elsewhere it goes with every job.
+def make_pool(executor: Any, n_process: int | None) -> "Pool":
+    """Return who draws.
 
-_AHEAD = 2  # jobs for each process: one that it works on, and one that it finds there when it is done
-_MAX_SCATTERED = 8  # objects that Dask's workers keep for the batch
-_ANSWER_WITHIN = 10.0  # seconds in which a scheduler must answer
-_LATELY = 1.0  # seconds for which the number of Dask's workers is taken to stay
-_MAX_LOST = 3  # times that a job is sent again, because what it shares was lost with a worker
+    Parameters
+    ----------
+    executor : None = processes of this machine; an executor of concurrent.futures, a Client of dask.distributed, or the
+        address of its scheduler
+    n_process : how many processes, 1 to 1024, or how many jobs an executor works on at a time; None = as many as this
+        process may use processors, or as the executor has
+
+    Raises SceneError where one of them isn't legal.
+    """
+    if n_process is not None:
+        n_process = whole(n_process, "n_process", 1, MAX_PROCESSES)
+    if executor is None:
+        return LocalPool(n_process)
+    if isinstance(executor, Executor):
+        return Pool(executor, n_process)
+    if isinstance(executor, str) or (hasattr(executor, "scatter") and hasattr(executor, "get_executor")):
+        return DaskPool(executor, n_process)
+    legal = "None, an executor of concurrent.futures, a Client of dask.distributed, or the address of its scheduler"
+    raise SceneError(f"executor must be {legal}; given {shown(executor)}")
 
 
-class ExecutorPool:
+class Pool:
     """Jobs on an executor.
 
     Parameters
@@ -177,19 +194,20 @@ class ExecutorPool:
     n_process : how many jobs are worked on at a time; None = what the executor says of itself
     """
 
-    is_here = False
+    is_here = False  # whether it sees the files that this process sees
+    is_warm = True  # whether kernels are stored, so that not every process compiles them
+    _ahead = 2  # jobs for each process: one that it works on, and one that it finds there when it is done
 
-    def __init__(self, executor: Executor, n_process: int | None = None) -> None:
+    def __init__(self, executor: Any, n_process: int | None = None) -> None:
         self.executor = executor
-        n_process = n_process or getattr(executor, "_max_workers", None) or n_core()
-        self._n_slot = _AHEAD * n_process
+        self._n_process = n_process or getattr(executor, "_max_workers", None) or n_core()
         self._outcomes: SimpleQueue = SimpleQueue()
         self._running: dict[Future, Job] = {}
 
     @property
     def n_slot(self) -> int:
         """How many jobs it should have at a time."""
-        return self._n_slot
+        return self._ahead * self._n_process
 
     @property
     def n_running(self) -> int:
@@ -199,35 +217,39 @@ class ExecutorPool:
     def submit(self, job: Job) -> None:
         """Give it a job.
 
-        Raises RasterizerError where the executor takes none any more.
+        Raises RasterizerError where it takes none any more.
         """
         try:
-            future = self.executor.submit(call, job.function, job.argument, self._share(job.shared))
+            future = self._send(job)
         except RuntimeError as fault:  # broken, or shut down
             raise RasterizerError(f"the executor takes no tasks any more: {fault}") from fault
         self._running[future] = job
         future.add_done_callback(self._outcomes.put)
 
-    def _share(self, shared: SharedObject | None) -> Any:
-        """Return what stands for a shared object among the arguments of a call."""
-        return None if shared is None else shared.value
+    def _send(self, job: Job) -> Future:
+        return self.executor.submit(call, job.function, job.argument, job.shared and job.shared.value)
 
     def wait(self) -> tuple[Job, Done | Died | Failed]:
         """Wait for the next job that has an outcome; return both."""
         future = self._outcomes.get()
         job = self._running.pop(future)
         try:
-            return job, Done(future.result())
-        except BrokenExecutor as fault:
-            return job, Died(str(fault))
+            return job, Done(self._result(future))
         except CancelledError:
-            return self._settle_lost(job)
+            return job, self._cancelled(job)
         except Exception as fault:  # noqa: BLE001  whatever a job raised there: the others go on
-            return job, Died(str(fault)) if _is_death(fault) else Failed(fault)
+            how = self._death(fault)
+            return job, Failed(fault) if how is None else Died(how)
 
-    def _settle_lost(self, job: Job) -> tuple[Job, Done | Died | Failed]:
-        """Return the outcome of a job that somebody has cancelled."""
-        return job, Failed(RasterizerError("the executor has cancelled it"))
+    def _result(self, future: Future) -> Any:
+        return future.result()
+
+    def _cancelled(self, job: Job) -> Died | Failed:
+        return Failed(RasterizerError("the executor has cancelled it"))
+
+    def _death(self, fault: Exception) -> str | None:
+        """Return how a process has ended, if that is what a fault tells of."""
+        return str(fault) if isinstance(fault, BrokenExecutor) else None
 
     def close(self) -> None:
         """Take back what hasn't begun; what runs is left to the executor."""
@@ -236,7 +258,153 @@ class ExecutorPool:
         self._running.clear()
 
 
-class DaskPool(ExecutorPool):
+def call(function: Any, argument: Any, shared: Any) -> Any:
+    """Call the function of a job, in a process that keeps nothing for later ones."""
+    return function(argument, shared, {})
+
+
+class LocalPool(Pool):
+    """Jobs on processes of this machine, which are started with the first one.
+
+    Where no kernel is stored yet, the first job is the only one until it is done: it compiles what it needs on all
+    processors, and those that come after it find that in the store.
+    """
+
+    is_here, _ahead = True, 1
+
+    def __init__(self, n_process: int | None = None) -> None:
+        super().__init__(None, n_process)
+        self.is_warm = not STORE.is_kept or has_kernels()
+        self._n_started, self._first = 0, Future[int]()
+        self._folder = ""  # where models are that are sent
+        self._n_sent = 0
+
+    @property
+    def n_slot(self) -> int:
+        """How many jobs it should have at a time."""
+        return super().n_slot if self.is_warm else 1
+
+    def _send(self, job: Job) -> Future:
+        n = 1 if job.is_alone else self._n_process
+        if self._n_started != n:
+            self._start(n)
+        try:
+            # Whatever can't be sent there or back is its own fault, and breaks nothing.
+            message = pickle.dumps((job.function, job.argument), protocol=pickle.HIGHEST_PROTOCOL)
+            path = None if job.shared is None else self._share(job.shared)
+        except Exception as fault:  # noqa: BLE001  whatever an object does that is pickled
+            future: Future = Future()
+            future.set_exception(fault)
+            return future
+        try:
+            return self.executor.submit(work, message, path)
+        except BrokenExecutor:
+            self._start(n)
+            return self.executor.submit(work, message, path)
+
+    def _start(self, n: int) -> None:
+        self._end()
+        self.executor, self._first = start_processes(n)
+        self._n_started = n
+
+    def _end(self) -> None:
+        if self._n_started:
+            end_processes(self.executor, is_at_work=self.n_running > 0)
+        self._n_started = 0
+
+    def _share(self, shared: SharedObject) -> str:
+        """Write a model to a file, once, from which each process reads it, once; return its path."""
+        if shared.sent is None:
+            self._folder = self._folder or make_folder()
+            self._n_sent += 1
+            path = os.path.join(self._folder, f"{self._n_sent}.pickle")
+            with open(path, "wb") as stream:
+                pickle.dump(shared.value, stream, protocol=pickle.HIGHEST_PROTOCOL)
+            finalize(shared, _remove, path)  # nobody needs it any more
+            shared.sent = path
+        return shared.sent
+
+    def wait(self) -> tuple[Job, Done | Died | Failed]:
+        """Wait for the next job that has an outcome; return both.
+
+        Raises RasterizerError where no process could be started.
+        """
+        job, outcome = super().wait()
+        self.is_warm = True
+        if isinstance(outcome, Died) and self._first.done() and self._first.exception() is not None:
+            raise RasterizerError(f"processes can't be started: the first one {outcome.how}")
+        return job, outcome
+
+    def _result(self, future: Future) -> Any:
+        return pickle.loads(future.result())
+
+    def _death(self, fault: Exception) -> str | None:
+        if not isinstance(fault, BrokenExecutor):
+            return None
+        ends = re.findall(r"([A-Z]\w*)\((-?\d+)\)", str(fault))  # as loky says it: {EXIT(9), SIGKILL(-9)}
+        words = [f"was ended by {name}" if code < "0" else f"ended with exit code {code}" for name, code in ends]
+        return " and ".join(dict.fromkeys(words)) or "has ended"
+
+    def close(self) -> None:
+        """End all processes, and what they are at."""
+        self._end()
+        super().close()
+        if self._folder:
+            remove_folder(self._folder)
+            self._folder = ""
+
+
+def has_kernels() -> bool:
+    """Tell whether the store of this process has any kernels."""
+    with suppress(OSError):
+        return any(name.endswith(".kernel") for folder in STORE.folders for name in os.listdir(folder))
+    return False
+
+
+def _remove(path: str) -> None:
+    with suppress(OSError):
+        os.unlink(path)
+
+
+_kept: dict[str, Any] = {}  # in each process: what functions of jobs keep
+_known: dict[str, Any] = {}  # models that it was sent, the last one last
+
+
+def work(message: bytes, path: str | None) -> bytes:
+    """Work on a job; return what its function returns, as bytes.
+
+    Parameters
+    ----------
+    path : of the model; None where it needs none
+    """
+    try:
+        function, argument = pickle.loads(message)
+        shared = None
+        if path is not None:
+            if path in _known:
+                shared = _known.pop(path)
+            else:
+                with open(path, "rb") as stream:
+                    shared = pickle.load(stream)
+            _known[path] = shared
+            while len(_known) > MAX_SHARED:
+                del _known[next(iter(_known))]
+        return pickle.dumps(function(argument, shared, _kept), protocol=pickle.HIGHEST_PROTOCOL)
+    except Exception as fault:  # noqa: BLE001  whatever it is: some errors can't be sent
+        raise RuntimeError(f"{type(fault).__name__}: {fault}") from None
+
+
+# ---------------------------------------------------------------- Dask
+#
+# Dask takes care of workers that are lost: what they were at is done by others. A shared object is sent to each of its
+# workers once.
+
+_MAX_SCATTERED = 8  # objects that Dask's workers keep for the batch
+_ANSWER_WITHIN = 10.0  # seconds in which a scheduler must answer
+_LATELY = 1.0  # seconds for which the number of Dask's workers is taken to stay
+
+
+class DaskPool(Pool):
     """Jobs on the workers of Dask.
 
     Parameters
@@ -249,54 +417,38 @@ class DaskPool(ExecutorPool):
     def __init__(self, client: Any, n_process: int | None = None) -> None:
         self._is_own = isinstance(client, str)
         self.client = connect(client) if isinstance(client, str) else client
-        self._n_asked = n_process
-        self._asked_at = float("-inf")
+        self._n_asked, self._asked_at = n_process, float("-inf")
         # An impure function is called for each job, also where one with the same arguments has been called before.
         super().__init__(self.client.get_executor(pure=False), n_process or 1)
         self._scattered: deque[SharedObject] = deque()
-        self._sent_with: dict[Job, Any] = {}  # what stood for the shared object of each that is running
 
     @property
     def n_slot(self) -> int:
         """How many jobs it should have at a time."""
         if self._n_asked is None and monotonic() - self._asked_at > _LATELY:
             with suppress(Exception):  # Dask's errors have no base: the scheduler can't be asked just now
-                self._n_slot = _AHEAD * max(1, sum(self.client.nthreads().values()))
+                self._n_process = max(1, sum(self.client.nthreads().values()))
             self._asked_at = monotonic()
-        return self._n_slot
+        return super().n_slot
 
-    def _share(self, shared: SharedObject | None) -> Any:
-        """Give an object to Dask, once: it sends it to each worker that needs it, once."""
-        if shared is None:
-            return None
-        if shared.sent is None:
+    def _send(self, job: Job) -> Future:
+        shared = job.shared
+        if shared is not None and shared.sent is None:
             shared.sent = self.client.scatter(shared.value, hash=False)
             self._scattered.append(shared)
-            while len(self._scattered) > _MAX_SCATTERED:
+            if len(self._scattered) > _MAX_SCATTERED:
                 self._scattered.popleft().sent = None  # what is running keeps its own
-        return shared.sent
+        return self.executor.submit(call, job.function, job.argument, shared and shared.sent)
 
-    def submit(self, job: Job) -> None:
-        """Give it a job."""
-        super().submit(job)
-        self._sent_with[job] = job.shared and job.shared.sent
+    def _cancelled(self, job: Job) -> Died | Failed:
+        """Have an object sent anew that was lost: Dask makes results anew, but not what it was given."""
+        if job.shared is None:
+            return super()._cancelled(job)
+        job.shared.sent = None
+        return Died("was lost with its model")
 
-    def wait(self) -> tuple[Job, Done | Died | Failed]:
-        """Wait for the next job that has an outcome; return both."""
-        job, outcome = super().wait()
-        self._sent_with.pop(job, None)
-        return job, outcome
-
-    def _settle_lost(self, job: Job) -> tuple[Job, Done | Died | Failed]:
-        """Send a job again whose shared object was lost: Dask makes results anew, but not what it was given."""
-        job.n_lost += 1
-        if job.n_lost > _MAX_LOST:
-            return super()._settle_lost(job)
-        shared = job.shared
-        if shared is not None and shared.sent is self._sent_with.get(job):
-            shared.sent = None  # the first job that tells of it has the object sent anew
-        self.submit(job)
-        return self.wait()
+    def _death(self, fault: Exception) -> str | None:
+        return str(fault) if type(fault).__name__ == "KilledWorker" else super()._death(fault)
 
     def close(self) -> None:
         """Take back what runs, and end the connection if it was made here."""
@@ -304,14 +456,8 @@ class DaskPool(ExecutorPool):
         for shared in self._scattered:
             shared.sent = None
         self._scattered.clear()
-        self._sent_with.clear()
         if self._is_own:
             self.client.close()
-
-
-def call(function: Any, argument: Any, shared: Any) -> Any:
-    """Call the function of a job, in a process that keeps nothing for later ones."""
-    return function(argument, shared, {})
 
 
 def connect(address: str) -> Any:
@@ -332,8 +478,3 @@ def connect(address: str) -> Any:
         return Client(address, timeout=_ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TypeError) as fault:  # TimeoutError is an OSError
         raise RasterizerError(f"no scheduler of Dask answers at {address}: {fault}") from fault
-
-
-def _is_death(fault: Exception) -> bool:
-    """Tell whether Dask gave a job up because the workers that took it died."""
-    return type(fault).__name__ == "KilledWorker"

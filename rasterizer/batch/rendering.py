@@ -20,13 +20,26 @@ from ..io.files import identity_of, make_folder_of, refuse_inputs, write_all
 from ..io.loader import SceneFile, read_source
 from ..keywords import checked_keywords
 from ..options import Options
-from ..processes import Died, Done, Failed, Job, SharedObject
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
 from .manifest import Manifest, checked_path, depth_scale
-from .pools import LONGEST_RUN, Pool, died_once, make_error, make_pool, pictures_per_job, replace_job, work_through
+from .pools import (
+    LONGEST_RUN,
+    Died,
+    Done,
+    Failed,
+    Job,
+    Pool,
+    SharedObject,
+    died_once,
+    make_error,
+    make_pool,
+    pictures_per_job,
+    replace_job,
+    work_through,
+)
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
 _MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them
@@ -148,7 +161,6 @@ class Batch:
         self._waiting: deque[Item] = deque()
         self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
         self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
-        self._n_object = 0
         self._records: Generator[RenderRecord, None, None] | None = None  # none until one is asked for
         self._first_error: Exception | None = None
         self._never_asked = finalize(self, warn_caller, _NEVER_ASKED)
@@ -272,8 +284,7 @@ class Batch:
         is_frozen = isinstance(source, (Scene, SceneFile, Mesh, bytes))
         shared = self._objects.get(id(source)) if is_frozen else None
         if shared is None:
-            shared = SharedObject(source if is_frozen else read_source(source, **settings), str(self._n_object))
-            self._n_object += 1
+            shared = SharedObject(source if is_frozen else read_source(source, **settings))
             if is_frozen:
                 self._objects[id(source)] = shared
         if is_frozen:

@@ -39,7 +39,7 @@ exit codes: 0 all is well, 1 something is missing or broken, which is told,
 variables of the environment:
 {"".join(f"  {name:<20}{text}" + chr(10) for name, text in ENVIRONMENT.items())}"""
 
-_NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
+_NEEDED = ("numpy", "numba", "llvmlite", "loky", "pillow", "trimesh")
 _EXTRAS = {  # what each gives, and the modules that it brings
     "completion": ("raster completion", ("shtab",)),
     "dataset": ("annotations of datasets as COCO has them", ("pycocotools",)),

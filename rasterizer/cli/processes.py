@@ -14,11 +14,23 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ..batch.draw_run import identify
-from ..batch.pools import DaskPool, Pool, died_once, local_pool, make_error, pictures_per_job, replace_job, work_through
+from ..batch.pools import (
+    DaskPool,
+    Died,
+    Done,
+    Job,
+    LocalPool,
+    Pool,
+    SharedObject,
+    died_once,
+    make_error,
+    pictures_per_job,
+    replace_job,
+    work_through,
+)
 from ..batch.tasks import RenderSummary
 from ..compiler.kernels import noticing_compilation
 from ..errors import RasterizerError
-from ..processes import Died, Done, Job, SharedObject
 from .drawing import Settings
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
 from .models import load_scene
@@ -128,8 +140,8 @@ def draw_in_processes(
     """
     threads = settings.options.threads or 1
     settings = settings._replace(options=replace(settings.options, threads=threads))
-    pool = local_pool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
-    if not getattr(pool, "is_warm", True):
+    pool = LocalPool(arguments.n_process) if executor is None else DaskPool(executor, arguments.n_process)
+    if not pool.is_warm:
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
     with compilation_shown(messages):
@@ -190,7 +202,7 @@ class _Work:
         failures = Failures(self._messages, self._arguments.json)
         with failures.caught(model):
             loaded = load_scene(model, self._arguments, self._settings, self._messages, found)
-            again = Job(draw_job, job.argument, SharedObject(loaded, model))
+            again = Job(draw_job, job.argument, SharedObject(loaded))
             again.note = job.note
             return [again]
         self._note_failures(job, failures)

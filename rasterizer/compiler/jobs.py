@@ -5,20 +5,21 @@ first, and writes the code to the store itself. What a process can't compile, an
 started, is compiled later by who needs it.
 """
 
+import functools
 import gc
 import importlib
 import inspect
 import logging
-import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import perf_counter
 
 from ..cores import n_core
 from ..errors import RasterizerError, counted
-from ..processes import Died, Failed, Job, ProcessPool
+from ..processes import end_processes, start_processes
 from .store import Store
 
 _log = logging.getLogger("rasterizer")
@@ -36,27 +37,33 @@ def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int],
 
     Whatever ends it, such as Ctrl-C, ends the processes, too.
     """
-    if notice is None and jobs:
+    if not jobs:
+        return None
+    if notice is None:
         with _line_on_stderr(len(jobs)) as notice:
             return compile_together(jobs, folder, notice)
     waiting = sorted(jobs, key=lambda job: measure_code(job[0]))  # the last one is next
-    pool = ProcessPool(min(n_core(), len(jobs)), stderr=subprocess.DEVNULL)
-    n_done = 0
+    executor, running = None, {}
     try:
-        while waiting or pool.n_running:
-            while waiting and pool.n_running < pool.n_slot:
+        n = min(n_core(), len(jobs))
+        executor, _ = start_processes(n, is_silent=True)
+        while waiting or running:
+            while waiting and len(running) < n:
                 function, signature = waiting.pop()
-                notice(function.__name__, n_done, len(jobs))
-                pool.submit(Job(compile_job, (function.__module__, function.__name__, signature, str(folder))))
-            job, outcome = pool.wait()
-            n_done += 1
-            if isinstance(outcome, (Died, Failed)):
-                why = f"the process {outcome.how}" if isinstance(outcome, Died) else _text_of(outcome.error)
-                _log.info("kernel %s is not compiled ahead: %s", job.argument[1], why)
-    except RasterizerError as fault:
-        _log.info("kernels are not compiled ahead: %s", fault)
+                notice(function.__name__, len(jobs) - len(waiting) - len(running) - 1, len(jobs))
+                job = function.__module__, function.__name__, signature, str(folder)
+                running[executor.submit(compile_job, job)] = function.__name__
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                name = running.pop(future)
+                try:
+                    future.result()
+                except Exception as fault:  # noqa: BLE001  whatever it is, who needs the kernel compiles it
+                    _log.info("kernel %s is not compiled ahead: %s", name, _text_of(fault))
+    except (RasterizerError, RuntimeError) as fault:  # no process can be started, or one has ended
+        _log.info("kernels are not compiled ahead: %s", _text_of(fault))
     finally:
-        pool.close()
+        if executor is not None:
+            end_processes(executor, is_at_work=bool(running))
 
 
 @contextmanager
@@ -107,18 +114,21 @@ def measure_code(function: Callable) -> int:
 # ---------------------------------------------------------------- in each process
 
 
-def compile_job(job: tuple[str, str, tuple, str], _shared: None, kept: dict) -> None:
+def compile_job(job: tuple[str, str, tuple, str]) -> None:
     """Compile a kernel, (module, name of the function, signature, the store's own folder), into the store.
 
     Raises RuntimeError where the store is another one: its sources, versions or settings differ from this process's.
     """
     module, name, signature, folder = job
     gc.disable()  # what the compiler makes lives as long as this process
-    store = kept["store"] = kept.get("store") or Store.at(Path(folder))
     # Numba would load it for matrices, which kernels have none of: a sixth of a second.
     sys.modules.setdefault("scipy.linalg", None)
     from . import internals
 
+    store = _store_at(Path(folder))
     function = getattr(importlib.import_module(module), name)
     function = getattr(function, "py_func", function)
     store.keep(function, signature, internals.compile_signature(function, signature))
+
+
+_store_at = functools.cache(Store.at)

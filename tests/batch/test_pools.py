@@ -1,8 +1,6 @@
-"""The pool of local processes, and what they and their leader say to each other."""
+"""Processes of this machine, and the order in which work is given to whoever draws."""
 
-import io
 import os
-import pickle
 import subprocess
 import sys
 import time
@@ -11,21 +9,7 @@ import pytest
 from helpers.deadly import Deadly
 from helpers.stores import environment_with
 
-from rasterizer.batch.pools import work_through
-from rasterizer.errors import RasterizerError
-from rasterizer.processes import (
-    MAX_SHARED,
-    Died,
-    Done,
-    Failed,
-    Job,
-    ProcessPool,
-    SharedObject,
-    pack_answer,
-    read_message,
-    serve,
-    write_message,
-)
+from rasterizer.batch.pools import MAX_SHARED, Died, Done, Failed, Job, LocalPool, SharedObject, work_through
 
 
 def add(argument, shared, kept):
@@ -61,10 +45,17 @@ def unpickle_counted(value, path):
     return value
 
 
+class Unreadable:
+    """Can be sent, but not be unpickled."""
+
+    def __reduce__(self):
+        return fail, (1, 2, 3)
+
+
 @pytest.fixture(scope="module")
 def pool():
     """One process, for all tests that leave one behind."""
-    made = ProcessPool(1)
+    made = LocalPool(1)
     yield made
     made.close()
     assert made.n_running == 0
@@ -80,19 +71,27 @@ def ask(pool, *jobs):
 
 
 def test_jobs_share_what_a_process_keeps_and_it_is_sent_once(pool, tmp_path):
-    shared = [SharedObject(Counted(10 * k, tmp_path / "sent"), str(k)) for k in range(MAX_SHARED + 1)]
+    shared = [SharedObject(Counted(10 * k, tmp_path / "sent")) for k in range(MAX_SHARED + 1)]
     outcomes = ask(pool, *(Job(add, 1, each) for each in (shared[0], shared[0], *shared, shared[0])))
     sums, numbers, processes = zip(*(outcome.value for outcome in outcomes), strict=True)
     assert sums == (1, 1, 1, 11, 21, 1) and len(set(processes)) == 1
     assert numbers == tuple(range(numbers[0], numbers[0] + 6)), "what a process keeps stays"
     sent = (tmp_path / "sent").read_text().split()
-    assert sent == ["0", "10", "20", "0"], "only what it had to forget is sent again"
+    assert sent == ["0", "10", "20", "0"], "only what it had to forget is read again"
+    folder = os.path.dirname(shared[0].sent)
+    assert len(os.listdir(folder)) == len(shared)
+    del shared, outcomes
+    assert os.listdir(folder) == [], "what nobody needs any more goes away"
 
 
 def test_errors_come_back_and_the_process_goes_on(pool):
-    failed, unsendable, done = ask(pool, Job(fail, 7), Job(add, lambda: 0), Job(add, 2))
+    ((_, _, before),) = [outcome.value for outcome in ask(pool, Job(add, 1))]
+    failed, unsendable, unreadable, unreturned, done = ask(
+        pool, Job(fail, 7), Job(add, lambda: 0), Job(add, Unreadable()), Job("{0.__class__}".__format__, 1), Job(add, 2)
+    )
     assert isinstance(failed, Failed) and "OddError: 7 x" in str(failed.error)
-    assert isinstance(unsendable, Failed) and isinstance(done, Done)
+    assert {type(each) for each in (unsendable, unreadable, unreturned)} == {Failed}
+    assert isinstance(done, Done) and done.value[2] == before
 
 
 def test_a_process_that_dies_is_replaced(pool):
@@ -103,9 +102,9 @@ def test_a_process_that_dies_is_replaced(pool):
 def test_the_first_job_is_alone_where_no_kernel_is_stored(tmp_path):
     """In a process whose store is empty; what is worked on is a method of text, which needs no kernel."""
     program = """
-from rasterizer.batch.pools import Job, local_pool
+from rasterizer.batch.pools import Job, LocalPool
 from rasterizer.compiler.kernels import STORE
-pool = local_pool(3)
+pool = LocalPool(3)
 assert STORE.is_kept and not pool.is_warm
 n_slot = pool.n_slot
 pool.submit(Job("{} {} {}".format, 1))
@@ -118,17 +117,34 @@ pool.close()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a program that is a script")
-def test_processes_that_can_not_be_started_are_told(monkeypatch, tmp_path):
-    (tmp_path / "python").write_text("#!/bin/sh\nexit 5\n")
-    (tmp_path / "python").chmod(0o700)
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))  # a Python that is broken, and none
-    pool = ProcessPool(1)
-    with pytest.raises(RasterizerError, match="can't be started: the first one ended with exit code 5"):
-        ask(pool, Job(add, 1))
-    pool.close()
-    monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    with pytest.raises(RasterizerError, match="no process can be started"):
-        ask(ProcessPool(1), Job(add, 1))
+@pytest.mark.parametrize("program", ["#!/bin/sh\nexit 5\n", None])
+def test_processes_that_can_not_be_started_are_told(program, tmp_path):
+    """By a Python that is broken, or none, in a program of its own: loky keeps what it has started."""
+    (tmp_path / "python").write_text(program or "")
+    (tmp_path / "python").chmod(0o700 if program else 0)
+    code = f"""
+import sys
+sys.executable = {str(tmp_path / "python")!r}
+import rasterizer as rz
+try:
+    list(rz.render_many([rz.RenderTask("a.obj", f"{{k}}.png") for k in range(9)], n_process=2))
+except rz.RasterizerError as fault:
+    print(fault)
+"""
+    command, environment = [sys.executable, "-W", "ignore", "-c", code], environment_with()
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert "process" in done.stdout and "can't be started" in done.stdout, done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="descriptors of POSIX")
+@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_batch_is_drawn_without_standard_streams(closed, folder):
+    code = (
+        "import rasterizer as rz; mesh = rz.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [[0, 1, 2]]); "
+        "list(rz.render_many([rz.RenderTask(mesh, f'{k}.png', options={'size': 20}) for k in range(4)], n_process=2))"
+    )
+    subprocess.run(["sh", "-c", f'"{sys.executable}" -c "{code}" {closed}'], env=environment_with(), timeout=120)
+    assert sorted(os.listdir()) == [f"{k}.png" for k in range(4)]
 
 
 def wait_long(argument, _shared, _kept):
@@ -137,7 +153,7 @@ def wait_long(argument, _shared, _kept):
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are looked for by a signal of POSIX")
 def test_closing_ends_what_is_running(alone):
-    pool = ProcessPool(1)
+    pool = LocalPool(1)
     (done,) = ask(pool, Job(add, 1))
     pool.submit(Job(wait_long, 60))
     start = time.monotonic()
@@ -147,61 +163,38 @@ def test_closing_ends_what_is_running(alone):
     assert time.monotonic() - start < 15, "it waits for what was begun"
 
 
-def test_messages_are_whole_or_none():
-    stream = io.BytesIO()
-    write_message(stream, b"")
-    write_message(stream, bytes(range(256)) * 5)
-    whole = stream.getvalue()
-    stream.seek(0)
-    assert read_message(stream) == b"" and read_message(stream) == bytes(range(256)) * 5
-    for end in (0, 7, 12, len(whole) - 1):
-        stream = io.BytesIO(whole[:end])
-        with pytest.raises(EOFError):
-            read_message(stream), read_message(stream)
-
-
-def test_an_answer_that_can_not_be_sent_becomes_an_error():
-    is_done, error = pickle.loads(pack_answer(True, lambda: 0))
-    assert not is_done and "can't be sent" in str(error)
-    assert pickle.loads(pack_answer(True, 5)) == (True, 5)
-
-
-def test_a_message_that_is_no_job_is_answered():
-    messages, answers = io.BytesIO(), io.BytesIO()
-    write_message(messages, b"nonsense")
-    messages.seek(0)
-    with pytest.raises(EOFError):
-        serve(messages, lambda answer: write_message(answers, answer))
-    answers.seek(0)
-    assert pickle.loads(read_message(answers))[0] is False
-
-
 class ToyPool:
-    """Does each job when it is waited for, the last one first; a job's argument says how often it dies."""
+    """Does each job when it is waited for, the last one first; a job's argument says how often it dies, and then all
+    that run die with it."""
 
-    is_here, n_slot = True, 2
+    is_here, n_slot = True, 3
 
     def __init__(self):
-        self.jobs, self.most = [], 0
+        self.jobs, self.dead, self.most, self.beside_alone = [], [], 0, 0
 
     @property
     def n_running(self):
-        return len(self.jobs)
+        return len(self.jobs) + len(self.dead)
 
     def submit(self, job):
         self.jobs.append(job)
-        self.most = max(self.most, len(self.jobs))
+        self.most = max(self.most, self.n_running)
+        if any(each.is_alone for each in (*self.jobs, *self.dead)):
+            self.beside_alone += self.n_running > 1
 
     def wait(self):
+        if self.dead:
+            return self.dead.pop(), Died("died")
         job = self.jobs.pop()
         if job.argument > 0:
+            self.dead, self.jobs = self.jobs, []
             return job, Died("died")
         return job, Done(job.note)
 
 
-def test_work_goes_on_until_nothing_is_left():
+def test_work_goes_on_until_nothing_is_left_and_what_is_alone_is_alone():
     def jobs():
-        for k in range(7):
+        for k in range(9):
             if k == 3:
                 yield "passed on"
             job = Job(add, k % 3)
@@ -212,10 +205,10 @@ def test_work_goes_on_until_nothing_is_left():
         if isinstance(outcome, Done):
             return []
         again = Job(add, job.argument - 1)
-        again.note = job.note
+        again.note, again.is_alone = job.note, True
         return [again]
 
     pool = ToyPool()
     found = list(work_through(pool, jobs(), once_more))
-    assert pool.most == 2 and ("passed on", None) in found
-    assert sorted(outcome.value for _, outcome in found if outcome is not None) == list(range(7))
+    assert pool.most == 3 and ("passed on", None) in found and not pool.beside_alone
+    assert sorted(outcome.value for _, outcome in found if outcome is not None) == list(range(9))

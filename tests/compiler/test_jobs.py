@@ -45,22 +45,14 @@ def test_what_a_function_calls_counts_for_its_size():
 
 # ---------------------------------------------------------------- what goes wrong
 
-NONSENSE = """
-import sys
-for line in sys.stdin:
-    sys.stdout.buffer.write(b"\\xff\\xfe nonsense " * 500 + b"\\n")
-    sys.stdout.flush()
-"""
 TROUBLE = {
     "ends at once": "",
-    "ends when asked": "import sys; sys.stdin.readline()",
     "ends with a fault": "import sys; sys.exit('a fault')",
-    "is killed when asked": "import os, signal, sys; sys.stdin.readline(); os.kill(os.getpid(), signal.SIGTERM)",
-    "answers nonsense": NONSENSE,
-    "closes its input": "import os, sys, time; os.close(0); print('done', flush=True); time.sleep(0.2)",
-    "closes its output": "import os, sys; os.close(1); sys.stdin.readline()",
+    "is killed": "import os, signal; os.kill(os.getpid(), signal.SIGTERM)",
     "is no program": "this is no Python",
 }
+# Where Python is broken, so is that of what cleans up after processes.
+died = pytest.mark.filterwarnings("ignore:resource_tracker")
 
 
 def python_that(folder, trouble):
@@ -72,6 +64,7 @@ def python_that(folder, trouble):
 
 
 @posix
+@died
 @pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")
 def test_a_process_that_fails_or_cannot_be_started_is_told_and_done_without(own_store, tmp_path, monkeypatch, caplog):
     caplog.set_level("INFO", "rasterizer")
@@ -83,8 +76,7 @@ def test_a_process_that_fails_or_cannot_be_started_is_told_and_done_without(own_
         caplog.clear()
         together(own_store)
         assert len(kernels.missing_in(own_store, dict.fromkeys(JOBS))) == 2, kind
-        is_told = caplog.messages and all("not compiled ahead" in line for line in caplog.messages)
-        assert is_told or kind == "closes its input", f"{kind}: {caplog.messages}"
+        assert any("not compiled ahead" in line for line in caplog.messages), f"{kind}: {caplog.messages}"
     assert together(own_store, []) == []
 
 
@@ -94,6 +86,7 @@ class Terminal(io.StringIO):
 
 
 @posix
+@died
 def test_a_program_shows_a_line_that_ends_with_the_last_kernel(own_store, tmp_path, monkeypatch):
     """Where nobody has asked to be told; on a terminal it counts."""
     monkeypatch.setattr(sys, "executable", python_that(tmp_path, ""))
@@ -128,7 +121,7 @@ def test_a_job_that_fails_does_not_stop_the_others(own_store, caplog, alone):
 def test_a_process_of_another_store_compiles_nothing(tmp_path):
     job = ("rasterizer.geometry.normals", "list_corners", (COLUMN,) * 3, str(tmp_path))
     with pytest.raises(RuntimeError, match="kept in"):
-        jobs.compile_job(job, None, {})
+        jobs.compile_job(job)
     assert not list(tmp_path.iterdir())
 
 
@@ -162,32 +155,29 @@ def test_what_stands_in_the_current_folder_is_not_imported(tmp_path):
 @posix
 @pytest.mark.nightly  # a process that compiles
 def test_what_no_process_has_compiled_is_compiled_where_it_is_needed(tmp_path):
-    for kind in ("ends when asked", "answers nonsense"):
-        told = run(DRAWS, tmp_path, python_that(tmp_path, TROUBLE[kind]), RASTER_STORE=tmp_path / kind)
-        assert "not compiled ahead" in told and told.endswith("True"), f"{kind}: {told}"
+    told = run(DRAWS, tmp_path, python_that(tmp_path, ""), RASTER_STORE=tmp_path / "store", PYTHONWARNINGS="ignore")
+    assert "not compiled ahead" in told and told.endswith("True"), told
 
 
 # ---------------------------------------------------------------- ends
-
-WAITS = "import os, sys, time; open(os.environ['RASTER_STORE'] + '/begun', 'a').write(str(os.getpid())); time.sleep(99)"
 
 
 @posix
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
 def test_interrupting_ends_all_processes(tmp_path, number, alone):
-    """Ctrl-C at once, by the program itself; where it is killed, by the end of their input."""
+    """By the program, which hears of an interrupt; where it is killed, by themselves."""
     program = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n{DRAWS}"
-    python = python_that(tmp_path, WAITS) if number == signal.SIGINT else ""
     environment = environment_with(RASTER_STORE=tmp_path / "store")
-    command = [sys.executable, "-c", program, python]
+    command = [sys.executable, "-c", program, ""]
     process = subprocess.Popen(command, env=environment, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
-    while not (workers := workers_of(process.pid)) or (number == signal.SIGINT and not list(tmp_path.rglob("begun"))):
+    while not (workers := workers_of(process.pid)):
         assert time.monotonic() < end and process.poll() is None, "no process was started"
         time.sleep(0.02)
     process.send_signal(number)
     _, complaint = process.communicate(timeout=60)
     assert process.returncode and ("KeyboardInterrupt" in complaint) == (number == signal.SIGINT), complaint
+    ended = time.monotonic()
     while any(is_running(worker) for worker in workers):
-        assert time.monotonic() < end, f"processes {workers} run on"
+        assert time.monotonic() < ended + 3, f"processes {workers} run on"
         time.sleep(0.05)
