@@ -305,11 +305,10 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
 def write_all(contents: Mapping[str, bytes]) -> None:
     """Write files by their paths, all of them or none, as `write_whole` does; OutputError names the one that fails.
 
-    They are first hidden in the folders of their places, then moved there in turn. Should a move fail, which takes
-    somebody else at work there, those before it stay; the error says so.
+    They are first hidden in the folders of their places, then moved there in turn.
     """
-    hidden: dict[str, tuple[str, str]] = {}  # where each path leads to, and the file that waits beside that
-    path, moved = "", []
+    hidden: list[tuple[str, str, str]] = []  # a file that waits, its place, and the path that leads there
+    path = ""
     try:
         for path, content in contents.items():
             place = os.path.realpath(path)
@@ -317,26 +316,22 @@ def write_all(contents: Mapping[str, bytes]) -> None:
                 # for the superuser the mode counts, too
                 raise PermissionError(13, "the file that is there is protected against writing")
             if os.path.exists(place) and not os.path.isfile(place):
-                if len(contents) > 1:
-                    raise IsADirectoryError(21, "it is no file")
                 with open(place, "wb") as stream:  # a device or pipe
                     stream.write(content)
                 continue
-            hidden[path] = place, os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}")
-            with open(hidden[path][1], "xb") as stream:
+            hidden.append((os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}"), place, path))
+            with open(hidden[-1][0], "xb") as stream:
                 stream.write(content)
-        for path, (place, name) in hidden.items():
+        for name, place, path in hidden:  # noqa: B007  the error names it
             os.replace(name, place)
-            moved.append(path)
     except OSError as error:
         folder = os.path.dirname(os.path.realpath(path))
         reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
-        also = f"; {', '.join(moved)} was written before" if moved else ""
-        raise OutputError(f"can't write {path}: {reason}{also}") from error
+        raise OutputError(f"can't write {path}: {reason}") from error
     except ValueError as error:  # a name that no file can have
         raise OutputError(f"can't write {shown(path)}: {error}") from error
     finally:  # also after an interrupt
-        for _, name in hidden.values():
+        for name, *_ in hidden:
             if os.path.lexists(name):
                 os.unlink(name)
 

@@ -144,7 +144,7 @@ def test_all_files_of_a_task_appear_or_none(folder):
     assert [record.status for record in records] == ["failed"] * 4 + ["drawn", "failed"]
     said = (
         "can't write kept.npy: the file",
-        "can't write taken.npy: it is no file",
+        "can't write taken.npy: ",
         "kept.npy/below.npy",
         "with scale",
         "",
