@@ -7,9 +7,10 @@ A format's reader is one file; loader.py is where reading begins.
     files               which files may be read, and how they are written
     model_file          what the readers of models share, and how much may be made of a file
     obj, mtl            OBJ, and its materials
-    ply, stl, gltf      PLY; STL; glTF and GLB
+    ply, stl, off, gltf PLY; STL; OFF; glTF and GLB
+    dae                 COLLADA, by pycollada
     threemf             3MF, by lib3mf
-    other_formats       what trimesh reads: OFF, COLLADA and others
+    other_formats       what trimesh reads: 3DXML and XAML
     text_numbers        numbers in text, exactly rounded, by whole arrays
     text_kernels        the same, and corners in OBJ: the compiled part
     scene_file          a whole scene in JSON or TOML

@@ -137,7 +137,7 @@ class Format(NamedTuple):
 
 
 _SCENE = {"reader": "rasterizer.io.scene_file:read_scene", "is_scene": True, "companions": "models, arrays, textures"}
-_COLLADA = {"reader": "rasterizer.io.other_formats:read_dae", "packages": (("collada",),)}
+_COLLADA = {"reader": "rasterizer.io.dae:read_dae", "packages": (("collada",),)}
 _GLTF = {"reader": "rasterizer.io.gltf:read_gltf", "companions": "buffers, textures"}
 
 FORMATS = {
@@ -171,13 +171,16 @@ FORMATS = {
 }
 
 
+_BY = {"3mf": "lib3mf or trimesh", "dae": "pycollada", "zae": "pycollada"}
+
+
 def formats() -> list[dict[str, Any]]:
     """Return what is known of each format that can be loaded, one after the other.
 
     Returns
     -------
-    list of dict: name; suffixes; reads ("model" or "scene"); by, the package that reads it ("rasterizer", "trimesh" or
-    "lib3mf or trimesh"); needs, packages that are missing; is_readable, whether none is
+    list of dict: name; suffixes; reads ("model" or "scene"); by, the package that reads it ("rasterizer", "trimesh",
+    "pycollada" or "lib3mf or trimesh"); needs, packages that are missing; is_readable, whether none is
     """
     found = []
     for entry in FORMATS.values():
@@ -188,7 +191,7 @@ def formats() -> list[dict[str, Any]]:
                 "name": entry.name,
                 "suffixes": [f".{entry.name}"],
                 "reads": "scene" if entry.is_scene else "model",
-                "by": "lib3mf or trimesh" if entry.name == "3mf" else own,
+                "by": _BY.get(entry.name, own),
                 "needs": list(missing),
                 "is_readable": not missing,
             }

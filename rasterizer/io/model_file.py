@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -189,6 +189,7 @@ def within_1(model, colors: np.ndarray) -> np.ndarray:
 
 def without_unused(model, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return vertices (n, 3) of which those that no face uses are finite."""
+    vertices = np.asarray(vertices, np.float64)
     if np.abs(vertices).max(initial=0.0) <= COORDINATE_LIMIT:
         return vertices
     is_bad = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
@@ -198,6 +199,17 @@ def without_unused(model, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray
 
 
 SCALED_AWAY = "node", "of scale 0: left out"
+
+
+def make_opaque(model, parts) -> None:
+    """Make the materials of all parts opaque where all are invisible: exporters leave the alpha 0, and nobody exports
+    what can't be seen."""
+    if parts and not any(material.opacity > 0.0 for part in parts for material in materials_of(part)):
+        model.warn("all its materials are invisible, opacity 0: drawn as if they were opaque")
+        for part in parts:
+            part["material"] = replace(part.get("material", WHITE), opacity=1.0)
+            if "materials" in part:
+                part["materials"] = tuple(replace(material, opacity=1.0) for material in part["materials"])
 
 
 def cut_faces(model, points, corners, counts, line_of) -> Cut:

@@ -1,4 +1,4 @@
-"""Read what trimesh reads and we don't: COLLADA (DAE, ZAE), 3DXML, XAML, and the shapes of 3MF.
+"""Read what trimesh reads and we don't: 3DXML, XAML, and the shapes of 3MF.
 
     bytes ─ checks ─ trimesh's reader ─ its arrays, graph and materials ─ parts, placed by their nodes
 
@@ -36,75 +36,18 @@ DEEPEST = 100  # nodes within nodes
 _TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take
 _ELEMENT, _ATTRIBUTE = 140, 280  # bytes that libxml2 takes for one
 _LEAST_SEARCH = 2**20  # nodes that trimesh looks at for all shapes of any 3DXML file
-_SLOW = 6  # times as long as another mesh takes to be made: a primitive of COLLADA, or where it is shown
 _LAYERED = {"multiproperties": "pids", "compositematerials": "matindices"}
 LAYER = 64  # bytes of a colour in a layer
-_VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^>]*>([^<]*)")
-_CORNER = 32  # bytes that pycollada takes for a corner of a polygon before it has seen it
 _TRIANGLE = 24  # bytes, of its corners' numbers
 _FACE = re.compile(rb"<(\w+:|)Face([\s/>])")
-
-
-def read_dae(model: ModelFile) -> Contents:
-    """Read COLLADA: meshes with materials and textures; of a ZAE file the first document in it."""
-    text, pictures = model.data, _Pictures(model, lambda name: _beside(model, name))
-    if model.format == "zae":
-        members = unpacked(model)
-        name = next((name for name in sorted(members) if name.lower().endswith(".dae")), None)
-        if name is None:
-            raise model.error("there is no .dae file in it")
-        text, pictures = members[name], _Pictures(model, lambda name: _member(members, name))
-    _check_tree(model, text)
-    for counts in _VCOUNT.findall(text):
-        model.allowance.make(_CORNER * sum(int(word[:18]) for word in counts.split() if word.isdigit()))
-    graph = _Graph(model)
-    unit, axis, others, stride, n_corner = "1", "", set(), 1, 1
-
-    def start(word, attributes, above):
-        nonlocal unit, stride, n_corner
-        if word == "unit":
-            unit = attributes.get("meter", unit)[:20]
-        elif word in _DAE_NODES:
-            graph.open(attributes.get("id") or f"a {word} at {graph.n_opened}", above)
-        elif word in ("instance_node", "instance_geometry", "instance_visual_scene"):
-            graph.add(attributes.get("url", "").removeprefix("#"), above)
-            model.allowance.show(_SLOW)
-        elif word in ("triangles", "polylist", "polygons"):
-            model.allowance.show(_SLOW)
-            stride, n_corner = 1, 3 if word == "triangles" else 1  # a polygon may have a triangle a corner
-        elif word == "input":
-            offset = attributes.get("offset", "0")
-            stride = max(stride, 1 + int(offset) if offset.isdigit() and len(offset) < 4 else 1)
-        elif word in _DAE_LEFT_OUT:
-            others.add(_DAE_LEFT_OUT[word])
-
-    def characters(word, piece, above):
-        nonlocal axis
-        if word == "p":
-            graph.weigh(above, len(piece.split()) // (stride * n_corner))
-        elif word == "up_axis":
-            axis += piece[:20]
-
-    graph.scan(text, start, characters, _DAE_NODES)
-    graph.check()
-    contents = _contents_of(model, _read(model, "dae", text, pictures), pictures)
-    up = {"X_UP": "x", "Z_UP": "z"}.get(axis.strip(), "y")
-    return contents._replace(facts=(f"unit {unit} meter",), left_out=tuple(sorted(others)), up=up)
-
-
-_DAE_NODES = ("node", "visual_scene", "geometry")
-_DAE_LEFT_OUT = {
-    "instance_controller": "skins and morphs", "animation": "animations", "instance_camera": "cameras",
-    "instance_light": "lights",
-}  # fmt: skip
 
 
 def read_3dxml(model: ModelFile) -> Contents:
     """Read 3DXML of Dassault's programs: tessellated meshes in XML, with the colours of faces or textures."""
     members = unpacked(model)
     documents = {name: text for name, text in members.items() if text.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<"}
-    _check_tree(model, *documents.values())
-    graph = _Graph(model)
+    check_tree(model, *documents.values())
+    graph = Graph(model)
     edge, n_shape = {}, 0
 
     def start(word, attributes, above):
@@ -128,7 +71,7 @@ def read_3dxml(model: ModelFile) -> Contents:
     n_node = graph.check()
     if n_node * n_shape > _LEAST_SEARCH + len(model.data):  # trimesh looks for each shape in all of them
         raise model.error("its nodes show too many shapes")
-    pictures = _Pictures(model, lambda name: _member(members, name))
+    pictures = Pictures(model, lambda name: member_of(members, name))
     stand_ins = {name: pictures.get(name) for name in members if name not in documents}
     # Of several faces in one list trimesh takes the first again with each of the others: each gets a list of its own.
     apart = {name: _FACE.sub(rb"</\1Faces><\1Faces><\1Face\2", text) for name, text in documents.items()}
@@ -137,8 +80,8 @@ def read_3dxml(model: ModelFile) -> Contents:
 
 def read_xaml(model: ModelFile) -> Contents:
     """Read XAML of three dimensions, as SolidWorks writes it: meshes with a colour each."""
-    _check_tree(model, model.data)
-    graph = _Graph(model)
+    check_tree(model, model.data)
+    graph = Graph(model)
 
     def start(word, attributes, above):
         if word == "GeometryModel3D":
@@ -158,7 +101,7 @@ def check_3mf(model: ModelFile, members: dict[str, bytes]) -> tuple[str, bool, b
     -------
     the unit, whether triangles have looks, and whether parts in other members are shown
     """
-    graph, unit, has_looks, has_paths, member = _Graph(model), "millimeter", False, False, ""
+    graph, unit, has_looks, has_paths, member = Graph(model), "millimeter", False, False, ""
     n_layer = 0
 
     def start(word, attributes, above):
@@ -195,7 +138,7 @@ def read_by_trimesh(model: ModelFile, members: dict[str, bytes]) -> Contents:
     name = next((name for name in members if name.lower() == "3d/3dmodel.model"), None)
     if name is None:
         raise model.error("there is no 3D/3dmodel.model in it")
-    _check_tree(model, members[name])
+    check_tree(model, members[name])
     contents = _contents_of(model, _read(model, "3mf", packed({"3D/3dmodel.model": members[name]}), postprocess=False))
     return contents._replace(facts=(f"unit {unit}",), left_out=("colours and materials",) if has_looks else ())
 
@@ -220,14 +163,14 @@ def packed(members: dict[str, bytes]) -> bytes:
     return stream.getvalue()
 
 
-def _check_tree(model, *texts: bytes) -> None:
+def check_tree(model, *texts: bytes) -> None:
     """Raise ModelError where the trees of XML documents wouldn't fit into memory."""
     cost = sum(2 * len(text) + _ELEMENT * text.count(b"<") + _ATTRIBUTE * text.count(b"=") for text in texts)
     if cost > _TREE * most(len(model.data)):
         raise model.error(f"its XML would take some {cost / 1e6:.0f} MB, too much for a file of its size")
 
 
-class _Graph:
+class Graph:
     """Count what the nodes of XML documents show, each as often as it is shown, before anybody follows them.
 
     Parameters
@@ -410,7 +353,7 @@ def _material(source, pictures) -> Material:
     return Material(**fields, emissive=emissive, opacity=float(alpha), texture=texture)
 
 
-class _Pictures:
+class Pictures:
     """The pictures that a file names: trimesh gets one of one pixel for each, whose colour is its number.
 
     Parameters
@@ -422,7 +365,7 @@ class _Pictures:
     def __init__(self, model: ModelFile, read) -> None:
         self._model, self._read = model, read
         self._names: list[str] = []
-        self._textures: dict[int, Texture | None] = {}
+        self._textures: dict[str, Texture | None] = {}
 
     def get(self, name: str) -> bytes:
         """Return what stands for a picture: what trimesh calls to read a file."""
@@ -434,30 +377,31 @@ class _Pictures:
         return stream.getvalue()
 
     def texture(self, image) -> Texture | None:
-        """Return the texture that a picture of one pixel stands for; None, and a UserWarning, where it can't be
-        read."""
+        """Return the texture that a picture of one pixel stands for, as `named` does."""
         red, green, blue = image.convert("RGB").getpixel((0, 0))
-        number = red | green << 8 | blue << 16
-        if number not in self._textures:
-            name = cut(self._names[number])
+        return self.named(self._names[red | green << 8 | blue << 16])
+
+    def named(self, name: str) -> Texture | None:
+        """Return the texture of a picture; None, and a UserWarning, where it can't be read."""
+        if name not in self._textures:
             try:
-                pixels = read_picture(BytesIO(self._read(self._names[number])), "the picture", self._model.textures)
-                self._textures[number] = self._model.textures.add(Texture(pixels, name=name[:80]))
+                pixels = read_picture(BytesIO(self._read(name)), "the picture", self._model.textures)
+                self._textures[name] = self._model.textures.add(Texture(pixels, name=name[:80]))
             except (ModelError, OSError, ValueError, LookupError) as fault:
                 reason = getattr(fault, "strerror", None) or cut(fault)
-                self._model.warn(f"texture '{name[:80]}': {reason}; its materials keep their plain colour")
-                self._textures[number] = None
-        return self._textures[number]
+                self._model.warn(f"texture '{cut(name)[:80]}': {reason}; its materials keep their plain colour")
+                self._textures[name] = None
+        return self._textures[name]
 
 
-def _beside(model, name) -> bytes:
+def beside(model, name) -> bytes:
     """Return a file beside the model, found by the rules of OBJ: the last part of a path of the author's machine is
     looked for in the folder."""
     folder = model.beside
     return folder.read_bytes(folder.find_alike(unquote(name.removeprefix("file://"))))
 
 
-def _member(members, name) -> bytes:
+def member_of(members, name) -> bytes:
     """Return a member of a zip file by its name or the last part of it, whatever its capitals."""
     for wanted in (name, unquote(name).replace("\\", "/").rsplit("/", 1)[-1]):
         for each, data in members.items():

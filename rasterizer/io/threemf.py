@@ -18,7 +18,6 @@ Formats: 3MF Consortium, Core Specification 1.3, 2021; Materials and Properties 
 """
 
 import re
-from dataclasses import replace
 from io import BytesIO
 from typing import NamedTuple
 
@@ -29,7 +28,7 @@ from ..errors import ModelError, cut
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 from ..scene.material import Material
 from ..scene.texture import Texture, read_picture
-from .model_file import WHITE, Contents, ModelFile, Part, materials_of, name_in
+from .model_file import WHITE, Contents, ModelFile, Part, make_opaque, name_in
 from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, unpacked
 
 # Without one of these, nothing in a model is there twice and no entity stands for others; zeros are those of UTF-16.
@@ -108,19 +107,8 @@ def _contents_of(model, loaded, members) -> Contents:
         else:
             looks.left_out.add("level sets")
     placed = [(part, matrix) for part, matrix in placed if len(part["faces"])]
-    _make_opaque(model, list(parts.values()))
+    make_opaque(model, list(parts.values()))
     return Contents(placed, facts=(f"unit {_UNITS[int(loaded.GetUnit())]}",), left_out=tuple(sorted(looks.left_out)))
-
-
-def _make_opaque(model, parts) -> None:
-    """Make the materials of all parts opaque where all are invisible: exporters leave the alpha 0, and nobody exports
-    what can't be seen."""
-    if parts and not any(material.opacity > 0.0 for part in parts for material in materials_of(part)):
-        model.warn("all its colours have the alpha 0: drawn as if they were opaque")
-        for part in parts:
-            part["material"] = replace(part.get("material", WHITE), opacity=1.0)
-            if "materials" in part:
-                part["materials"] = tuple(replace(material, opacity=1.0) for material in part["materials"])
 
 
 def _listed(iterator) -> list:

@@ -42,6 +42,6 @@ def test_a_3mf_file_whose_only_color_is_invisible_is_drawn_opaque():
     shape = f'<object id="2" pid="1" pindex="0" type="model">{mesh}</object>'
     head, build = f'<model unit="millimeter" xmlns="{CORE}"><resources>', '<build><item objectid="2"/></build></model>'
     text = f"{head}{base}{shape}</resources>{build}"
-    with pytest.warns(UserWarning, match="all its colours have the alpha 0: drawn as if they were opaque"):
+    with pytest.warns(UserWarning, match="opacity 0: drawn as if they were opaque"):
         (mesh,) = rz.load(threemf(text), format="3mf").meshes
     assert mesh.material.opacity == 1.0 and mesh.material.diffuse[0] == 1.0
