@@ -3,14 +3,11 @@
     python bench/features.py                       lights, materials, shadows, textures, layers, spectra; buffers
     python bench/features.py --model path/to/scan.obj --size 1080p
 
-Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of
-a model, drawn anew for every frame, because their light moves with the camera. Buffers: those of the model, and of
-quads as large as the picture, alone and beside a picture. Columns are explained in bench/README.md.
+Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Buffers: those of a
+model without its backs, and of quads as large as the picture, alone and beside a picture. One thread.
 """
 
-import argparse
 import sys
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +16,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
-from rasterizer.analysis.speed_error_plot import BLUE, ORANGE, check_plotting, figure_bytes
-from rasterizer.analysis.timing import take_turns
 
 LOOK = rz.Material(diffuse=0.6, specular=0.3, shininess=32)
 SUN = rz.DirectionalLight((-0.3, -0.2, -1.0), 0.5)
@@ -88,122 +83,36 @@ def list_features() -> dict:
     return features
 
 
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
-    args = make_parser().parse_args(argv)
-    machine = measure.Machine()
-    rows = [*measure_features(args), *measure_maps(args), *measure_buffers(args)]
-    measure.write_plot(args.plot, plot, rows)
-    measure.print_json("features", machine, args, rows)
-    return 0
-
-
-def make_parser() -> argparse.ArgumentParser:
+def add_arguments(parser) -> None:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default="dense-torus", help="whose shadow maps are drawn (default: %(default)s)")
-    parser.add_argument("--size", default="1080p")
-    parser.add_argument("--seconds", type=float, default=20.0, help="time limit of each table (default: %(default)s)")
-    parser.add_argument("--frames", type=int, default=25)
-    measure.add_output(parser, "what a pixel pays for each thing")
-    return parser
+    add = parser.add_argument
+    add("--model", default="dense-torus", help="whose buffers are drawn (default: %(default)s)")
+    add("--size", type=scenes.size_of, default=(1920, 1080), help="default: 1080p")
+    add("--seconds", type=float, default=20.0, help="time limit of each table (default: %(default)s)")
+    add("--frames", type=int, default=25, help="most of each (default: %(default)s)")
 
 
 def measure_features(args):
-    """Frames of all features in turns, with one thread."""
-    size = scenes.size_of(args.size)
-    table = measure.Table([("feature               ", "feature", ""), ("    ms", "ms", ".2f"),
-                           ("more ns/px", "ns_more", ".2f"),
-                           ("dtype    ", "dtype", "")])  # fmt: skip
-    with ExitStack() as stack:
-        calls, dtypes, features = {}, {}, list_features()
-        for name, (scene, options, _) in features.items():
-            renderer = stack.enter_context(
-                rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **{"samples": 1} | options)
-            )
-            renderer.render()
-            calls[name], dtypes[name] = renderer.render, renderer.plan.dtype
-        turns = take_turns(calls, args.seconds, args.frames)
-    median = {name: float(np.median(times)) for name, (times, _) in turns.items()}
+    """Yield a row for each feature, then for each set of buffers of a model, and of quads as large as the picture."""
+    features = list_features()
+    pictures = {name: (scene, args.size, {"shading": "phong"} | options)
+                for name, (scene, options, _) in features.items()}  # fmt: skip
+    ms = measure.medians(pictures, args.seconds, args.frames)
     for name, (_, _, count) in features.items():
-        more = 1e6 * (median[name] - median["plain"]) / count / (size[0] * size[1])
-        row = {"feature": name, "ms": median[name], "ns_more": more if name != "plain" else None, "dtype": dtypes[name]}
-        table.print(row)
-        yield row
-
-
-def measure_maps(args):
-    """Shadow maps of a model: of a directional light, and of a point light in its middle, which needs six."""
-    table = measure.Table([("light          ", "light", ""), ("triangles", "triangles", "d"), ("texels", "texels", "d"),
-                           (" ms 1T", "ms_1", ".2f"), (" ms 2T", "ms_2", ".2f")])  # fmt: skip
-    size = scenes.size_of("64")
-    meshes = scenes.build(args.model, size, "one", "mono").meshes
-    # Lights of the camera are drawn anew for every picture; this one is in the middle of what the camera frames.
-    scene = rz.Scene(meshes)
-    inside = (0.0, 0.0, -float(np.linalg.norm(scene.bounds.mean(axis=0) - scene.camera_for(size).view().eye)))
-    for name, light in (("directional", rz.DirectionalLight((-0.5, -1, -0.4), attached="camera", shadow=True)),
-                        ("point, six maps", rz.PointLight(inside, attached="camera", shadow=True))):  # fmt: skip
-        with ExitStack() as stack:
-            calls = {}
-            for n_thread in (1, 2):
-                renderer = stack.enter_context(
-                    rz.Renderer(rz.Scene(meshes, [light]), size, outputs=("rgb",), threads=n_thread, samples=1)
-                )
-                renderer.render()
-                calls[n_thread] = renderer.render
-            turns = take_turns(calls, args.seconds / 4, args.frames)
-        ms = {n: float(np.median([stats.milliseconds["shadows"] for stats in turns[n][1]])) for n in calls}
-        row = {"light": name, "triangles": sum(mesh.n_face for mesh in meshes), "texels": light.shadow.size}
-        row |= {"ms_1": ms[1], "ms_2": ms[2]}
-        table.print(row)
-        yield row
-
-
-def measure_buffers(args):
-    """Depth, faces and normals of a model and of quads as large as the picture; back faces of the model are left
-    out."""
-    table = measure.Table([("scene       ", "scene", ""), ("outputs            ", "outputs", ""),
-                           (" ms 1T", "ms_1", ".2f"), ("/Gouraud", "ratio_1", ".2f"),
-                           (" ms 2T", "ms_2", ".2f"), ("/Gouraud", "ratio_2", ".2f")])  # fmt: skip
-    size = scenes.size_of(args.size)
+        more = 1e6 * (ms[name] - ms["plain"]) / count / (args.size[0] * args.size[1])
+        with rz.Renderer(*pictures[name][:2], outputs=("rgb",), **{"samples": 1} | pictures[name][2]) as renderer:
+            dtype = str(renderer.plan.dtype)
+        yield {"feature": name, "ms": ms[name], "ns_more": more if name != "plain" else None, "dtype": dtype}
     for name in (args.model, "quads-back"):
-        scene, cull, median = scenes.build(name, size, "one", "mono"), "none" if "quads" in name else "back", {}
-        for n_thread in (1, 2):
-            with ExitStack() as stack:
-                calls = {}
-                for what, (shading, outputs) in BUFFERS.items():
-                    options = {"shading": shading, "outputs": outputs, "cull": cull, "threads": n_thread}
-                    calls[what] = stack.enter_context(rz.Renderer(scene, size, **{"samples": 1} | options)).render
-                    calls[what]()
-                turns = take_turns(calls, args.seconds / 4, args.frames)
-            median[n_thread] = {what: float(np.median(times)) for what, (times, _) in turns.items()}
+        scene, cull = scenes.build(name, args.size, "one", "mono"), "none" if "quads" in name else "back"
+        pictures = {what: (scene, args.size, {"shading": shading, "outputs": outputs, "cull": cull})
+                    for what, (shading, outputs) in BUFFERS.items()}  # fmt: skip
+        ms = measure.medians(pictures, args.seconds / 2, args.frames)
         for what in BUFFERS:
-            row = {"scene": Path(name).stem, "outputs": what}
-            for n, ms in median.items():
-                row |= {f"ms_{n}": ms[what], f"ratio_{n}": ms[what] / ms["Gouraud"]}
-            table.print(row)
-            yield row
+            yield {"scene": Path(name).stem, "outputs": what, "ms_1": ms[what], "ratio_1": ms[what] / ms["Gouraud"]}
 
 
-def plot(rows, suffix) -> bytes:
-    """Plot a bar for each thing: nanoseconds a pixel that it adds to the plain picture."""
-    check_plotting()
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
-
-    rows = [row for row in rows if row.get("ns_more") is not None]
-    rows = sorted(rows, key=lambda row: row["ns_more"])
-    figure = Figure(figsize=(7.5, 0.27 * len(rows) + 1.0), layout="constrained")
-    axes = figure.add_subplot()
-    colors = [BLUE if row["dtype"] == "float32" else ORANGE for row in rows]
-    bars = axes.barh([row["feature"] for row in rows], [row["ns_more"] for row in rows], color=colors)
-    axes.bar_label(bars, fmt="%.1f", padding=3, fontsize=8)
-    axes.set_xlabel("nanoseconds a pixel, more than the plain picture; for each thing added")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.margins(x=0.1, y=0.01)
-    axes.legend(handles=[Patch(color=BLUE, label="float32"), Patch(color=ORANGE, label="float64")], loc="lower right")
-    return figure_bytes(figure, suffix)
-
+main = measure.script("features", __doc__, add_arguments, measure_features)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -6,10 +6,9 @@
 
 Each case is drawn with the default tolerance or its own, with tolerance 0 and, but where that would take minutes, by
 the float64 reference. The table names the paths that drew it, which must be those that the case is about. The scenes
-are in hard_scenes.py. The exit code is 1 where anything is wrong. The last line is JSON.
+are in hard_scenes.py. The exit code is 1 where anything is wrong.
 """
 
-import argparse
 import sys
 import warnings
 from pathlib import Path
@@ -26,39 +25,24 @@ STORED = 2.0**-23  # relative, of an intensity that is kept as float32
 DEPTH = 1e-6  # relative
 PATHS = ("entries", "planes", "exact")  # as `stats.plan.paths` counts them
 
-COLUMNS = [
-    ("case" + " " * 38, "case", ""), ("seen", "seen", "d"), ("wrong", "wrong", "d"), ("unclear", "unclear", "d"),
-    ("depth err", "depth", ".1e"), ("at 0", "exact", ".1e"), ("error ", "error", ".1e"), ("bound ", "bound", ".1e"),
-    ("/bound", "of_bound", ".3f"), ("drawn by" + " " * 7, "path", ""), ("result" + " " * 12, "result", ""),
-    ("figure", "figure", ""),
-]  # fmt: skip
+
+def add_arguments(parser) -> None:
+    """Describe the command line."""
+    parser.add_argument("--small", action="store_true", help="small versions of the large ones")
+    parser.add_argument("--only", nargs="+", metavar="WORD", help="cases whose names have one of these words")
+    parser.add_argument("--save", metavar="FOLDER", help="where pictures are written of what can be seen")
 
 
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
-    args = make_parser().parse_args(argv)
-    machine, table, rows = measure.Machine(), measure.Table(COLUMNS), []
+def measure_cases(args):
+    """Yield a row for each case."""
     for case in hard_scenes.CASES:
         if args.only and not any(word in case.name for word in args.only):
             continue
         row, frame = measure_case(case, args.small)
-        rows.append(row)
-        table.print(row)
         if args.save and case.is_shown and frame is not None:
             Path(args.save).mkdir(exist_ok=True)
             frame.save(Path(args.save) / f"{slug(case.name)}.png")
-    measure.print_json("hard_cases", machine, args, rows)
-    return int(any(row["faults"] for row in rows))
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="small versions of the large ones")
-    parser.add_argument("--only", nargs="+", metavar="WORD", help="cases whose names have one of these words")
-    parser.add_argument("--save", metavar="FOLDER", help="where pictures are written of what can be seen")
-    measure.add_output(parser)
-    return parser
+        yield row
 
 
 def measure_case(case, is_small) -> tuple[dict, object]:
@@ -150,6 +134,8 @@ def slug(name) -> str:
     """A name as that of a file."""
     return "-".join("".join(c if c.isalnum() else " " for c in name).split())
 
+
+main = measure.script("hard_cases", __doc__, add_arguments, measure_cases)
 
 if __name__ == "__main__":
     sys.exit(main())

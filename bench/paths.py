@@ -12,21 +12,14 @@ A path that saves less than a tenth on all scenes isn't worth its lines. rasteri
 that are kept, under Decisions.
 """
 
-import argparse
-import hashlib
-import os
 import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # a checkout need not be installed
-from bench import measure
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+from bench import measure, scenes
 
 
 class Variant(NamedTuple):
@@ -171,161 +164,69 @@ PATHS = (
     ),
 )
 
-CHILD = """
-import sys, time
-import rasterizer as rz
-from bench import paths, scenes
-renderers = paths.make_renderers(sys.argv[1].split(","), sys.argv[2], int(sys.argv[3]))
-for renderer in renderers:
-    renderer.render()
-print("ready", flush=True)
-for line in sys.stdin:
-    renderer = renderers[int(line)]
-    start = time.perf_counter()
-    frame = renderer.render()
-    milliseconds = 1000 * (time.perf_counter() - start)
-    print(milliseconds, paths.digest(frame), flush=True)
-"""
-SCENES = ("scan", "dense", "confetti", "teapot", "gear", "quad-torus", "textured", "room", "look", "quads", "buffers")
+# Those of the page's table, and the scenes there; each path takes half a minute, most of it for compiling.
+TOLD = ("packed entries", "planes", "float32", "one channel", "boxes filled whole", "boxes: by hand", "planes: by hand",
+        "texels: by hand", "grey encoding", "lights that don't arrive")  # fmt: skip
+TOLD_SCENES = "scan,dense,textured,room,quads"
 SIZE = (1920, 1080)
-MAX_TIME = 4000  # milliseconds of the frames of a scene, unless three take longer
+# Settings in which people draw such a thing; a scan takes the place of "".
+WORKS = {
+    "scan": {"case": ""},
+    "dense": {"case": "dense", "options": {"shading": "gouraud"}},
+    "confetti": {"case": "confetti", "options": {"shading": "gouraud"}},
+    "teapot": {"case": "teapot", "options": {"shading": "gouraud"}},
+    "gear": {"case": "gear", "options": {"shading": "flat"}},
+    "quad-torus": {"case": "quad-torus", "options": {"shading": "gouraud"}},
+    "textured": {"case": "textured"},
+    "room": {"case": "room", "options": {"samples": 4, "exposure": 0.2}},  # lamps with shadows, glass, a texture
+    "look": {"case": "", "lights": "studio", "options": {"samples": 4}},
+    "quads": {"case": "quads-front", "channels": "rgb", "options": {"shading": "gouraud", "samples": 4}},
+    "buffers": {"case": "", "lights": "studio", "options": {"outputs": ("rgb", "depth", "face", "normal")}},
+}
 
 
-def make_renderers(names, scan, threads):
-    """Return a renderer for each of the scenes' names."""
-    return [make_renderer(name, scan, threads) for name in names]
+def add_arguments(parser) -> None:
+    """Describe the command line."""
+    names = [path.name for path in PATHS]
+    parser.add_argument("paths", nargs="*", default=names, metavar="PATH", help=f"of {', '.join(names)}")
+    parser.add_argument("--scan", type=scenes.find_name, default="teapot", metavar="FILE", help="default: the teapot")
+    parser.add_argument("--scenes", default=",".join(WORKS), help="(default: %(default)s)")
+    measure.add_turns(parser, frames=20, seconds=1.0)
 
 
-def make_renderer(name, scan, threads):
-    """Return the renderer of a scene: settings in which people draw such a thing."""
-    import rasterizer as rz
-    from bench import scenes
-
-    options = {"outputs": ("rgb",), "threads": threads, "samples": 1, "shading": "phong"}
-    if name == "scan":  # as it comes, by Phong's method
-        scene = scenes.build(scan, SIZE, "one", "mono")
-    elif name == "dense":  # small triangles, by Gouraud's
-        scene, options["shading"] = scenes.build("dense", SIZE, "one", "mono"), "gouraud"
-    elif name in ("confetti", "teapot", "quad-torus"):  # triangles of middle size, and quads
-        scene, options["shading"] = scenes.build(name, SIZE, "one", "mono"), "gouraud"
-    elif name == "gear":
-        scene, options["shading"] = scenes.build(name, SIZE, "one", "mono"), "flat"
-    elif name == "textured":
-        scene = scenes.build("textured", SIZE)
-    elif name == "room":  # lamps with shadows, glass, a texture
-        scene, options["samples"] = scenes.build("room", SIZE), 4
-        options["exposure"] = 0.2
-    elif name == "look":  # several samples, lights that are grey
-        scene, options["samples"] = scenes.build(scan, SIZE, "studio", "mono"), 4
-    elif name == "quads":  # large triangles in colour, with several samples
-        scene, options["shading"] = scenes.build("quads-front", SIZE, "one", "rgb"), "gouraud"
-        options["samples"] = 4
-    else:
-        scene = scenes.build(scan, SIZE, "studio", "mono")
-        options["outputs"] = ("rgb", "depth", "face", "normal")
-    return rz.Renderer(scene, SIZE, **options)
-
-
-def digest(frame) -> str:
-    """Return what tells pictures of different bytes apart."""
-    return hashlib.sha256(np.ascontiguousarray(frame.rgb).tobytes()).hexdigest()[:12]
-
-
-class Drawer:
-    """A process that draws a frame of a scene whenever it is asked to."""
-
-    def __init__(self, folder, arguments):
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
-        self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment,
-                                         text=True, cwd=ROOT.anchor,
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
-        self._folder = folder
-
-    def wait(self) -> None:
-        """Wait until all scenes are ready."""
-        if self._process.stdout.readline().strip() != "ready":
-            raise SystemExit(f"the package in {self._folder} can't draw these scenes")
-
-    def draw(self, k) -> tuple[float, str]:
-        """Milliseconds of one frame of scene number k, and what its bytes are."""
-        self._process.stdin.write(f"{k}\n")
-        self._process.stdin.flush()
-        milliseconds, found = self._process.stdout.readline().split()
-        return float(milliseconds), found
-
-    def close(self) -> None:
-        """End the process."""
-        self._process.stdin.close()
-        self._process.wait()
-
-
-def leave_out(path: Variant, folder: Path) -> None:
-    """Copy the package into a folder and leave a path out of the copy."""
-    shutil.copytree(ROOT / "rasterizer", folder / "rasterizer", ignore=shutil.ignore_patterns("__pycache__", "kernels"))
+def leave_out(path: Variant, folder: Path) -> Path:
+    """Copy the package into a folder, and leave a path out of the copy."""
+    shutil.copytree(
+        measure.ROOT / "rasterizer", folder / "rasterizer", ignore=shutil.ignore_patterns("__pycache__", "kernels")
+    )
     for file, old, new in path.edits:
         target = folder / "rasterizer" / file
         text = target.read_text(encoding="utf-8")
         if text.count(old) != 1:
             raise SystemExit(f"{path.name}: {old!r} stands {text.count(old)} times in {file}")
         target.write_text(text.replace(old, new), encoding="utf-8")
+    return folder
 
 
-def compare(path: Variant, args) -> list[dict]:
-    """Draw frames with and without a path in turns; return the medians of each scene."""
-    names = args.scenes.split(",")
-    arguments = args.scenes, args.scan, args.threads
-    with tempfile.TemporaryDirectory() as folder:
-        leave_out(path, Path(folder))
-        with_it, without = Drawer(ROOT, arguments), Drawer(folder, arguments)
-        with_it.wait()
-        without.wait()
-        rows = []
-        for k, name in enumerate(names):
-            n = max(3, min(args.frames, int(MAX_TIME / (with_it.draw(k)[0] + without.draw(k)[0]))))
-            found = [(with_it.draw(k), without.draw(k)) for _ in range(n)]
-            times = np.array([[milliseconds for milliseconds, _ in pair] for pair in found])
-            ratio = float(np.median(times[:, 1] / times[:, 0]))
-            is_same = all(one == other for (_, one), (_, other) in found)
-            rows.append({"path": path.name, "scene": name, "ms_with": float(np.median(times[:, 0])),
-                         "ms_without": float(np.median(times[:, 1])), "ratio": ratio,
-                         "bytes": "same" if is_same else "differ"})  # fmt: skip
-        with_it.close()
-        without.close()
-    return rows
+def measure_paths(args):
+    """Yield a row for each path and scene."""
+    of_name = {path.name: path for path in PATHS}
+    if unknown := set(args.paths) - of_name.keys():
+        raise SystemExit(f"unknown paths: {', '.join(sorted(unknown))}")
+    works = {}
+    for name in args.scenes.split(","):
+        options = {"shading": "phong", "threads": args.threads} | WORKS[name].get("options", {})
+        works[name] = {"size": SIZE, **WORKS[name], "case": WORKS[name]["case"] or args.scan, "options": options}
+    for path in args.paths:
+        with tempfile.TemporaryDirectory() as folder:
+            other = leave_out(of_name[path], Path(folder))
+            found = measure.compare(list(works.values()), {}, {"folder": other}, args)
+            for scene, row in zip(works, found, strict=True):
+                yield {"path": path, "scene": scene, "ms_with": row["ms_first"], "ms_without": row["ms_second"],
+                       "ratio": row["ratio"], "bytes": row["bytes"]}  # fmt: skip
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs="*", metavar="PATH", help=f"of {', '.join(path.name for path in PATHS)}")
-    parser.add_argument("--scan", default="teapot", metavar="FILE", help="a scan (default: the teapot)")
-    parser.add_argument("--scenes", default=",".join(SCENES), help="(default: %(default)s)")
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--frames", type=int, default=20, help="of each scene (default: %(default)s)")
-    measure.add_output(parser)
-    return parser
-
-
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
-    parser = make_parser()
-    args = parser.parse_args(argv)
-    args.scan = str(Path(args.scan).resolve()) if Path(args.scan).exists() else args.scan
-    unknown = set(args.paths) - {path.name for path in PATHS}
-    if unknown:
-        parser.error(f"unknown paths: {', '.join(sorted(unknown))}")
-    machine, rows = measure.Machine(), []
-    table = measure.Table([("path                                  ", "path", ""), ("scene   ", "scene", ""),
-                           ("   with", "ms_with", ".2f"), ("without", "ms_without", ".2f"), ("ratio", "ratio", ".3f"),
-                           ("bytes ", "bytes", "")])  # fmt: skip
-    for path in PATHS:
-        if not args.paths or path.name in args.paths:
-            for row in compare(path, args):
-                table.print(row)
-                rows.append(row)
-    measure.print_json("paths", machine, args, rows)
-    return 0
-
+main = measure.script("paths", __doc__, add_arguments, measure_paths)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,16 +1,14 @@
 """How does the error fall with the number of triangles, and what is better: finer meshes or a dearer shading?
 
     python bench/refinement.py                                         surfaces x shadings x meshes: some minutes
-    python bench/refinement.py sphere --quads 8 16 32 --plot x.png
+    python bench/refinement.py sphere --quads 8 16 32
 
 Meshes of surfaces that formulas give, coarse to fine, are compared with the surface itself, each shading with Phong's
-picture of the finest mesh. The slope is the exponent k of error ~ edge^k, from one mesh to the next, while errors
-aren't rounding.
-Theory says: flat shading 1, as its light is that of one point of a face; Gouraud's and Phong's methods 2, as linear
-interpolation leaves what bends; the silhouette's area 2. The last line is JSON.
+picture of the finest mesh, with one thread. Theory says that errors fall with a power of the edges' length: flat
+shading 1, as its light is that of one point of a face; Gouraud's and Phong's methods 2, as linear interpolation leaves
+what bends.
 """
 
-import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,16 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need 
 import rasterizer as rz
 from bench import measure, scenes
 from rasterizer.analysis.comparison import root_mean_square
-from rasterizer.analysis.speed_error_plot import COLORS, check_plotting, figure_bytes, make_logarithmic
-from rasterizer.analysis.timing import take_turns
 
-SHADINGS = ("flat", "gouraud", "phong")
-QUADS = (4, 8, 16, 32, 64, 128, 256)
 LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.5, -0.6, -1.0), 0.8, attached="camera"))
 MATERIAL = rz.Material(specular=0.3, shininess=20.0)
-ROUNDED = 3e-6  # errors below are those of float32, of vertices on a grid of 1/256 px, and of the finest mesh
-MIN_SILHOUETTE = 100  # pixels: of fewer the samples decide
-THEORY = {"flat": 1, "gouraud": 2, "phong": 2, "silhouette": 2}
 # Quads along each side of a mesh that stands for the surface itself: errors of Phong's picture fall with the square of
 # the edges, and are 256 times as small as at 64.
 FINEST = 1024
@@ -42,145 +33,44 @@ STEP = 1e-5  # of parameters, for derivatives
 PROFILE = np.array([(1.5, 2.4), (1.75, 1.875), (2.0, 1.35), (2.0, 0.9)])
 _ARC = 0.551915  # of a circle's radius: the handles of a cubic Bézier curve for a quarter
 
-COLUMNS = [
-    ("surface     ", "surface", ""), ("shading", "shading", ""), ("triangles", "triangles", "d"),
-    ("     ms", "ms", ".2f"), ("rms err", "rms", ".1e"), ("max err", "max", ".1e"), ("slope", "slope", ".2f"),
-    ("silhouette px", "silhouette", ".1f"), ("slope", "silhouette_slope", ".2f"), ("best", "is_best", ""),
-]  # fmt: skip
 
-
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
-    args = make_parser().parse_args(argv)
-    machine, table, rows = measure.Machine(), measure.Table(COLUMNS), []
-    for name in args.surfaces:
-        found = measure_surface(name, args)
-        mark_best(found)
-        rows += found
-        for row in found:
-            table.print(row | {"is_best": "*" if row["is_best"] else ""})
-    measure.write_plot(args.plot, plot, rows)
-    measure.print_json("refinement", machine, args, rows)
-    return 0
-
-
-def make_parser() -> argparse.ArgumentParser:
+def add_arguments(parser) -> None:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    names = tuple(SURFACES)
-    parser.add_argument("surfaces", nargs="*", default=names, metavar="SURFACE", help=", ".join(names))
-    parser.add_argument("--quads", nargs="+", type=int, default=QUADS, help="along each side of the meshes")
-    parser.add_argument("--finest", type=int, default=FINEST, help="of the surface itself (default: %(default)s)")
-    parser.add_argument("--size", type=scenes.size_of, default=(512, 512), help="default: 512x512")
-    parser.add_argument("--threads", type=int, default=1, help="default: %(default)s")
-    parser.add_argument("--frames", type=int, default=15, help="most warm frames of each row (default: %(default)s)")
-    parser.add_argument(
-        "--seconds", type=float, default=4.0, help="time limit of a surface's frames (default: %(default)s)"
-    )
-    measure.add_output(parser, "error against triangles and against time")
-    return parser
+    add, names = parser.add_argument, tuple(SURFACES)
+    add("surfaces", nargs="*", default=names, metavar="SURFACE", help=", ".join(names))
+    add("--quads", nargs="+", type=int, default=(4, 8, 16, 32, 64, 128, 256), help="along each side of the meshes")
+    add("--finest", type=int, default=FINEST, help="of the surface itself (default: %(default)s)")
+    add("--size", type=scenes.size_of, default=(512, 512), help="default: 512x512")
+    add("--frames", type=int, default=15, help="most warm frames of each row (default: %(default)s)")
+    add("--seconds", type=float, default=4.0, help="time limit of a surface's frames (default: %(default)s)")
 
 
-def measure_surface(name, args) -> list[dict]:
-    """Return a row for each mesh and shading of a surface."""
-    finest = make_mesh(name, args.finest, MATERIAL)
-    camera = rz.Camera.framing(finest, fov=scenes.FOV, margin=scenes.MARGIN)
-    truth = draw(rz.Scene([finest], LIGHTS, camera), args, shading="phong", tolerance=0.0)
-    calls, rows = {}, []
-    for n in args.quads:
-        mesh = make_mesh(name, n, MATERIAL)
-        scene = rz.Scene([mesh], LIGHTS, camera)
-        for shading in SHADINGS:
-            frame = draw(scene, args, shading=shading)
-            rows.append(
-                {"surface": name, "shading": shading, "triangles": mesh.n_face, "quads": n} | compare(frame, truth)
-            )
-            calls[n, shading] = rz.Renderer(
-                scene, args.size, shading=shading, outputs=("rgb",), threads=args.threads, samples=1
-            ).render
-            calls[n, shading]()  # compiles and allocates
-    times = take_turns(calls, args.seconds, args.frames)
-    for row in rows:
-        row["ms"] = float(np.median(times[row["quads"], row["shading"]][0]))
-    for shading in SHADINGS:
-        add_slopes([row for row in rows if row["shading"] == shading])
-    return sorted(rows, key=lambda row: (SHADINGS.index(row["shading"]), row["triangles"]))
+def measure_surfaces(args):
+    """Yield a row for each surface, shading and mesh."""
+    for name in args.surfaces:
+        finest = make_mesh(name, args.finest, MATERIAL)
+        camera = rz.Camera.framing(finest, fov=scenes.FOV, margin=scenes.MARGIN)
+        truth = draw(rz.Scene([finest], LIGHTS, camera), args.size, shading="phong", tolerance=0.0)
+        of_n = {n: rz.Scene([make_mesh(name, n, MATERIAL)], LIGHTS, camera) for n in args.quads}
+        pictures = {(shading, n): (scene, args.size, {"shading": shading})
+                    for shading in measure.SHADINGS for n, scene in of_n.items()}  # fmt: skip
+        ms = measure.medians(pictures, args.seconds, args.frames)
+        for shading, n in pictures:
+            error = errors(draw(of_n[n], args.size, shading=shading), truth)
+            yield {"surface": name, "shading": shading, "triangles": of_n[n].n_face, "quads": n,
+                   "ms": ms[shading, n], "rms": root_mean_square(error), "max": float(error.max())}  # fmt: skip
 
 
-def draw(scene, args, **options):
+def draw(scene, size, **options):
     """Draw a scene with its colours, depths and coverage."""
-    with rz.Renderer(
-        scene, args.size, outputs=("color", "depth"), threads=args.threads, **{"samples": 1} | options
-    ) as renderer:
-        return renderer.render()
+    return rz.render(scene, size, outputs=("color", "depth"), threads=1, samples=1, **options)
 
 
-def compare(frame, truth) -> dict:
-    """Errors where both cover a pixel and show the same part of the surface; silhouette: pixels of one alone."""
+def errors(frame, truth) -> np.ndarray:
+    """Differences of colours where both cover a pixel, and show the same part of the surface."""
     with np.errstate(invalid="ignore"):
         is_same = np.abs(frame.depth - truth.depth) < 0.1 * np.ptp(truth.depth[np.isfinite(truth.depth)]) + 1e-3
-    is_inner = is_same & (frame.alpha > 0) & (truth.alpha > 0)
-    error = np.abs(frame.color - truth.color)[is_inner]
-    return {"rms": root_mean_square(error), "max": float(error.max()),
-            "silhouette": float(np.abs(frame.alpha - truth.alpha).sum())}  # fmt: skip
-
-
-def add_slopes(rows) -> None:
-    """Add to each row with which power of the edges' length its errors fell since the row before."""
-    for before, row in zip(rows, rows[1:], strict=False):
-        ratio = np.log(row["quads"] / before["quads"])
-        if row["rms"] > ROUNDED:
-            row["slope"] = float(np.log(before["rms"] / row["rms"]) / ratio)
-        if row["silhouette"] >= MIN_SILHOUETTE:
-            row["silhouette_slope"] = float(np.log(before["silhouette"] / row["silhouette"]) / ratio)
-
-
-def mark_best(rows) -> None:
-    """Mark the rows of a surface that no other one beats in time and error."""
-    for row in rows:
-        row["is_best"] = not any(
-            other["ms"] <= row["ms"] and other["rms"] <= row["rms"] and other is not row for other in rows
-        )
-
-
-def last_slopes(rows, shading, key="slope") -> list[float]:
-    """The slopes of one shading at the finest meshes of each surface that have one."""
-    found = {row["surface"]: row[key] for row in rows if row["shading"] == shading and key in row}
-    return list(found.values())
-
-
-def plot(rows, suffix) -> bytes:
-    """Plot error against triangles, and against time, a column a surface."""
-    check_plotting()
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator
-
-    names = dict.fromkeys(row["surface"] for row in rows if row["rms"] > ROUNDED)  # a plane has no error
-    names = list(names) or [rows[0]["surface"]]
-    figure = Figure(figsize=(3.4 * len(names), 6.4), layout="constrained")
-    panels = figure.subplots(2, len(names), squeeze=False, sharey="col")
-    for column, name in enumerate(names):
-        for row, (key, what) in enumerate((("triangles", "triangles"), ("ms", "milliseconds"))):
-            axes = panels[row][column]
-            for shading in SHADINGS:
-                points = [r for r in rows if r["surface"] == name and r["shading"] == shading]
-                error = [max(r["rms"], 1e-8) for r in points]
-                axes.plot([r[key] for r in points], error, "o-", color=COLORS[shading], markersize=4, label=shading)
-            if key == "triangles":
-                n = np.array([r["triangles"] for r in points], float)
-                for slope, style in ((1, ":"), (2, "--")):
-                    axes.plot(n, 0.2 * (n / n[0]) ** (-slope / 2), color="0.6", linestyle=style, linewidth=1,
-                                label=f"edge{'²' if slope == 2 else ''}")  # fmt: skip
-                axes.set_title(name)
-            axes.set_xlabel(what)
-            make_logarithmic(axes, y_subs=(1.0,))
-            if key == "triangles":
-                axes.xaxis.set_major_locator(LogLocator(subs=(1.0,)))
-            axes.grid(alpha=0.25)
-    for row in panels:
-        row[0].set_ylabel("rms error against the surface")
-    panels[0][0].legend(fontsize=8)
-    return figure_bytes(figure, suffix)
+    return np.abs(frame.color - truth.color)[is_same & (frame.alpha > 0) & (truth.alpha > 0)]
 
 
 # ── surfaces ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -255,6 +145,8 @@ def normals_of(surface: Surface, u, v) -> np.ndarray:
     normals = np.cross(along_v, along_u)
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
+
+main = measure.script("refinement", __doc__, add_arguments, measure_surfaces)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,10 +1,9 @@
 """The scenes that the scripts of this folder draw, by name: models, files, dense spheres, stacked quads.
 
-In: a name and the settings that `add_arguments` puts on a command line. Out: a `Scene` with its camera.
+In: a name, which lights, which materials. Out: a `Scene` with its camera.
 Generated arrays are float32 and uint32, so that ten million triangles need no more than they must.
 """
 
-import argparse
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,22 +22,6 @@ BEFORE_CAMERA = ("quads-", "confetti")  # how the names of what is made for one 
 SIZES = {"1080p": (1920, 1080), "4k": (3840, 2160)}
 
 
-def add_arguments(parser: argparse.ArgumentParser, lights="one", channels="mono") -> None:
-    """Put the settings of a scene on a command line, with these defaults."""
-    parser.add_argument(
-        "--lights",
-        choices=("one", "studio"),
-        default=lights,
-        help="one directional light, or those of the default picture (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--channels",
-        choices=("mono", "rgb", "own"),
-        default=channels,
-        help="grey material, one that needs three channels, or the model's own (default: %(default)s)",
-    )
-
-
 def size_of(text: str) -> tuple[int, int]:
     """Read a size: 512 (a square), 640x480, 1080p or 4k."""
     if text.lower() in SIZES:
@@ -55,7 +38,8 @@ def build(name: str, size: tuple[int, int], lights="one", channels="mono") -> rz
     name : one of GENERATED or WHOLE, "quads-front" or "quads-back" (the order in which 32 of them come), "confetti"
         (ten thousand triangles of middle size), the name of a file in models/, or the path of any model file
     size : (width, height) in pixels: the camera depends on their ratio
-    lights, channels : as on the command line
+    lights : "one" directional light, or those of the default picture ("studio")
+    channels : a grey material ("mono"), one that needs three channels ("rgb"), or the model's "own"
     """
     if name in WHOLE:
         return WHOLE[name](size)
@@ -100,6 +84,11 @@ def find_file(name: str) -> Path:
     if not found:
         raise SystemExit(f"{name}: no such file, and no such name; names are {', '.join(all_names())}")
     return found[0]
+
+
+def find_name(name: str) -> str:
+    """Return the absolute path of a model file, which no working directory changes; another name as it is."""
+    return str(Path(name).resolve()) if Path(name).is_file() else name
 
 
 def all_names() -> list[str]:
@@ -176,6 +165,14 @@ def torus(n_ring: int, n_tube: int, ring_radius=1.0, tube_radius=0.4):
     below, across = (i + 1) % n_ring * n_tube + j, (i + 1) % n_ring * n_tube + (j + 1) % n_tube
     faces = np.stack([here, right, across, here, across, below], axis=-1).reshape(-1, 3)
     return points.reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)
+
+
+def write_obj(path: Path, vertices, faces) -> Path:
+    """Write a mesh as an OBJ file; return its path."""
+    lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in np.asarray(vertices).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces, np.int64) + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
 
 
 def stacked_quads(n_quad: int, aspect: float, is_front_first: bool):

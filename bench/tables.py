@@ -1,10 +1,11 @@
-"""Write tables of the pages from results/, so that no figure stands there that nobody has measured.
+"""Write tables and figures of the pages from results/, so that none stands there that nobody has measured.
 
-    python bench/tables.py                    write the tables anew
-    python bench/tables.py --check            tell which ones are not what the results say
+    python bench/tables.py                    write them anew
+    python bench/tables.py --check            tell which ones are not what the results say, and which results are older
+                                              than the package's code, and what measures them
 
-A table stands between two comments, `<!-- results/NAME.json: TABLE -->` and `<!-- end -->`. Scripts keep their results
-with --json; measure_all.py runs all of them.
+A table stands between two comments, `<!-- results/NAME.json: TABLE -->` and `<!-- end -->`. The figures of sentences
+are those of SENTENCES. Scripts keep their results with --json; measure_all.py runs all of them.
 """
 
 import argparse
@@ -14,13 +15,13 @@ import re
 import sys
 from pathlib import Path
 
-FOLDER = Path(__file__).parent
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+from bench import measure
+from bench.measure import BUSY_SHARE, HERE, ROOT, SHADINGS
 
-PAGES, RESULTS = (FOLDER / "README.md", FOLDER.parent / "README.md"), FOLDER / "results"
-BUSY_SHARE = 0.05  # from which on measure.py warns
+PAGES, RESULTS = (HERE / "README.md", ROOT / "README.md", ROOT / "rasterizer" / "README.md"), HERE / "results"
 MARKED = re.compile(r"(<!-- results/([\w-]+)\.json: ([\w -]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 USUAL, MACHINE = "frame", "machine"  # whose machine a page tells once; what stands in the place of a table then
-SHADINGS = ("flat", "gouraud", "phong")
 NAMES = {"flat": "flat", "gouraud": "Gouraud", "phong": "Phong"}
 _SCENES = {
     "dense": "a sphere of {n} triangles", "quads-front": "32 quads as large as the picture, the nearest first",
@@ -34,19 +35,22 @@ def main(argv=None) -> int:
     is_wrong = False
     for path in PAGES:
         page = path.read_text(encoding="utf-8")
-        for name, table in wrong_tables(page):
-            is_wrong = True
-            if args.check:
-                print(f"results/{name}.json: {table} is not what {path.name} of {path.parent.name} says")
-        if not args.check:
-            path.write_text(fill(page), encoding="utf-8")
-    return int(args.check and is_wrong)
+        filled, wrong = fill(page, path.relative_to(ROOT).as_posix())
+        if not args.check and filled != page:
+            path.write_text(filled, encoding="utf-8")
+        for what in wrong:
+            print(f"{path.relative_to(ROOT)}: {what}" + ("" if args.check else "; written anew"))
+            is_wrong |= args.check or "doesn't say" in what
+    if old := list_old():
+        print("older than the code that they measure:", *(f"    {name}: {why}" for name, why in old.items()), sep="\n")
+        print(f"measure them again: python bench/measure_all.py --only {' '.join(old)}")
+    return int(is_wrong)
 
 
 def make_parser() -> argparse.ArgumentParser:
     """Describe the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="change nothing; exit code 1 where a table is wrong")
+    parser.add_argument("--check", action="store_true", help="change nothing; exit code 1 where a figure is wrong")
     return parser
 
 
@@ -55,22 +59,44 @@ def load(name: str) -> dict:
     return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def fill(page: str) -> str:
-    """Return a page with its tables as the results say."""
-    return MARKED.sub(lambda found: found[1] + make_table(found[2], found[3]) + "\n" + found[5], page)
+def list_old() -> dict[str, str]:
+    """Name the results that other code was measured for, and say with which version."""
+    code, records = measure.code_hash(), {path.stem: load(path.stem) for path in sorted(RESULTS.glob("*.json"))}
+    return {name: f"version {record['machine']['rasterizer']}, {record.get('code', 'of unknown code')}"
+            for name, record in records.items() if record.get("code") != code}  # fmt: skip
 
 
-def wrong_tables(page: str) -> list[tuple[str, str]]:
-    """The (file, table) of a page that are not what the results say."""
-    return [(found[2], found[3]) for found in MARKED.finditer(page)
-            if found[4] != make_table(found[2], found[3]) + "\n"]  # fmt: skip
+def fill(page: str, name: str) -> tuple[str, list[str]]:
+    """Return a page with its tables and figures as the results say, and what was wrong with it."""
+    wrong = []
+
+    def table(found) -> str:
+        made = make_table(found[2], found[3]) + "\n"
+        if made != found[4]:
+            wrong.append(f"the table '{found[3]}' isn't what results/{found[2]}.json says")
+        return found[1] + made + found[5]
+
+    page = MARKED.sub(table, page)
+    for where, text, figures in SENTENCES:
+        if where != name:
+            continue
+        pattern = re.escape(text).replace("\\ ", r"\s+").replace(r"\{\}", r"(-?\d+(?:\.\d+)?)")
+        found = re.search(pattern, page)
+        if found is None:
+            wrong.append(f"it doesn't say {text!r}")
+            continue
+        figures = figures()
+        if list(found.groups()) != figures:
+            wrong.append(f"{found[0]!r} isn't what the results say: {', '.join(figures)}")
+        for k in range(len(figures), 0, -1):
+            page = page[: found.start(k)] + figures[k - 1] + page[found.end(k) :]
+    return page, wrong
 
 
 def make_table(name: str, table: str) -> str:
     """Make a table as Markdown, with the machine that it was measured on where that isn't the usual one."""
     record = load(name)
-    said = said_of(record["machine"])
-    usual = said_of(load(USUAL)["machine"]) if (RESULTS / f"{USUAL}.json").exists() else None
+    said, usual = said_of(record["machine"]), said_of(load(USUAL)["machine"])
     if table == MACHINE:
         return said
     return "\n".join([*TABLES[table](record["rows"]), *([] if said == usual else ["", said])])
@@ -81,10 +107,50 @@ def said_of(machine: dict) -> str:
     others = machine.get("others") or 0.0
     busy = f" Other work took {100.0 * others:.0f} % of the cores meanwhile: milliseconds mean little."
     return (
-        f"Measured on {machine['cores']} cores of {machine['cpu']}; Python {machine['python']}, "
-        f"numpy {machine['numpy']}, numba {machine['numba']}.{busy if others > BUSY_SHARE else ''}"
+        f"Measured with version {machine['rasterizer']} on {machine['cores']} cores of {machine['cpu']}; "
+        f"Python {machine['python']}, numpy {machine['numpy']}, numba {machine['numba']}."
+        f"{busy if others > BUSY_SHARE else ''}"
     )
 
+
+# ── figures that stand in sentences ───────────────────────────────────────────────────────────────────────
+
+
+def column(name, key="ratio", **wanted) -> list[float]:
+    """A column of those rows of a result that have it, and these values."""
+    rows = [row for row in load(name)["rows"] if row.get(key) is not None]
+    return [row[key] for row in rows if all(row.get(field) == value for field, value in wanted.items())]
+
+
+def span(values, form=".1f") -> list[str]:
+    """The least and the largest."""
+    return [format(value, form) for value in (min(values), max(values))]
+
+
+def path(name, scene):
+    """How many times as long a frame takes without a path."""
+    return lambda: [f"{value:.1f}" for value in column("paths", path=name, scene=scene)]
+
+
+GUIDE, BENCH, FRONT = "rasterizer/README.md", "bench/README.md", "README.md"
+SENTENCES = (  # page, sentence, function that returns its figures
+    (GUIDE, "Without it a fine sphere takes {} times as long", path("packed entries", "dense")),
+    (GUIDE, "With exact records alone a scan takes {} times as long", path("planes", "scan")),
+    (GUIDE, "Without that a scan takes {} times as long", path("boxes filled whole", "scan")),
+    (GUIDE, "Without it frames take {} to {} times as long", lambda: span(column("paths", path="float32"))),
+    (GUIDE, "draw {} times as fast as one", lambda: [f"{column('throughput', 'gain', processes=2)[0]:.2f}"]),
+    (GUIDE, "takes {} of the time of `import numba`",
+     lambda: [f"{column('startup', 'yards', program='first picture')[0]:.2f}"]),
+    (GUIDE, "costs at most {} %",
+     lambda: [f"{100.0 * max(row['ratio_of_cpu'] for row in load('peers')['rows'] if 'speck' in row) - 100.0:.0f}"]),
+    (FRONT, "takes {} to {} ms at 1920×1080",
+     lambda: [f"{min(column('frame', 'ms_2', **SCAN)):.0f}", f"{max(column('frame', 'ms_1', **SCAN)):.0f}"]),
+    (FRONT, "llvmpipe takes {} to {} times as long", lambda: span(column("peers", peer="llvmpipe"))),
+    (BENCH, "would save {} to {} % of the time at most",
+     lambda: span([100.0 * saved for saved in column("tolerance", "saved")], ".0f")),
+    (BENCH, "| {} to {} pictures a second on two cores", lambda: span(column("viewer", "per_second"), ".0f")),
+)  # fmt: skip
+SCAN = {"case": "stanford-bunny", "channels": "mono", "samples": 1}
 
 # ── rows of results as lines of Markdown ──────────────────────────────────────────────────────────────────
 
@@ -112,61 +178,91 @@ def thousands(value) -> str:
     return f"{value:,}".replace(",", " ")
 
 
-# ── a frame ───────────────────────────────────────────────────────────────────────────────────────────────
+def flat(wanted, **columns):
+    """Make a table of rows that have a key: a title, the key and a format a column."""
+
+    def table(rows) -> list[str]:
+        found = [[cell(row.get(key), form) for key, form in columns.values()] for row in rows if wanted in row]
+        return lines_of([title.replace("_", " ") for title in columns], found)
+
+    return table
 
 
-def frames(rows) -> list[str]:
-    """A scene a row, a shading a column: milliseconds with one thread, what two gain, nanoseconds a covered pixel."""
-    of = {(row["case"], row["shading"]): row for row in rows}
-    shadings = [shading for shading in SHADINGS if any(row["shading"] == shading for row in rows)]
+def cell(value, form) -> str:
+    """A value as it is, in a format, with so many digits, or with its thousands apart."""
+    if value is None or form is str:
+        return "" if value is None else str(value)
+    return form(value) if callable(form) else figure(value, form) if isinstance(form, int) else form.format(value)
+
+
+def crossed(rows, down, across, cell, head, *more):
+    """Make a table with a line a value of `down` and a column a value of `across`.
+
+    Parameters
+    ----------
+    down, across : key, or function of a row
+    cell : function of a row
+    head : titles of the columns before
+    more : functions of the first row of a line, for the columns between
+    """
+    down, across = (key if callable(key) else lambda row, key=key: row[key] for key in (down, across))
+    of = {(down(row), across(row)): row for row in rows}
+    names, titles = (list(dict.fromkeys(key[k] for key in of)) for k in range(2))
     found = []
-    for case, n in {row["case"]: row["triangles"] for row in rows}.items():
-        own = [of[case, shading] for shading in shadings]
-        found.append([case, thousands(n), *(f"{figure(row['ms_1'], 3)} · {figure(row['gain'], 3)} · "
-                                            f"{figure(row['ns_pixel'])}" for row in own)])  # fmt: skip
-    return lines_of(["scene", "triangles", *(NAMES[shading] for shading in shadings)], found)
+    for name in names:
+        own = [of.get((name, title)) for title in titles]
+        first = next(row for row in own if row is not None)
+        found.append([str(name), *(each(first) for each in more), *("" if row is None else cell(row) for row in own)])
+    return lines_of([*head, *(NAMES.get(title, str(title)) for title in titles)], found)
+
+
+def several(row, *digits: tuple[str, int]) -> str:
+    """Some figures of a row in one cell."""
+    return " · ".join(figure(row[key], n) for key, n in digits)
+
+
+# ── frames, and what tolerances do ────────────────────────────────────────────────────────────────────────
+
+
+def frames(channels, samples):
+    """Make the table of frames: milliseconds with one thread, what two gain, nanoseconds a covered pixel."""
+
+    def table(rows) -> list[str]:
+        rows = [row for row in rows if (row["channels"], row["samples"]) == (channels, samples)]
+        return crossed(rows, "case", "shading", lambda row: several(row, ("ms_1", 3), ("gain", 3), ("ns_pixel", 2)),
+                       ["scene", "triangles"], lambda row: thousands(row["triangles"]))  # fmt: skip
+
+    return table
 
 
 def frames_in_short(rows) -> list[str]:
     """A scene a row, a shading a column: milliseconds with one thread / with two."""
-    of = {(row["case"], row["shading"]): row for row in rows}
-    triangles = {row["case"]: row["triangles"] for row in rows if row["case"] != "quads-back"}
-    found = []
-    for case, n in triangles.items():
-        cells = [of.get((case, shading)) for shading in SHADINGS]
-        found.append([_SCENES.get(case, f"{case}, {{n}} triangles").format(n=thousands(n)),
-                      *("" if row is None else " / ".join(figure(row[key], 3) for key in ("ms_1", "ms_2") if key in row)
-                        for row in cells)])  # fmt: skip
-    return lines_of(["scene", *(NAMES[shading] for shading in SHADINGS)], found)
+    rows = [row for row in rows if (row["channels"], row["samples"]) == ("mono", 1) and row["case"] != "quads-back"]
 
+    def name(row) -> str:
+        return _SCENES.get(row["case"], f"{row['case']}, {{n}} triangles").format(n=thousands(row["triangles"]))
 
-def memory(rows) -> list[str]:
-    """Peak memory of a process, and the steps to its first picture."""
-    found = [[thousands(row["triangles"]), row["size"], NAMES[row["shading"]], figure(row["build_ms"], 3),
-              figure(row["prepare_ms"], 3), figure(row["warm_ms"], 3), figure(row["peak_mib"], 4)]
-             for row in rows]  # fmt: skip
-    return lines_of(["triangles", "size", "shading", "build ms", "prepare ms", "frame ms", "peak MiB"], found)
-
-
-# ── speed against error ───────────────────────────────────────────────────────────────────────────────────
+    return crossed(rows, name, "shading", lambda row: " / ".join(figure(row[key], 3) for key in ("ms_1", "ms_2")
+                                                                 if key in row), ["scene"])  # fmt: skip
 
 
 def tolerances(rows) -> list[str]:
     """By tolerance: the time as a multiple of that of tolerance 0, the largest error, and the error over its bound."""
+    rows = [row for row in rows if "tolerance" in row]
     names = list(dict.fromkeys(row["tolerance"] for row in rows))
     of = {(row["model"], row["shading"], row["tolerance"]): row for row in rows}
     found = []
     for model, shading in dict.fromkeys((row["model"], row["shading"]) for row in rows):
-        own = [of[model, shading, name] for name in names]
-        found.append([model, NAMES[shading], figure(own[0]["ms"], 3), figure(own[0]["max"]),
-                      *(f"{figure(row['of_first'])} · {figure(row['max'])} · {figure(row['of_bound'])}"
-                        for row in own[1:]), figure(own[0]["vertices"])])  # fmt: skip
+        first, *own = (of[model, shading, name] for name in names)
+        found.append([model, NAMES[shading], figure(first["ms"], 3), figure(first["max"]),
+                      *(several(row, ("of_first", 2), ("max", 2), ("of_bound", 2)) for row in own),
+                      figure(first["vertices"])])  # fmt: skip
     return lines_of(["model", "shading", "0: ms", "0: error", *names[1:], "1/256 px"], found)
 
 
 def exactness(rows) -> list[str]:
     """The largest errors of one model by tolerance, and what becomes of 8-bit values."""
-    rows = [row for row in rows if row["model"] == rows[0]["model"]]
+    rows = [row for row in rows if row["model"] == rows[0]["model"] and "tolerance" in row]
     found = []
     for text in dict.fromkeys(row["tolerance"] for row in rows):
         same = {row["shading"]: row for row in rows if row["tolerance"] == text}
@@ -176,67 +272,53 @@ def exactness(rows) -> list[str]:
     return lines_of(["", "flat", "Gouraud", "Phong", "8-bit values more than a level off"], found)
 
 
+# ── speed against error ───────────────────────────────────────────────────────────────────────────────────
+
+
 def methods(rows) -> list[str]:
     """Shadings and subdivisions with four samples a pixel, a model a column."""
-    rows = [row for row in method_rows(rows) if row["samples"] == 4]
-    of = {(row["model"], row["value"].partition(", 4 samples")[0]): row for row in rows}
-    models, names = (list(dict.fromkeys(key[k] for key in of)) for k in range(2))
-    cells = {
-        key: f"{figure(row['ms'], 3)} · {figure(row['rms'])} · {figure(row['delta_e'])}" for key, row in of.items()
-    }
-    found = [[name, *(cells.get((model, name), "") for model in models)] for name in names]
+    rows = [row for row in rows if row["what"] == "method" and row["samples"] == 4]
     triangles = {row["model"]: thousands(row["triangles"]) for row in rows if not row["subdivisions"]}
-    return lines_of(["method", *(f"{model}, {triangles[model]} triangles" for model in models)], found)
+    return crossed(rows, lambda row: row["value"].partition(", 4 samples")[0],
+                   lambda row: f"{row['model']}, {triangles[row['model']]} triangles",
+                   lambda row: several(row, ("ms", 3), ("rms", 2), ("delta_e", 2)), ["method"])  # fmt: skip
 
 
 def samples(rows) -> list[str]:
     """Phong's shading with more and more samples a pixel: time and error as multiples of those of one."""
-    of = {(row["model"], row["samples"]): row for row in method_rows(rows) if row["shading"] == "phong"}
-    counts = sorted({n for _, n in of})
+    rows = sorted((row for row in rows if row.get("shading") == "phong"), key=lambda row: row["samples"])
+    one = {row["model"]: row for row in rows if row["samples"] == 1}
+
+    def cell(row) -> str:
+        return " · ".join(figure(row[key] / one[row["model"]][key]) for key in ("ms", "rms"))
+
+    return crossed([row for row in rows if row["samples"] > 1], "model", lambda row: f"{row['samples']} samples", cell,
+                   ["model"])  # fmt: skip
+
+
+def changes(rows) -> list[str]:
+    """One thing changed at a time."""
+    rows = [row for row in rows if row["what"] != "method"]
     found = []
-    for model in dict.fromkeys(model for model, _ in of):
-        one = of[model, 1]
-        found.append([model, *(f"{figure(row['ms'] / one['ms'])} · {figure(row['rms'] / one['rms'])}"
-                               for row in (of[model, n] for n in counts[1:]))])  # fmt: skip
-    return lines_of(["model", *(f"{n} samples" for n in counts[1:])], found)
-
-
-def method_rows(rows) -> list[dict]:
-    """The rows of methods, of those of choices.json."""
-    return [row for row in rows if row["what"] == "method"]
-
-
-def axes(rows) -> list[str]:
-    """One thing changed at a time, each of one scene: where rays tell what is right, else the first that has it."""
-    rows = [row for row in rows if row["what"] not in ("method", "reflection")]
-    scene_of = {}
-    for row in rows:
-        if row["what"] not in scene_of or row["against"].startswith("rays"):
-            scene_of[row["what"]] = row["model"]
-    found = []
-    for what, scene in scene_of.items():
-        own = [row for row in rows if (row["what"], row["model"]) == (what, scene)]
+    for what, model in dict.fromkeys((row["what"], row["model"]) for row in rows):
+        own = [row for row in rows if (row["what"], row["model"]) == (what, model)]
         cells = (f"{row['value']}: {figure(row['ratio'])}, {figure(row['rms'])}" for row in own)
-        found.append([f"{what}, {scene}", " · ".join(cells), own[0]["against"]])
+        found.append([f"{what}, {model}", " · ".join(cells), own[0]["against"]])
     return lines_of(["what", "value: time, error", "against"], found)
-
-
-# ── refinement ────────────────────────────────────────────────────────────────────────────────────────────
 
 
 def finer(rows) -> list[str]:
     """Gouraud's method on four times as many triangles, against Phong's: time and error as multiples."""
-    of = {(row["surface"], row["shading"], row["triangles"]): row for row in rows}
-    counts = sorted({row["triangles"] for row in rows if ("sphere", "gouraud", 4 * row["triangles"]) in of})
-    surfaces = [name for name in dict.fromkeys(row["surface"] for row in rows) if name != "plane"]
-    found = []
-    for n in counts:
-        cells = []
-        for surface in surfaces:
-            phong, gouraud = of[surface, "phong", n], of[surface, "gouraud", 4 * n]
-            cells.append(f"{figure(gouraud['ms'] / phong['ms'])} · {figure(gouraud['rms'] / phong['rms'])}")
-        found.append([f"{thousands(4 * n)} / {thousands(n)}", *cells])
-    return lines_of(["triangles, Gouraud / Phong", *surfaces], found)
+    phong = {(row["surface"], 4 * row["triangles"]): row for row in rows if row["shading"] == "phong"}
+    rows = [row for row in rows if row["shading"] == "gouraud" and row["surface"] != "plane"
+            and (row["surface"], row["triangles"]) in phong]  # fmt: skip
+
+    def cell(row) -> str:
+        other = phong[row["surface"], row["triangles"]]
+        return " · ".join(figure(row[key] / other[key]) for key in ("ms", "rms"))
+
+    return crossed(rows, lambda row: f"{thousands(row['triangles'])} / {thousands(row['triangles'] // 4)}", "surface",
+                   cell, ["triangles, Gouraud / Phong"])  # fmt: skip
 
 
 def hard_cases(rows) -> list[str]:
@@ -257,7 +339,7 @@ def hard_cases(rows) -> list[str]:
     return lines_of(["what happens", *columns], found)
 
 
-# ── features ──────────────────────────────────────────────────────────────────────────────────────────────
+# ── what things cost ──────────────────────────────────────────────────────────────────────────────────────
 
 
 def features(rows) -> list[str]:
@@ -273,55 +355,30 @@ def features(rows) -> list[str]:
 
 def buffers(rows) -> list[str]:
     """Outputs, as multiples of Gouraud's picture, with one thread."""
-    rows = [row for row in rows if "outputs" in row]
-    cases = list(dict.fromkeys(row["scene"] for row in rows))
-    of = {(row["scene"], row["outputs"]): row for row in rows}
-    outputs = [name for name in dict.fromkeys(row["outputs"] for row in rows) if name != "Gouraud"]
-    found = [[case, *(figure(of[case, name]["ratio_1"]) for name in outputs)] for case in cases]
-    return lines_of(["of Gouraud's picture", *outputs], found)
-
-
-# ── peers, start-up, files ────────────────────────────────────────────────────────────────────────────────
-
-
-def peers(rows) -> list[str]:
-    """How many times as long other renderers take."""
-    found = [
-        [f"`{row['case']}`", thousands(row["triangles"]), row["peer"], f"{row['ms_ours']:.2f}",
-         f"{row['ms_peer']:.2f}", f"{row['ratio']:.1f}", f"{row['ratio_of_cpu']:.1f}"]
-        for row in rows if "peer" in row
-    ]  # fmt: skip
-    return lines_of(["case", "triangles", "peer", "ours, ms", "peer, ms", "peer/ours", "of CPU"], found)
+    rows = [row for row in rows if row.get("outputs", "Gouraud") != "Gouraud"]
+    return crossed(rows, "scene", "outputs", lambda row: figure(row["ratio_1"]), ["of Gouraud's picture"])
 
 
 def specks(rows) -> list[str]:
     """What a few pixels cost that need more than the others."""
-    found = [row for row in rows if "speck" in row and row["speck"] != "plain"]
-    names = list(dict.fromkeys(row["speck"] for row in found))
-    ratio = {(row["shading"], row["speck"]): f"{row['ratio_of_cpu']:.2f}" for row in found}
-    return lines_of(["", *names], [[NAMES[each], *(ratio.get((each, name), "") for name in names)]
-                                   for each in SHADINGS[1:]])  # fmt: skip
-
-
-def programs(rows) -> list[str]:
-    """Whole processes."""
-    found = [[f"`{row['program']}`", figure(row["ms"], 3), figure(row["yards"]), figure(row["peak_mib"], 3)]
-             for row in rows if "program" in row]  # fmt: skip
-    return lines_of(["program", "ms", "yards", "peak MiB"], found)
+    rows = [row for row in rows if row.get("speck", "plain") != "plain"]
+    return crossed(rows, lambda row: NAMES[row["shading"]], "speck", lambda row: f"{row['ratio_of_cpu']:.2f}", [""])
 
 
 def writers(rows) -> list[str]:
     """Means of milliseconds and sizes of PNG files."""
-    rows = [row for row in rows if row["case"] == "mean"]
+    rows = [
+        {**row, "what": f"{row['size']}: {what}" if what == "ms" else what, "cell": form.format(row[what])}
+        for row in rows
+        if row["case"] == "mean"
+        for what, form in (("ms", "{:.3g}"), ("share", "{:.2f}"))
+    ]
     sizes = list(dict.fromkeys(row["size"] for row in rows))
-    of = {(row["size"], row["writer"]): row for row in rows}
-    found = [[writer, *(cell for size in sizes for cell in (figure(of[size, writer]["ms"]),
-                                                            f"{of[size, writer]['share']:.2f}"))]
-             for writer in dict.fromkeys(row["writer"] for row in rows)]  # fmt: skip
-    return lines_of(["writer", *(cell for size in sizes for cell in (f"{size}: ms", "share"))], found)
+    of = {(row["writer"], row["size"], row["what"]): row["cell"] for row in rows}
+    return lines_of(["writer", *(title for size in sizes for title in (f"{size}: ms", "share"))],
+                    [[writer, *(of[writer, size, what] for size in sizes for what in (f"{size}: ms", "share"))]
+                     for writer in dict.fromkeys(row["writer"] for row in rows)])  # fmt: skip
 
-
-# ── scale ─────────────────────────────────────────────────────────────────────────────────────────────────
 
 _COSTS = {"build_ms": "build ms", "prepare_ms": "prepare ms", "cpu_ms": "frame ms", "mib": "MiB"}
 
@@ -348,46 +405,30 @@ def held(rows) -> list[str]:
                     [["MiB held", *(f"{row['mib']:.1f}" for row in rows)]])  # fmt: skip
 
 
-# ── processes and paths ───────────────────────────────────────────────────────────────────────────────────
-
-
-def throughput(rows) -> list[str]:
-    """How many pictures a second so many processes draw."""
-    found = [[f"{row['processes']}", f"{row['seconds']:.2f}", f"{row['per_second']:.0f}", f"{row['gain']:.2f}"]
-             for row in rows]  # fmt: skip
-    return lines_of(["processes", "s", "pictures a second", "gain"], found)
-
-
 def paths(rows) -> list[str]:
     """Times without a path that is there over those with it, a path a row and a scene a column."""
-    of = {(row["path"], row["scene"]): row["ratio"] for row in rows if "(gone)" not in row["path"]}
-    names, scenes = (list(dict.fromkeys(key[k] for key in of)) for k in range(2))
-    found = [[name, *("" if (name, s) not in of else f"{of[name, s]:.2f}" for s in scenes)] for name in names]
-    return lines_of(["without", *scenes], found)
-
-
-def whole(rows) -> list[str]:
-    """What a person waits for, beside f3d."""
-    head = ["model", "ours, ms", "f3d, ms", "ours/f3d", "of CPU", "MiB", "of f3d's"]
-    keys = ("ours_ms", "f3d_ms", "ratio", "cpu_ratio", "ours_mib", "mib_ratio")
-    found = [[row["model"], *("" if row.get(key) is None else figure(row[key], 3) for key in keys)] for row in rows]
-    return lines_of(head, found)
-
-
-def viewer(rows) -> list[str]:
-    """Pictures a second in a browser."""
-    head = ["where", "look", "size while it moves", "pictures a second"]
-    return lines_of(
-        head, [[*(row[key] for key in ("where", "look", "moving")), figure(row["per_second"], 2)] for row in rows]
-    )
+    rows = [row for row in rows if "(gone)" not in row["path"]]
+    return crossed(rows, "path", "scene", lambda row: f"{row['ratio']:.2f}", ["without"])
 
 
 TABLES = {
-    "frames in short": frames_in_short, "frames": frames, "memory": memory, "exactness": exactness,
-    "tolerances": tolerances, "methods": methods, "samples": samples, "one thing at a time": axes,
-    "finer meshes": finer, "hard cases": hard_cases, "features": features, "buffers": buffers, "peers": peers,
-    "specks": specks, "programs": programs, "writers": writers, "growth": growth, "held memory": held,
-    "throughput": throughput, "paths": paths, "whole": whole, "viewer": viewer,
+    "frames in short": frames_in_short, "frames": frames("mono", 1), "frames of 4 samples": frames("mono", 4),
+    "frames in colour": frames("rgb", 1), "frames in colour of 4 samples": frames("rgb", 4), "exactness": exactness,
+    "tolerances": tolerances, "methods": methods, "samples": samples, "one thing at a time": changes,
+    "finer meshes": finer, "hard cases": hard_cases, "features": features, "buffers": buffers, "specks": specks,
+    "writers": writers, "growth": growth, "held memory": held, "paths": paths,
+    "peers": flat("peer", case=("case", "`{}`"), triangles=("triangles", thousands), peer=("peer", str),
+                  **{"ours, ms": ("ms_ours", "{:.2f}"), "peer, ms": ("ms_peer", "{:.2f}"),
+                     "peer/ours": ("ratio", "{:.1f}"), "of CPU": ("ratio_of_cpu", "{:.1f}")}),
+    "programs": flat("program", program=("program", "`{}`"), ms=("ms", 3), yards=("yards", 2),
+                     peak_MiB=("peak_mib", 3)),
+    "throughput": flat("processes", processes=("processes", str), s=("seconds", "{:.2f}"),
+                       pictures_a_second=("per_second", "{:.0f}"), gain=("gain", "{:.2f}")),
+    "whole": flat("model", model=("model", str),
+                  **{"ours, ms": ("ours_ms", "{:.0f}"), "f3d, ms": ("f3d_ms", "{:.0f}"), "ours/f3d": ("ratio", 3),
+                     "of CPU": ("cpu_ratio", 3), "MiB": ("ours_mib", 3), "of f3d's": ("mib_ratio", 3)}),
+    "viewer": flat("where", where=("where", str), look=("look", str), size_while_it_moves=("moving", str),
+                   pictures_a_second=("per_second", 2)),
 }  # fmt: skip
 
 

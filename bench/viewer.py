@@ -5,10 +5,9 @@
 
 Needs Chromium and the extras `notebook` and `browser`. A pointer is dragged over the picture in circles. Counted are
 the pictures that the canvas takes; their size is told, which is smaller where the machine is too slow for 33 a second.
-At rest the picture must have its full size. The last line is JSON.
+At rest the picture must have its full size.
 """
 
-import argparse
 import sys
 import tempfile
 import threading
@@ -53,40 +52,25 @@ TURNING = """
 })
 """
 
-COLUMNS = [
-    ("where   ", "where", "s"), ("look    ", "look", "s"), ("pictures/s", "per_second", ".1f"),
-    ("slowest, ms", "slowest", ".0f"), ("moving", "moving", "s"), ("at rest", "at_rest", "s"),
-]  # fmt: skip
+
+def add_arguments(parser) -> None:
+    """Describe the command line."""
+    parser.add_argument("model", help="a model's file")
+    parser.add_argument("--size", nargs=2, type=int, default=(640, 480), help="of the picture (default: 640 480)")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of turning (default: %(default)s)")
 
 
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
-    args = make_parser().parse_args(argv)
+def measure_viewers(args):
+    """Yield a row for each look and place."""
     if reason := missing("jupyterlab", "ipykernel", "anywidget"):
-        print(f"not measured: {reason}")
-        return 1
-    machine, rows, table = measure.Machine(), [], measure.Table(COLUMNS)
+        raise measure.MissingError(reason)
     with browser() as program:
         for look in LOOKS:
             for where in (page_of, widget_of):
                 with where(program, args, look) as page:
                     wait_for_rest(page)
                     turn(page, 2.0)  # until it knows which size it can draw
-                    rows.append({"where": where.__name__[:-3], "look": look} | turn(page, args.seconds))
-                    table.print(rows[-1])
-    measure.print_json("viewer", machine, args, rows)
-    return 0
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add = parser.add_argument
-    add("model", help="a model's file")
-    add("--size", nargs=2, type=int, default=(640, 480), help="of the picture (default: 640 480)")
-    add("--seconds", type=float, default=5.0, help="of turning (default: %(default)s)")
-    measure.add_output(parser)
-    return parser
+                    yield {"where": where.__name__[:-3], "look": look} | turn(page, args.seconds)
 
 
 @contextmanager
@@ -147,6 +131,8 @@ def turn(page, seconds: float) -> dict:
         "moving": max(set(sizes), key=sizes.count), "at_rest": page.eval_on_selector("canvas", canvas),
     }  # fmt: skip
 
+
+main = measure.script("viewer", __doc__, add_arguments, measure_viewers)
 
 if __name__ == "__main__":
     sys.exit(main())

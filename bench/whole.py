@@ -8,10 +8,9 @@
 end, with its default look. f3d draws by OpenGL, which Mesa computes on the processor; where there is no display, Xvfb
 makes one. Models are made here: a rough torus in four formats; one in OBJ with normals, texture coordinates and twenty
 materials; GLB files with four textures of 2048×2048, also with holes and as metals, and with eight blended layers.
-Columns are explained in bench/README.md.
+Of our time and f3d's the best is compared; of memory and processor time the medians.
 """
 
-import argparse
 import contextlib
 import os
 import shutil
@@ -27,9 +26,8 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # a checkout need not be installed
-from bench import measure, scenes, startup
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+from bench import measure, scenes
 
 SIZE = "640x480"
 N_TEXTURE, TEXTURE_SIZE = 4, 2048
@@ -37,40 +35,40 @@ N_LAYER, N_MATERIAL = 8, 20
 MILLION, TEN_MILLIONS = (1000, 500), (2500, 2000)  # rings and sides of a torus: half as many as its triangles
 
 
-def main(argv=None) -> int:
-    """Run the script; the arguments are those of the command line."""
-    args = make_parser().parse_args(argv)
-    machine, launcher, rows = measure.Machine(), startup.Launcher(), []
-    table = measure.Table([("model           ", "model", ""), ("ours ms", "ours_ms", ".0f"),
-                           (" f3d ms", "f3d_ms", ".0f"), ("ours/f3d", "ratio", ".2f"),
-                           ("of medians", "median_ratio", ".2f"), (" CPU", "cpu_ratio", ".2f"),
-                           ("memory", "mib_ratio", ".2f"), ("ours MiB", "ours_mib", ".0f")])  # fmt: skip
-    with tempfile.TemporaryDirectory() as folder, a_display() as display:
-        why_not = (
-            "it isn't installed" if shutil.which("f3d") is None else "" if display else "there is no display, nor Xvfb"
-        )
-        if why_not:
-            print(f"f3d is left out: {why_not}")
-        for name in args.models:
-            path = MADE[name](Path(folder, name)) if name in MADE else scenes.find_file(name)
-            row = measure_model(launcher, path, Path(folder, "picture.png"), "" if why_not else display, args.runs)
-            rows.append({"model": name} | row)
-            table.print(rows[-1])
-            if name in MADE:
-                path.unlink()
-    launcher.close()
-    measure.print_json("whole", machine, args, rows)
-    return 0
-
-
-def make_parser() -> argparse.ArgumentParser:
+def add_arguments(parser) -> None:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--models", nargs="+", default=["teapot", *USUAL], metavar="MODEL",
                         help=f"names or paths of model files, or {', '.join(MADE)}")  # fmt: skip
     parser.add_argument("--runs", type=int, default=5, help="processes of each program (default: %(default)s)")
-    measure.add_output(parser)
-    return parser
+
+
+def measure_models(args):
+    """Yield a row for each model: the best and the median of both programs, and ratios of ours over f3d's."""
+    with tempfile.TemporaryDirectory() as folder, a_display() as display, measure.Launcher() as launcher:
+        lacks = [what for what, is_there in (("f3d", shutil.which("f3d")), ("a display, or Xvfb", display))
+                 if not is_there]  # fmt: skip
+        if lacks and args.json:
+            raise measure.MissingError(f"there isn't {lacks[0]}")
+        if lacks:
+            print(f"f3d is left out: there isn't {lacks[0]}")
+        for name in args.models:
+            path = MADE[name](Path(folder, name)) if name in MADE else scenes.find_file(name)
+            picture = str(Path(folder, "picture.png"))
+            programs = {"ours": [*measure.RASTER, "render", str(path), "-s", SIZE, "-q", "-o", picture]}
+            if not lacks:
+                programs["f3d"] = ["env", f"DISPLAY={display}", "LIBGL_ALWAYS_SOFTWARE=1", "f3d", str(path),
+                                   "--output", picture, "--resolution", SIZE.replace("x", ",")]  # fmt: skip
+            row = {"model": name}
+            for program, found in launcher.run_turns(programs, args.runs).items():
+                row[f"{program}_ms"] = float(found["ms"].min())
+                for figure, key in (("median", "ms"), ("cpu", "cpu_ms"), ("mib", "peak_mib")):
+                    row[f"{program}_{figure}"] = float(np.median(found[key]))
+            if not lacks:
+                row["ratio"] = row["ours_ms"] / row["f3d_ms"]
+                row |= {f"{key}_ratio": row[f"ours_{key}"] / row[f"f3d_{key}"] for key in ("median", "cpu", "mib")}
+            if name in MADE:
+                path.unlink()
+            yield row
 
 
 @contextlib.contextmanager
@@ -88,29 +86,6 @@ def a_display():
     yield f":{number}" if number else ""
     server.terminate()
     server.wait()
-
-
-def measure_model(launcher, path: Path, picture: Path, display: str, n_run: int) -> dict:
-    """Time both programs in turns; return the best and the median of each, and ratios of ours over f3d's."""
-    programs = {"ours": [*startup.RASTER, "render", str(path), "-s", SIZE, "-q", "-o", str(picture)]}
-    if display:
-        programs["f3d"] = ["env", f"DISPLAY={display}", "LIBGL_ALWAYS_SOFTWARE=1", "f3d", str(path),
-                           "--output", str(picture), "--resolution", SIZE.replace("x", ",")]  # fmt: skip
-    found = {name: [] for name in programs}
-    for turn in range(1 + n_run):
-        for name, command in programs.items():
-            run = launcher.run(command, "")
-            if turn:  # the first one may still compile, or read files that nobody has read before
-                found[name].append(run)
-    row = {}
-    for name, runs in found.items():
-        row[f"{name}_ms"] = min(run["ms"] for run in runs)
-        for figure, key in (("median", "ms"), ("cpu", "cpu_ms"), ("mib", "peak_mib")):
-            row[f"{name}_{figure}"] = startup.median_of(runs, key)
-    if display:
-        row["ratio"] = row["ours_ms"] / row["f3d_ms"]
-        row |= {f"{key}_ratio": row[f"ours_{key}"] / row[f"f3d_{key}"] for key in ("median", "cpu", "mib")}
-    return row
 
 
 # --- models -----------------------------------------------------------------------------------------------------------
@@ -187,6 +162,8 @@ MADE = {
 }
 USUAL = [name for name in MADE if not name.startswith("10m")]
 
+
+main = measure.script("whole", __doc__, add_arguments, measure_models)
 
 if __name__ == "__main__":
     sys.exit(main())

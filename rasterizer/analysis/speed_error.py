@@ -195,7 +195,7 @@ def study(
             spread = 0.5 * (high - low) / middle
             rows.append(Row(method, anchor_ms * middle, *drawn[method], spread=spread))
     rows = sort_by_front(rows)
-    return Study(rows, left_out, advise(rows))
+    return Study(rows, left_out, advise(rows, left_out))
 
 
 def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> None:
@@ -385,12 +385,12 @@ def printed(error: float) -> float:
 # ---------------------------------------------------------------- the advice
 
 
-def advise(rows: Sequence[Row], samples: int = 4) -> str:
+def advise(rows: Sequence[Row], left_out: Sequence[Method] = (), samples: int = 4) -> str:
     """Say in a sentence or two which method to choose.
 
     With a fixed number of samples, that is the quickest method whose error is within 10 % of the least; of those whose
     times are too close to call, the one with the least error, so that another run says the same. What another number of
-    samples would change follows.
+    samples would change follows, and which methods were left out: nothing is said of these.
     """
     if not rows:
         return ""
@@ -419,10 +419,12 @@ def advise(rows: Sequence[Row], samples: int = 4) -> str:
             f". {other.method.name} is no nearer to the truth, and takes {_figure(other.ms / chosen.ms)} times as long."
         )
     else:
-        text += ". No other shading comes within 10 % of that."
+        text += f". No other shading{' that was measured' if left_out else ''} comes within 10 % of that."
     text += _other_tolerance(rows, chosen)
     same = [row for row in rows if row.method.name == chosen.method.name and row.method.samples != samples]
-    return text + "".join(_other_samples(same, chosen, n) for n in sorted({row.method.samples for row in same}))
+    text += "".join(_other_samples(same, chosen, n) for n in sorted({row.method.samples for row in same}))
+    unknown = " and ".join(dict.fromkeys(method.name for method in left_out))
+    return text + (f" Not measured: {unknown}." if unknown else "")
 
 
 def _alike(rows: Sequence[Row], samples: int) -> list[Row]:

@@ -56,7 +56,7 @@ def by_hand(scene, method, factor=1):
 def found():
     scene = ball_scene()
     methods = list_methods(("flat", "gouraud", "phong"), (0, 1), (1, 4), (0.0, 1 / 4096))
-    return scene, study(scene, SIZE, methods, 2.0, lambda *_: None, threads=1)
+    return scene, study(scene, SIZE, methods, 90.0, lambda *_: None, threads=1)
 
 
 def test_every_combination_has_a_row_or_is_named(found):
@@ -181,6 +181,8 @@ def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named()
     result = study(ball_scene(), SIZE, methods, 1e-6, lambda *_: None, threads=1)
     assert [row.method.subdivisions for row in result.rows] == [0]
     assert [method.subdivisions for method in result.left_out] == [1, 2]
+    assert "No other shading that was measured comes within 10 %" in result.advice, "of the rest nothing is known"
+    assert result.advice.endswith("Not measured: Gouraud, subdivided once and Gouraud, subdivided twice.")
     n = next(n for n in range(16) if 192 * 4**n > MAX_FACES)
     methods = list_methods(("gouraud",), (0, n), (1,), (1 / 4096,))
     result = study(ball_scene(), SIZE, methods, 9.0, lambda *_: None, threads=1)

@@ -1,6 +1,9 @@
 """The scripts of bench/ run, and their last line is JSON with what they promise. All but one of them run at night."""
 
 import json
+import shlex
+from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -8,99 +11,59 @@ from faults.faults import FAULTS, HELD_OUT
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from bench import (
-    before_after,
-    choices,
-    encode,
-    features,
-    frame,
-    fuzz,
-    history,
-    margins,
-    measure,
-    paths,
-    refinement,
-    scale,
-    startup,
-    throughput,
-    tolerance,
-    tolerance_modes,
-)
+from bench import fuzz, margins, paths, peers, refinement, scale, tolerance, worker
 from rasterizer import reference
 from rasterizer.analysis.timing import MIN_ROUNDS, take_turns
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
-MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
-SMALL = ["--sizes", "32", "--threads", "1"]
+PAIR = [*QUICK, "--pairs", "1", "--threads", "1"]
 # Each script with arguments that are little work, and how many rows it prints.
 RUNS = [
-    (frame, ["cube", "quads-back", *SMALL, "--shadings", "gouraud", "phong", "--stages", *QUICK], 4),
-    (frame, ["cube", *SMALL, "--shadings", "flat", "--memory"], 1),
-    (before_after, [str(ROOT), "cube", "--size", "32", "--frames", "3", "--pairs", "1"], len(before_after.KINDS)),
-    (paths, ["one channel", "--scan", "cube", "--scenes", "scan,quads", "--frames", "3"], 2),
-    (features, ["--model", "cube", "--size", "40", *QUICK], len(features.list_features())),
-    (encode, ["cube", "noise", *SMALL, "--levels", "1", "6", "--rounds", "3", "--seconds", "0.01"], 9),
-    (throughput, ["--models", "2", "--workers", "1", "2", "--size", "16", "--rounds", "1"], 2),
-    (scale, ["lights", "objects", "--most", "4", *QUICK], 3),
-    (scale, ["--many", "20"], 10),
-    (startup, [str(ROOT / "models/cube.obj"), "--size", "32x24", "--runs", "1", "--cold", "0"], 10),
-    (tolerance, ["cube", "--size", "40x30", "--shadings", "gouraud", "--tolerances", "0", "1/256", *QUICK], 2),
-    (tolerance_modes, ["--models", "cube@24", "--size", "24x16", "--turns", "1"], 8),
-    (choices, ["cube", "table", "--size", "32x24", "--seconds", "2"], 10),
-    (refinement, ["plane", "--quads", "4", "8", "--finest", "16", "--size", "64", "--seconds", "0.1"], 6),
+    ("frame", "cube quads-back --sizes 32 --threads 1 --shadings gouraud phong --stages", QUICK, 4),
+    ("before_after", f"{ROOT} cube --size 32", PAIR, 4),
+    ("paths", "'one channel' --scan cube --scenes scan,quads", PAIR, 2),
+    ("features", "--model cube --size 40", QUICK, 30),
+    ("encode", "cube --sizes 32 --levels 1 6 --rounds 3 --seconds 0.01", [], 6),
+    ("throughput", "--models 2 --workers 1 2 --size 16 --rounds 1", [], 2),
+    ("scale", "lights objects --most 4 --seconds 0.01", [], 5),
+    ("scale", "--many 20", [], 10),
+    ("startup", "models/cube.obj --size 32x24 --runs 1 --cold 0", [], 7),
+    ("whole", "--models layers --runs 1", [], 1),
+    ("tolerance", "cube --size 40x30 --shadings gouraud --tolerances 0 1/256", QUICK, 3),
+    ("choices", "cube --size 32x24 --seconds 2", [], 30),
+    ("refinement", "plane --quads 4 8 --finest 16 --size 64 --seconds 0.1", [], 6),
+    ("peers", "--cases specks --model torus --size 96x72", PAIR, 10),
 ]
 
 
-def rows_of(capsys, module, arguments) -> list[dict]:
+def rows_of(capsys, name: str, arguments: list[str]) -> list[dict]:
     """Run a script; return the rows of the JSON line that it has printed last."""
-    assert module.main(arguments) == 0
-    out, err = capsys.readouterr()
-    assert "no function was found" not in err, f"hooks of bench/stages.py are out of date: {err}"
-    record = json.loads(out.splitlines()[-1])
-    assert set(record) == {"bench", "machine", "settings", "rows", "peak_mib"} and set(record["machine"]) == MACHINE
-    assert record["bench"] == module.__name__.rpartition(".")[2]
+    assert import_module(f"bench.{name}").main(arguments) == 0
+    record = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert set(record) == {"bench", "machine", "code", "settings", "rows"} and record["bench"] == name
+    assert record["machine"]["rasterizer"] == rz.__version__
     return record["rows"]
 
 
 @pytest.mark.parametrize("k", [pytest.param(k, marks=[pytest.mark.nightly] if k else []) for k in range(len(RUNS))])
-def test_a_script_prints_what_it_has_measured(k, folder, capsys):
-    module, arguments, least = RUNS[k]
-    rows = rows_of(capsys, module, arguments)
-    assert len(rows) >= least, f"{module.__name__} {arguments}: {len(rows)} rows < {least}"
-    times = [value for row in rows for key, value in row.items() if key.endswith("ms") and value is not None]
-    assert not [time for time in times if time < 0] and (times or module is not frame)
+def test_a_script_prints_what_it_has_measured(k, capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    name, arguments, more, least = RUNS[k]
+    rows = rows_of(capsys, name, [*shlex.split(arguments), *more])
+    assert len(rows) >= least, f"{name} {arguments}: {len(rows)} rows < {least}"
+    times = [value for row in rows for key, value in row.items() if "ms" in key.split("_") and value is not None]
+    assert not [time for time in times if time < 0] and (times or name != "frame")
     assert all(row["max"] <= row["bound"] for row in rows if "bound" in row and "max" in row)
+    assert {row["bytes"] for row in rows if name == "before_after"} <= {"same"}
 
 
 @pytest.mark.nightly
 def test_errors_fall_as_theory_says(capsys):
-    arguments = ["teapot patch", "--quads", "16", "32", "64", "--finest", "512", "--size", "160", "--seconds", "0.1"]
-    rows = rows_of(capsys, refinement, arguments)
-    for shading in refinement.SHADINGS:
-        slope = refinement.last_slopes(rows, shading)[0]
-        assert slope == pytest.approx(refinement.THEORY[shading], abs=0.1), f"{shading}: {slope}"
-
-
-@pytest.mark.nightly
-def test_what_is_measured_is_kept_and_plotted(folder, capsys):
-    arguments = ["--file", "h.jsonl", "--add", "--note", "first", "--cases", "teapot Gouraud", *QUICK]
-    assert history.main(arguments) == 0
-    (found,) = history.read_history(folder / "h.jsonl")
-    lines = [{**found, "ratios": ratios, "machine": {"cpu": cpu}} for ratios, cpu in (
-        ({"a": 1.0, "b": 2.0}, "A"), ({"a": 9.0, "b": 9.0}, "B"), ({"a": 1.2, "b": 1.9, "c": 3.0}, "A"))]  # fmt: skip
-    for many, code in ((lines, 1), (lines[:2], 0)):  # another processor says nothing
-        (folder / "h.jsonl").write_text("".join(json.dumps(each) + "\n" for each in many))
-        capsys.readouterr()
-        assert history.main(["--file", "h.jsonl"]) == code
-        assert ("slower: a, 1.20 times the line before" in capsys.readouterr().out) == bool(code)
-    rows = rows_of(capsys, encode, [*RUNS[5][1], "--json", "a/encode.json"])
-    text = (folder / "a" / "encode.json").read_text()
-    assert json.loads(text)["rows"] == rows
-    assert sum(line.startswith('  {"case"') for line in text.splitlines()) == len(rows), "a row a line"
-    pytest.importorskip("matplotlib")
-    rows = [{"feature": f"thing {k}", "ns_more": k - 1.0, "dtype": "float32"} for k in range(4)]
-    measure.write_plot(folder / "x.svg", features.plot, rows)
-    assert (folder / "x.svg").read_bytes().startswith(b"<?xml")
+    arguments = "'teapot patch' --quads 32 64 --finest 512 --size 160 --seconds 0.1"
+    rows = {(row["shading"], row["quads"]): row for row in rows_of(capsys, "refinement", shlex.split(arguments))}
+    for shading, power in (("flat", 1), ("gouraud", 2), ("phong", 2)):
+        slope = np.log2(rows[shading, 32]["rms"] / rows[shading, 64]["rms"])
+        assert slope == pytest.approx(power, abs=0.1), f"{shading}: {slope}"
 
 
 @pytest.mark.nightly
@@ -116,10 +79,53 @@ def test_fuzz_goes_on_where_it_was_ended(folder, capsys):
     assert out.count("[") == 1 and "[3/3] scenes 4 to 5" in out and "6 scenes, " in out and "0 faults" in out
 
 
+# ---------------------------------------------------------------- other renderers
+
+
+def test_specks_are_a_few_pixels_in_a_corner():
+    work = {"case": "torus", "size": (160, 120), "texture": False, "options": {"shading": "phong", "cull": "back"}}
+    pictures = {}
+    for speck in ("", *worker.SPECKS):
+        painter = worker.Painter(work | {"speck": speck})
+        painter.draw()
+        pictures[speck] = painter.rgba.astype(int)
+        rows, columns = np.nonzero((pictures[""] != pictures[speck]).any(axis=2))
+        assert not speck or (len(rows) == worker.SPECK**2 and rows.max() < 24 and columns.max() < 24), speck
+
+
+def test_pictures_are_compared_away_from_silhouettes():
+    def disc(level=100, shift=0):
+        """A disc of one level on nothing, with its depth."""
+        y, x = np.indices((60, 80))
+        is_inside = (x - 40 - shift) ** 2 + (y - 30) ** 2 < 20**2
+        rgba = np.where(is_inside[..., None], np.uint8([level, level, level, 255]), np.uint8(0))
+        return {"rgba": rgba, "depth": np.where(is_inside, 5.0, np.inf).astype(np.float32)}
+
+    moved = peers.compare(disc(), disc(shift=1))  # differs in its silhouette alone, and covers as much
+    assert moved["max"] == 0 and moved["covered"] == moved["covered_peer"] and not moved["faults"]
+    brighter = peers.compare(disc(), disc(level=103))
+    assert brighter["max"] == 3 and brighter["over_one"] == 1.0 and "100.0%" in brighter["faults"][0]
+    nothing = disc() | {"rgba": np.zeros((60, 80, 4), np.uint8)}
+    assert "pixels are covered by ours, 0 by the peer" in peers.compare(disc(), nothing)["faults"][0]
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(not find_spec("moderngl"), reason="moderngl is not installed")
+def test_a_peer_draws_the_same(tmp_path, capsys):
+    """Textured and plain, by Gouraud's and Phong's shading: the same pixels, the same colours; else the exit is 1."""
+    arguments = ["--cases", *peers.CASES, "--model", "torus", "--size", "480x360", *PAIR, "--save", str(tmp_path)]
+    code = peers.main(arguments)
+    out = capsys.readouterr().out
+    if code and "can't draw it" in out:
+        pytest.skip(out.splitlines()[-1])
+    assert code == 0 and len(list(tmp_path.glob("*.png"))) == len(peers.CASES), out
+
+
 # ---------------------------------------------------------------- what measurements stand on
 
 
 def test_what_paths_and_faults_put_in_the_place_of_lines_finds_these_lines():
+    assert set(paths.TOLD) <= {path.name for path in paths.PATHS}
     edits = [(path.name, file, before) for path in paths.PATHS for file, before, _ in path.edits]
     edits += [(fault.what, fault.file, fault.before) for fault in (*FAULTS, *HELD_OUT)]
     for name, file, before in edits:
