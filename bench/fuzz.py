@@ -18,6 +18,7 @@ import os
 import sys
 import warnings
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 
@@ -33,28 +34,30 @@ def main(argv=None) -> int:
     args = make_parser().parse_args(argv)
     path = Path(args.state)
     done = read_state(path, args.seed)
-    if not args.report:
-        first = [start for start in range(0, args.cases, args.batch) if start not in done]
-        tasks = [(args.seed, start, min(start + args.batch, args.cases), args.climbs, args.steps) for start in first]
-        for record in run(tasks, args.processes):
+    starts = [] if args.report else [start for start in range(0, args.cases, args.batch) if start not in done]
+    tasks = [(args.seed, start, min(start + args.batch, args.cases), args.climbs, args.steps) for start in starts]
+    with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for record in (map if args.processes == 1 else pool.map)(run_batch, tasks):
             done[record["first"]] = record
-            append(path, record)
-            print(said_of(record, len(done), -(-args.cases // args.batch)), flush=True)
-    print(summary(done.values()))
+            with path.open("a", encoding="utf-8") as file:
+                file.write(f"\n{json.dumps(record)}")  # whatever was cut off is a line of its own
+            print(f"[{len(done)}/{-(-args.cases // args.batch)}] {summary([record])}", flush=True)
+    print(summary(done.values()) if done else "nothing is done yet")
     return int(any(record["faults"] for record in done.values()))
 
 
 def make_parser() -> argparse.ArgumentParser:
     """Describe the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=1_000_000, help="scenes in all (default: %(default)s)")
-    parser.add_argument("--batch", type=int, default=BATCH, help="scenes between two lines (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="another one makes other scenes (default: %(default)s)")
-    parser.add_argument("--climbs", type=int, default=2, help="scenes of a batch to climb from (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=40, help="steps of a climb (default: %(default)s)")
-    parser.add_argument("--processes", type=int, default=n_core(), help="default: a core each")
-    parser.add_argument("--state", default="fuzz.jsonl", metavar="FILE", help="what is done (default: %(default)s)")
-    parser.add_argument("--report", action="store_true", help="print what the state file holds, and end")
+    add = parser.add_argument
+    add("--cases", type=int, default=1_000_000, help="scenes in all (default: %(default)s)")
+    add("--batch", type=int, default=BATCH, help="scenes between two lines (default: %(default)s)")
+    add("--seed", type=int, default=1, help="another one makes other scenes (default: %(default)s)")
+    add("--climbs", type=int, default=2, help="scenes of a batch to climb from (default: %(default)s)")
+    add("--steps", type=int, default=40, help="steps of a climb (default: %(default)s)")
+    add("--processes", type=int, default=n_core(), help="default: a core each")
+    add("--state", default="fuzz.jsonl", metavar="FILE", help="what is done (default: %(default)s)")
+    add("--report", action="store_true", help="print what the state file holds, and end")
     return parser
 
 
@@ -62,30 +65,11 @@ def read_state(path: Path, seed: int) -> dict[int, dict]:
     """Return the batches of a seed that are done, by their first scene; a line that was cut off is no batch."""
     done = {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        try:
+        with suppress(json.JSONDecodeError):
             record = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        if record["seed"] == seed:
-            done[record["first"]] = record
+            if record["seed"] == seed:
+                done[record["first"]] = record
     return done
-
-
-def append(path: Path, record: dict) -> None:
-    """Add a line, on a line of its own."""
-    with path.open("a+b") as file:
-        is_cut = file.tell() > 0 and (file.seek(-1, os.SEEK_END), file.read())[1] != b"\n"
-        file.write((b"\n" if is_cut else b"") + json.dumps(record).encode() + b"\n")
-
-
-def run(tasks, n_process):
-    """Yield the record of each task, as they come."""
-    if n_process == 1:
-        yield from map(run_batch, tasks)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(n_process, mp_context=context) as pool:
-        yield from pool.map(run_batch, tasks)
 
 
 def run_batch(task) -> dict:
@@ -117,30 +101,18 @@ def run_batch(task) -> dict:
             "seconds": round(perf_counter() - start, 1)}  # fmt: skip
 
 
-def said_of(record, n_done, n_all) -> str:
-    """A line about a batch."""
-    text = (
-        f"[{n_done}/{n_all}] scenes {record['first']} to {record['stop'] - 1}: "
-        f"error/bound <= {record['worst'][0]:.3g}, uphill {record['climbed']:.3g}, {record['seconds']:g} s"
-    )
-    return "\n".join([text, *record["faults"]])
-
-
 def summary(records) -> str:
-    """What all batches have found."""
+    """What some batches have found."""
     records = list(records)
-    if not records:
-        return "nothing is done yet"
-    n_case = sum(record["stop"] - record["first"] for record in records)
     faults = [fault for record in records for fault in record["faults"]]
-    worst = max((record["worst"] for record in records), key=lambda pair: pair[0])
-    lines = [
-        f"{n_case} scenes, {sum(record['pixels'] for record in records)} pixels compared, "
-        f"{sum(record['seconds'] for record in records) / 3600:.2f} hours of a core",
-        f"error/bound <= {worst[0]:.3g} (scene {worst[1]}), uphill <= {max(r['climbed'] for r in records):.3g}",
-        f"{len(faults)} faults",
-    ]
-    return "\n".join([*lines, *faults])
+    worst, scene = max(record["worst"] for record in records)
+    line = (
+        f"{sum(record['stop'] - record['first'] for record in records)} scenes up to number {records[-1]['stop'] - 1}, "
+        f"{sum(record['pixels'] for record in records)} pixels compared, "
+        f"{sum(record['seconds'] for record in records):.0f} seconds of a core; error/bound <= {worst:.3g} (scene "
+        f"{scene}), uphill <= {max(record['climbed'] for record in records):.3g}; {len(faults)} faults"
+    )
+    return "\n".join([line, *faults])
 
 
 if __name__ == "__main__":

@@ -29,30 +29,18 @@ class Variant(NamedTuple):
     edits: tuple
 
 
+# fmt: off
 PATHS = (
     Variant("packed entries", (("pipeline/gradients.py", "    if n_in_entries > 0:", "    if False:"),)),
     Variant("spans in pieces", (("pipeline/gradients.py", "if count_left(block) > 0:", "if False:"),)),
-    Variant(
-        "planes",
-        (
-            ("pipeline/gradients.py", "&= ints[s.PATH + k] != EXACT", "= 0"),
-            ("pipeline/gradients.py", "&= ints[s.PATH + k] == IN_PLANES", "= 0"),
-        ),
-    ),
-    Variant(
-        "float32",
-        (
-            (
-                "engine/plan.py",
-                "np.array([*map(bool, reasons)])",
-                "np.ones(len(reasons), np.bool_)",
-            ),
-        ),
-    ),
-    Variant(
-        "one channel",
-        (("engine/scene_tables.py", "if is_spectral or self.has_texture[k]", "if True or self.has_texture[k]"),),
-    ),
+    Variant("planes", (
+        ("pipeline/gradients.py", "&= ints[s.PATH + k] != EXACT", "= 0"),
+        ("pipeline/gradients.py", "&= ints[s.PATH + k] == IN_PLANES", "= 0"),
+    )),
+    Variant("float32", (("engine/plan.py", "np.array([*map(bool, reasons)])", "np.ones(len(reasons), np.bool_)"),)),
+    Variant("one channel", (
+        ("engine/scene_tables.py", "if is_spectral or self.has_texture[k]", "if True or self.has_texture[k]"),
+    )),
     Variant("boxes filled whole", (("pipeline/scan.py", "if is_small and not", "if False and not"),)),
     Variant("spans: by hand", (("pipeline/scan.py", '@spelled_out("build_fill_span")', "@helper"),)),
     Variant("boxes: by hand", (("pipeline/scan.py", '@spelled_out("build_merge_box")', "@helper"),)),
@@ -60,113 +48,74 @@ PATHS = (
     Variant("planes in ranges: by hand", (("pipeline/samples.py", '@spelled_out("build_values_of_row")', "@helper"),)),
     Variant("passes that look away", (("pipeline/cull.py", "if n_left > 0:", "if True:"),)),
     Variant("light of what is seen", (("engine/lit_points.py", "np.flatnonzero(seen)", "np.arange(len(seen))"),)),
-    Variant(
-        "slopes: by hand",
-        (
-            ("pipeline/samples.py", '@spelled_out("build_slopes_of_row")', "@helper"),
-            ("pipeline/samples.py", '@spelled_out("build_both_of_row")', "@helper"),
-        ),
-    ),
-    Variant(
-        "texels: by hand",
-        (
-            ("pipeline/texture_lookup.py", '@spelled_out("build_fetch_texels")', "@helper"),
-            ("pipeline/texture_lookup.py", '@spelled_out("build_blend_texels")', "@helper"),
-            ("pipeline/texture_lookup.py", '@spelled_out("build_blend_mip_levels")', "@helper"),
-        ),
-    ),
-    Variant(
-        "cull: boxes without a sample",
-        (("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),),
-    ),
+    Variant("slopes: by hand", (
+        ("pipeline/samples.py", '@spelled_out("build_slopes_of_row")', "@helper"),
+        ("pipeline/samples.py", '@spelled_out("build_both_of_row")', "@helper"),
+    )),
+    Variant("texels: by hand", (
+        ("pipeline/texture_lookup.py", '@spelled_out("build_fetch_texels")', "@helper"),
+        ("pipeline/texture_lookup.py", '@spelled_out("build_blend_texels")', "@helper"),
+        ("pipeline/texture_lookup.py", '@spelled_out("build_blend_mip_levels")', "@helper"),
+    )),
+    Variant("cull: boxes without a sample", (
+        ("pipeline/cull.py", "(is_large | is_any_covered(triangle, rows[SIDE + k], left, top))", "True"),
+    )),
     Variant("lights that don't arrive", (("pipeline/lighting.py", "if arrives(batch, n):", "if True:"),)),
-    Variant(
-        "pixels covered as a whole",
-        (("pipeline/resolve.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),),
-    ),
-    Variant(
-        "one sample a pixel",
-        (("pipeline/resolve.py", "if factor_of(grid) == 1:", "if False:"),),
-    ),
-    Variant(
-        "grey encoding",
-        (("engine/uniforms.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),),
-    ),
-    Variant(
-        "extents of rows",
-        (
-            (
-                "pipeline/visibility.py",
-                "min(visibility.left[strip], left)",
-                "np.int64(0) if visibility.width else min(visibility.left[strip], left)",
-            ),
-            (
-                "pipeline/visibility.py",
-                "max(visibility.right[strip], right)",
-                "max(visibility.right[strip], right, np.int64(visibility.width))",
-            ),
-        ),
-    ),
-    Variant(
-        "strips of one material",
-        (
-            (
-                "pipeline/visibility.py",
-                "    left, right = visibility.other_left[strip], visibility.other_right[strip]\n    if left <= first",
-                "    left, right = np.int64(0), end\n    if left <= first",
-            ),
-        ),
-    ),
-    Variant(
-        "blocks of one material",
-        (("pipeline/setup.py", "    if others == 0:\n", "    if others == 1 << 30:\n"),),
-    ),
-    Variant(
-        "busiest bands first",
-        (
-            (
-                "engine/draw.py",
-                'np.argsort(-np.diff(lists.starts), kind="stable").tolist()',
-                "range(len(lists.starts) - 1)",
-            ),
-        ),
-    ),
-    Variant(
-        "polynomials of powers",
-        (
-            (
-                "pipeline/power.py",
-                "power = by_type(power_single,",
-                "power = by_type(power_libm,",
-            ),
-            (
-                "pipeline/power.py",
-                "def power_double(",
-                "def power_libm(base, exponent):\n"
-                "    return np.float32(min(base, np.float32(1)) ** exponent) if base > 0 else np.float32(0)\n\n\n"
-                "@helper\ndef power_double(",
-            ),
-        ),
-    ),
-    Variant(
-        "exponents by squaring",
-        (("pipeline/reflection.py", "if shininess == np.floor(shininess) and", "if False and"),),
-    ),
-    Variant(
-        "casters that a map can't show",
-        (
-            (
-                "engine/shadow_maps.py",
-                "    if is_any_beyond:\n",
-                "    if False:\n",
-            ),
-        ),
-    ),
+    Variant("pixels covered as a whole", (
+        ("pipeline/resolve.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),
+    )),
+    Variant("one sample a pixel", (("pipeline/resolve.py", "if factor_of(grid) == 1:", "if False:"),)),
+    Variant("grey encoding", (
+        ("engine/uniforms.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),
+    )),
+    Variant("extents of rows", (
+        ("pipeline/visibility.py",
+         "min(visibility.left[strip], left)",
+         "np.int64(0) if visibility.width else min(visibility.left[strip], left)"),
+        ("pipeline/visibility.py",
+         "max(visibility.right[strip], right)",
+         "max(visibility.right[strip], right, np.int64(visibility.width))"),
+    )),
+    Variant("strips of one material", (
+        ("pipeline/visibility.py",
+         "    left, right = visibility.other_left[strip], visibility.other_right[strip]\n    if left <= first",
+         "    left, right = np.int64(0), end\n    if left <= first"),
+    )),
+    Variant("blocks of one material", (("pipeline/setup.py", "    if others == 0:\n", "    if others == 1 << 30:\n"),)),
+    Variant("busiest bands first", (
+        ("engine/draw.py",
+         'np.argsort(-np.diff(lists.starts), kind="stable").tolist()',
+         "range(len(lists.starts) - 1)"),
+    )),
+    Variant("polynomials of powers", (
+        ("pipeline/power.py", "power = by_type(power_single,", "power = by_type(power_libm,"),
+        ("pipeline/power.py",
+         "def power_double(",
+         "def power_libm(base, exponent):\n"
+         "    return np.float32(min(base, np.float32(1)) ** exponent) if base > 0 else np.float32(0)\n\n\n"
+         "@helper\ndef power_double("),
+    )),
+    Variant("exponents by squaring", (
+        ("pipeline/reflection.py", "if shininess == np.floor(shininess) and", "if False and"),
+    )),
+    Variant("casters that a map can't show", (
+        ("engine/shadow_maps.py", "    if is_any_beyond:\n", "    if False:\n"),
+    )),
 )
-
+# fmt: on
 # Those of the page's table, and the scenes there; each path takes half a minute, most of it for compiling.
-TOLD = ("packed entries", "planes", "float32", "one channel", "boxes filled whole", "boxes: by hand", "planes: by hand",
-        "texels: by hand", "grey encoding", "lights that don't arrive")  # fmt: skip
+TOLD = (
+    "packed entries",
+    "planes",
+    "float32",
+    "one channel",
+    "boxes filled whole",
+    "boxes: by hand",
+    "planes: by hand",
+    "texels: by hand",
+    "grey encoding",
+    "lights that don't arrive",
+)  # fmt: skip
 TOLD_SCENES = "scan,dense,textured,room,quads"
 SIZE = (1920, 1080)
 # Settings in which people draw such a thing; a scan takes the place of "".

@@ -39,8 +39,9 @@ def main(argv=None) -> int:
         if not args.check and filled != page:
             path.write_text(filled, encoding="utf-8")
         for what in wrong:
-            print(f"{path.relative_to(ROOT)}: {what}" + ("" if args.check else "; written anew"))
-            is_wrong |= args.check or "doesn't say" in what
+            is_left = args.check or "doesn't say" in what
+            print(f"{path.relative_to(ROOT)}: {what}" + ("" if is_left else "; written anew"))
+            is_wrong |= is_left
     if old := list_old():
         print("older than the code that they measure:", *(f"    {name}: {why}" for name, why in old.items()), sep="\n")
         print(f"measure them again: python bench/measure_all.py --only {' '.join(old)}")
@@ -127,18 +128,16 @@ def span(values, form=".1f") -> list[str]:
     return [format(value, form) for value in (min(values), max(values))]
 
 
-def path(name, scene):
+def path(name, scene) -> list[str]:
     """How many times as long a frame takes without a path."""
-    return lambda: [f"{value:.1f}" for value in column("paths", path=name, scene=scene)]
+    return [f"{value:.1f}" for value in column("paths", path=name, scene=scene)]
 
 
 GUIDE, BENCH, FRONT = "rasterizer/README.md", "bench/README.md", "README.md"
 SENTENCES = (  # page, sentence, function that returns its figures
-    (GUIDE, "Without it a fine sphere takes {} times as long", path("packed entries", "dense")),
-    (GUIDE, "With exact records alone a scan takes {} times as long", path("planes", "scan")),
-    (GUIDE, "Without that a scan takes {} times as long", path("boxes filled whole", "scan")),
+    (GUIDE, "With the corners alone a scan takes {} times as long", lambda: path("planes", "scan")),
+    (GUIDE, "a scan takes {} times as long without", lambda: path("boxes filled whole", "scan")),
     (GUIDE, "Without it frames take {} to {} times as long", lambda: span(column("paths", path="float32"))),
-    (GUIDE, "draw {} times as fast as one", lambda: [f"{column('throughput', 'gain', processes=2)[0]:.2f}"]),
     (GUIDE, "takes {} of the time of `import numba`",
      lambda: [f"{column('startup', 'yards', program='first picture')[0]:.2f}"]),
     (GUIDE, "costs at most {} %",
@@ -367,17 +366,8 @@ def specks(rows) -> list[str]:
 
 def writers(rows) -> list[str]:
     """Means of milliseconds and sizes of PNG files."""
-    rows = [
-        {**row, "what": f"{row['size']}: {what}" if what == "ms" else what, "cell": form.format(row[what])}
-        for row in rows
-        if row["case"] == "mean"
-        for what, form in (("ms", "{:.3g}"), ("share", "{:.2f}"))
-    ]
-    sizes = list(dict.fromkeys(row["size"] for row in rows))
-    of = {(row["writer"], row["size"], row["what"]): row["cell"] for row in rows}
-    return lines_of(["writer", *(title for size in sizes for title in (f"{size}: ms", "share"))],
-                    [[writer, *(of[writer, size, what] for size in sizes for what in (f"{size}: ms", "share"))]
-                     for writer in dict.fromkeys(row["writer"] for row in rows)])  # fmt: skip
+    rows = [row for row in rows if row["case"] == "mean"]
+    return crossed(rows, "writer", "size", lambda row: f"{figure(row['ms'])} · {row['share']:.2f}", ["writer"])
 
 
 _COSTS = {"build_ms": "build ms", "prepare_ms": "prepare ms", "cpu_ms": "frame ms", "mib": "MiB"}

@@ -70,13 +70,15 @@ def test_errors_fall_as_theory_says(capsys):
 def test_fuzz_goes_on_where_it_was_ended(folder, capsys):
     few = ["--cases", "6", "--batch", "2", "--climbs", "1", "--steps", "2", "--processes", "1"]
     assert fuzz.main([*few, "--cases", "2"]) == 0 == fuzz.main(few)
-    lines = (folder / "fuzz.jsonl").read_text().splitlines()
-    assert [(json.loads(line)["first"], json.loads(line)["stop"]) for line in lines] == [(0, 2), (2, 4), (4, 6)]
-    (folder / "fuzz.jsonl").write_text("\n".join([*lines[:2], lines[2][:30]]))  # it was ended while writing
+    lines = (folder / "fuzz.jsonl").read_text().split("\n")
+    found = [(json.loads(line)["first"], json.loads(line)["stop"]) for line in lines if line]
+    assert found == [(0, 2), (2, 4), (4, 6)]
+    (folder / "fuzz.jsonl").write_text("\n".join(lines)[:-30])  # it was ended while writing
     capsys.readouterr()
     assert fuzz.main(few) == 0
     out = capsys.readouterr().out
-    assert out.count("[") == 1 and "[3/3] scenes 4 to 5" in out and "6 scenes, " in out and "0 faults" in out
+    assert out.count("[") == 1 and "[3/3] 2 scenes up to number 5" in out and "6 scenes" in out and "0 faults" in out
+    assert fuzz.main(["--report"]) == 0 and "6 scenes" in capsys.readouterr().out
 
 
 # ---------------------------------------------------------------- other renderers
