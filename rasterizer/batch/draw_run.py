@@ -43,6 +43,7 @@ class Drawn(NamedTuple):
     files_read: tuple[str, ...]  # that the model named
     options: Options | None = None  # with those of a scene file
     said: dict[str, Any] | None = None  # for the manifest, see annotations.py
+    remarks: Any = None  # of a command, see RenderRecord
 
 
 class Model(NamedTuple):

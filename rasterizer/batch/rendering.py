@@ -5,10 +5,9 @@ which is one job: the model is loaded once for it. A job whose process dies is d
 of these is drawn once more, alone in its process; the one that ends that process, too, is named.
 """
 
-import logging
 import os
 from collections import OrderedDict, deque
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -42,7 +41,7 @@ from .pools import (
 )
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
 
-_MAX_OUTPUTS = 2**16  # of the last ones is known which task writes them
+_MAX_KNOWN = 2**16  # outputs and inputs, of which is known which task writes them, and that they are read
 _NEVER_ASKED = "nothing was drawn: render_many draws while its records are asked for, as in `for record in ...`"
 _MAX_OBJECTS = 8  # models given as objects that are recognised when they come again
 
@@ -153,13 +152,20 @@ class Batch:
     """
 
     def __init__(
-        self, tasks: Iterator[RenderTask], pool: Pool, existing: Existing, manifest: Manifest | None = None
+        self,
+        tasks: Iterator[RenderTask],
+        pool: Pool,
+        existing: Existing,
+        manifest: Manifest | None = None,
+        draw: Callable[..., list[Drawn] | None] = draw_run,  # called as that
     ) -> None:
         self._tasks, self._pool, self._existing, self._manifest = tasks, pool, existing, manifest
+        self._draw = draw
         self._counts, self._start, self._n_task = RenderSummary(), perf_counter(), 0
         self._is_exhausted = False
         self._waiting: deque[Item] = deque()
         self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
+        self._inputs: OrderedDict[Any, str] = OrderedDict()  # paths of files that models have read, by their identity
         self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
         self._records: Generator[RenderRecord, None, None] | None = None  # none until one is asked for
         self._first_error: Exception | None = None
@@ -267,7 +273,7 @@ class Batch:
             if output in list(outputs.values())[:k]:
                 raise OutputError(f"can't write {name}: another file of the task is written there, too")
         self._outputs.update(dict.fromkeys(outputs.values(), index))
-        while len(self._outputs) > _MAX_OUTPUTS:
+        while len(self._outputs) > _MAX_KNOWN:
             self._outputs.popitem(last=False)
         model = path if self._existing == "skip-newer" else None
         if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
@@ -309,7 +315,7 @@ class Batch:
         identity = None if path is None or self._pool.is_here else identify(path)
         tasks = tuple((replace(item.task, source=None), item.options) for item in items)
         run = Run(task.name, path, identity, task.loading, tasks, self._manifest is not None)
-        job = Job(draw_run, run, items[0].shared)
+        job = Job(self._draw, run, items[0].shared)
         job.note = Note(items, run)
         return job
 
@@ -319,8 +325,9 @@ class Batch:
         instead = replace_job(
             job, outcome, lambda job: [self._job_of([item]) for item in job.note.items], self._send_model
         )
-        if instead and isinstance(outcome, Died):
-            logging.getLogger("rasterizer").warning("%s: %s", job.note.run.name, died_once(outcome))
+        if isinstance(outcome, Died):
+            for each in instead:
+                each.note = each.note._replace(warnings=(f"{job.note.run.name}: {died_once(outcome)}",))
         return instead
 
     def _send_model(self, job: Job) -> list[Job]:
@@ -332,7 +339,7 @@ class Batch:
             job.note = note._replace(error=plain_error(note.run.name, fault))
             return []
         run = note.run._replace(path=None, identity=None, load={})
-        again = Job(draw_run, run, self._share(model.file, {}))
+        again = Job(self._draw, run, self._share(model.file, {}))
         again.note = note._replace(warnings=model.warnings, files_read=model.files_read)
         return [again]
 
@@ -348,11 +355,13 @@ class Batch:
     def _write(self, item: Item, drawn: Drawn, note: Note) -> RenderRecord:
         """Write the files of a picture; return its record."""
         if drawn.error is not None:
-            return _failed(item.number, item.task, drawn.error, drawn.seconds)
+            return _failed(item.number, item.task, drawn.error, drawn.seconds, drawn.remarks)
         paths = tuple(drawn.contents)
-        read = {identity_of(path): path for path in (*drawn.files_read, *note.files_read)}
+        self._inputs.update((identity_of(path), path) for path in (*drawn.files_read, *note.files_read))
+        while len(self._inputs) > _MAX_KNOWN:
+            self._inputs.popitem(last=False)
         try:
-            refuse_inputs(paths, read)
+            refuse_inputs(paths, self._inputs)
             for output in paths:
                 make_folder_of(output)
             write_all(drawn.contents)
@@ -361,9 +370,10 @@ class Batch:
                 self._manifest.add(item.number, files, _said_of(item.task, files) | (drawn.said or {}))
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
-        warnings = (*note.warnings, *drawn.warnings)
-        model = source_of(item.task)
-        return RenderRecord(item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, model, warnings, paths)
+        return RenderRecord(
+            item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, source_of(item.task),
+            (*note.warnings, *drawn.warnings), paths, drawn.remarks,
+        )  # fmt: skip
 
 
 def _said_of(task: RenderTask, files: dict[str, str]) -> dict[str, Any]:
@@ -378,11 +388,13 @@ def source_of(task: RenderTask) -> str | None:
     return os.fspath(task.source) if isinstance(task.source, (str, os.PathLike)) else None
 
 
-def _failed(index: int, task: RenderTask, error: Exception | None, seconds: float = 0.0) -> RenderRecord:
+def _failed(
+    index: int, task: RenderTask, error: Exception | None, seconds: float = 0.0, remarks: Any = None
+) -> RenderRecord:
     """The record of a task that failed."""
     paths = task.output.values() if isinstance(task.output, Mapping) else [task.output]
     texts = tuple(dict.fromkeys(map(str, paths)))
-    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), files=texts)
+    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), (), texts, remarks)
 
 
 def is_there(output: str, model: str | None) -> bool:

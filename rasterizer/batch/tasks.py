@@ -234,8 +234,9 @@ class RenderRecord:
     error : Exception, where it failed; then none of its files was written
     stats : Stats of the picture, where it was drawn
     model : path, text; None where it was no file
-    warnings : what its model was warned of, texts
+    warnings : what its model was warned of, and that it was lost with a process once, texts
     files : paths of all that it writes, texts, in the order in which they were given
+    remarks : what else is said of it by the command that drew it; None elsewhere
     """
 
     index: int
@@ -247,6 +248,7 @@ class RenderRecord:
     model: str | None = None
     warnings: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    remarks: Any = field(default=None, repr=False, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as a dict that can be written as JSON; its names are those of the lines of `--json`."""

@@ -1,8 +1,8 @@
 """`raster batch`: many models in several processes, or on many machines."""
 
+from itertools import chain
 from time import perf_counter
 
-from ..choices import ARRAY_SUFFIXES, RANDOM
 from ..errors import OutputError, SceneError
 from ..options import Options
 from . import values
@@ -56,16 +56,10 @@ def add_flags(parser) -> None:
 
 def run(arguments, messages) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from ..batch.rendering import is_there
     from .drawing import make_settings
-    from .outputs import by_view, check_scale, holds_arrays, plan_targets, without
+    from .outputs import check_scale, holds_arrays, plan_targets
     from .processes import can_use_processes, draw_in_processes
-    from .render import render_model
-
-    def is_left_out(target) -> bool:
-        if arguments.skip_existing:
-            return is_there(target.output, None)
-        return arguments.is_resumed and is_there(target.output, target.model)
+    from .render import render_view
 
     start = perf_counter()
     settings = make_settings(arguments)
@@ -75,95 +69,45 @@ def run(arguments, messages) -> tuple[list, int]:
     if (arguments.coco or arguments.bop) and not arguments.manifest:
         raise SceneError("--coco and --bop are made of a manifest: give --manifest FILE, too")
     plan = plan_targets(arguments)
-    if arguments.manifest:
-        manifest = _Manifest(arguments, [view for targets in plan for view in by_view(targets)])
-        plan, n_left_out = without(plan, manifest.left_out(is_left_out).__contains__)
-    else:
-        manifest, (plan, n_left_out) = None, without(plan, is_left_out)
-    note = None if manifest is None else manifest.note
-    try:
-        failures, n_model, summary = draw_in_processes(
-            arguments, settings, messages, plan, render_model, arguments.scheduler, note
-        )
-        if manifest is not None:
-            manifest.finish()
-    finally:
-        if manifest is not None:
-            manifest.close()
-    summary.skipped, summary.seconds = n_left_out, perf_counter() - start
+    existing = "skip" if arguments.skip_existing else "skip-newer" if arguments.is_resumed else "replace"
+    manifest = _manifest_of(arguments, plan, existing) if arguments.manifest else None
+    failures, summary = draw_in_processes(
+        arguments, settings, messages, plan, render_view, arguments.scheduler, existing, manifest
+    )
+    if summary.drawn + summary.skipped:
+        _annotate(arguments)
+    summary.seconds = perf_counter() - start
     messages.notice(summary.describe("file" if holds_arrays(arguments) else "picture"))
     if arguments.json:
         messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)})
-    return failures, n_model
+    return failures, len(plan)
 
 
-class _Manifest:
-    """The manifest of a run, and what is made of it.
+def _manifest_of(arguments, plan, existing):
+    """Return the Manifest of a run; OutputError where it, or COCO's annotations, would replace another file."""
+    from ..batch.datasets import import_pycocotools
+    from ..batch.manifest import Manifest
+    from ..io.files import are_same
 
-    Parameters
-    ----------
-    arguments : those of the command
-    views : lists of targets, the files of one picture each
-    """
-
-    def __init__(self, arguments, views):
-        from ..batch.datasets import import_pycocotools
-        from ..batch.manifest import Manifest
-        from ..io.files import are_same
-
-        self._arguments, self._views = arguments, views
-        if arguments.coco:
-            import_pycocotools()
-        self._file = Manifest(arguments.manifest, arguments.skip_existing or arguments.is_resumed)
-        self._numbers = {view[0].output: number for number, view in enumerate(views)}
-        for target in (target for view in views for target in view):
-            if self._file.is_one_of(target.output):
-                raise OutputError(f"can't write {target.output}: it is the manifest")
-            for path in (target.output, target.model) if arguments.coco else ():
-                if are_same(arguments.coco, path):
-                    raise OutputError(f"can't write {arguments.coco}: it is {path}; give another name with --coco")
-        if arguments.coco and self._file.is_one_of(arguments.coco):
-            raise OutputError(f"can't write {arguments.coco}: it is the manifest")
-        self._file.open()
-        self.close = self._file.close
-
-    def left_out(self, is_left_out) -> set:
-        """Return the targets that are left out: all of a view, where the manifest has its line, or none."""
-        from .outputs import needed_outputs
-
-        found, outputs = set(), needed_outputs(self._arguments)
-        for number, view in enumerate(self._views):
-            if all(map(is_left_out, view)) and self._file.keep(number, _named_files(view, outputs)):
-                found.update(view)
-        return found
-
-    def note(self, view, said, outputs) -> None:
-        """Add the line of a picture that was written."""
-        from ..batch.manifest import depth_scale
-        from .outputs import seed_of
-
-        number = self._numbers[view[0].output]
-        view, files = self._views[number], _named_files(self._views[number], outputs)
-        scale = depth_scale(files, self._arguments.scale)
-        name = view[0].view if seed_of(view[0].view) is None else RANDOM
-        of_task = {"model": view[0].model, "seed": view[0].seed, "view": name, "depth_scale": scale}
-        self._file.add(number, files, of_task | said)
-
-    def finish(self) -> None:
-        """Put the lines in order; make COCO's annotations and BOP's folders."""
-        from ..batch.datasets import write_bop, write_coco
-
-        has_lines = self._file.finish()
-        if has_lines and self._arguments.coco:
-            write_coco(self._arguments.manifest, self._arguments.coco)
-        if has_lines and self._arguments.bop:
-            write_bop(self._arguments.manifest, self._arguments.bop, unit=self._arguments.unit)
+    if arguments.coco:
+        import_pycocotools()
+    manifest = Manifest(arguments.manifest, existing != "replace")
+    for target in chain.from_iterable(plan):
+        if manifest.is_one_of(target.output):
+            raise OutputError(f"can't write {target.output}: it is the manifest")
+        for path in (target.output, target.model) if arguments.coco else ():
+            if are_same(arguments.coco, path):
+                raise OutputError(f"can't write {arguments.coco}: it is {path}; give another name with --coco")
+    if arguments.coco and manifest.is_one_of(arguments.coco):
+        raise OutputError(f"can't write {arguments.coco}: it is the manifest")
+    return manifest
 
 
-def _named_files(view, outputs) -> dict[str, str]:
-    """Return the path of each array's file of a picture by its name, that of the picture itself as "rgb"; `outputs` are
-    those of the frame."""
-    from .outputs import suffix_of
+def _annotate(arguments) -> None:
+    """Make COCO's annotations and BOP's folders of the manifest."""
+    from ..batch.datasets import write_bop, write_coco
 
-    plain = outputs if suffix_of(view[0].output) in ARRAY_SUFFIXES else ("rgb",)
-    return {name: target.output for target in view for name in target.arrays or plain}
+    if arguments.coco:
+        write_coco(arguments.manifest, arguments.coco)
+    if arguments.bop:
+        write_bop(arguments.manifest, arguments.bop, unit=arguments.unit)

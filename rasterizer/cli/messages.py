@@ -128,11 +128,15 @@ class Failures(list):
             at = f" at {size}" if size is not None and isinstance(error, MemoryError) else ""
             failure = error_of(f"{model}{at}", error)
             self.append(failure)
-            self._messages.error(failure)
+            self.tell(model, failure, is_stdout_taken)
             if getattr(failure, "is_internal", False):
                 self._messages.traceback(error.__cause__ if failure is error and error.__cause__ else error)
-            if self._is_json:
-                self._messages.record({"model": model, "error": str(failure)}, is_stdout_taken)
+
+    def tell(self, model: str, failure: Exception, is_stdout_taken: bool = False) -> None:
+        """Say what went wrong at a model."""
+        self._messages.error(failure)
+        if self._is_json:
+            self._messages.record({"model": model, "error": str(failure)}, is_stdout_taken)
 
 
 class Results:

@@ -76,9 +76,9 @@ class Loaded(NamedTuple):
     look: Look  # the arguments', over a scene file's
 
 
-def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
+def load_scene(model, arguments, settings, messages, files_read=None, read=None) -> Loaded:
     """Load a model or scene file and change it as the settings say; its warnings are said, and the paths of other files
-    that were read are added to `files_read`.
+    that were read are added to `files_read`. `read` is the model, SceneFile, where it has been read elsewhere.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     """
     with noted_warnings() as texts:
         with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show if bar.is_shown else None):
-            read = _read(model, arguments, settings.look, messages, files_read)
+            read = _read(model, arguments, settings.look, messages, files_read, read)
         look, options = settings.look.over(read.look), settings.options
         if read.options:
             with told_of(f"{model}: options"):
@@ -124,11 +124,12 @@ def noted_warnings():
             texts.append(str(warning.message))
 
 
-def _read(model, arguments, look, messages, files_read) -> SceneFile:
-    """Read a model; messages are told of its camera and its upward axis."""
-    source = source_of(model, arguments.input_format)
-    log = messages.detail if messages.level >= VERBOSE else None
-    read = read_source(source, camera="file", **look.reading, log=log, files_read=files_read)
+def _read(model, arguments, look, messages, files_read, read) -> SceneFile:
+    """Read a model, unless `read` is it; messages are told of its camera and its upward axis."""
+    if read is None:
+        source = source_of(model, arguments.input_format)
+        log = messages.detail if messages.level >= VERBOSE else None
+        read = read_source(source, camera="file", **look.reading, log=log, files_read=files_read)
     entry, scene = formats.find(arguments.input_format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
         is_dropped = arguments.up is not None and arguments.camera != "file"  # another side is meant

@@ -6,11 +6,15 @@ argparse    names, checked    one model after the other
 
 from contextlib import contextmanager, nullcontext
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from ..choices import RANDOM
 from ..errors import counted
 from ..options import Options
 from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
+
+if TYPE_CHECKING:
+    from ..frame import Frame
 
 IMPORTS = ("drawing",)
 _EXAMPLES = """\
@@ -52,49 +56,53 @@ def run(arguments, messages) -> tuple[list, int]:
 
         if can_use_processes(arguments):
             plan, n_model = plan_missing(arguments, messages)
-            return draw_in_processes(arguments, settings, messages, plan, render_model)[0], n_model
-    return draw_models(arguments, settings, messages, render_model)
+            return draw_in_processes(arguments, settings, messages, plan, render_view)[0], n_model
+    return draw_models(arguments, settings, messages, _render_model)
 
 
-def render_model(targets, arguments, settings, messages, output, loaded=None) -> None:
-    """Draw all views of one model; `loaded` is the model, Loaded, where it has been loaded before."""
-    from .drawing import camera_of, make_renderer, picture_warnings
-    from .messages import STDIO, VERBOSE
+def _render_model(targets, arguments, settings, messages, output) -> None:
+    """Draw all views of one model."""
+    from .drawing import make_renderer
     from .models import load_scene
-    from .outputs import by_view, encode_target
+    from .outputs import by_view
 
     start = perf_counter()
-    model = targets[0].model
-    loaded = loaded or load_scene(model, arguments, settings, messages, output.files_read)
-    scene, options = loaded.scene, loaded.options
-    annotating = _annotating(scene, options) if getattr(arguments, "manifest", None) else nullcontext()
-    with make_renderer(scene, options) as renderer, annotating as annotator:
+    loaded = load_scene(targets[0].model, arguments, settings, messages, output.files_read)
+    with make_renderer(loaded.scene, loaded.options) as renderer:
         for of_view in by_view(targets):
-            lights = nullcontext(renderer)
-            if settings.has_random_lights:
-                lights = _in_lights(renderer, of_view[0], loaded, settings)
-            with lights as lit:
-                camera = camera_of(settings, of_view[0].view, loaded, lambda lit=lit: lit.subject)
-                frame, scene = lit.render(camera), lit.scene
-            warnings = picture_warnings(frame, scene, arguments, camera, model)
-            messages.warn(*warnings)
-            if annotator is not None:
-                output.notes[of_view[0].view] = annotator.annotate(frame), options.outputs
-            contents = {}
-            for target in of_view:
-                contents[target.output] = encode_target(frame, target, options.outputs, arguments.scale)
-            output.write(contents)
-            seconds, start = perf_counter() - start, perf_counter()
-            for target in of_view:
-                output.results.tell(target.output, frame.size, len(contents[target.output]), seconds)
-                if messages.level >= VERBOSE:
-                    messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
-                    messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
-                    messages.detail(f"{model}: {describe_bounds(frame.stats)}")
-                    messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
-                if arguments.json:
-                    record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
-                    messages.record(record, target.output == STDIO)
+            render_view(of_view, renderer, loaded, arguments, settings, messages, output, start)
+            start = perf_counter()
+
+
+def render_view(targets, renderer, loaded, arguments, settings, messages, output, start) -> "Frame":
+    """Draw one view of a model, Loaded, and write its files; `start` is when that was begun. Return the frame."""
+    from .drawing import camera_of, picture_warnings
+    from .messages import STDIO, VERBOSE
+    from .outputs import encode_target
+
+    model, options = targets[0].model, loaded.options
+    lights = _in_lights(renderer, targets[0], loaded, settings) if settings.has_random_lights else nullcontext(renderer)
+    with lights as lit:
+        camera = camera_of(settings, targets[0].view, loaded, lambda: lit.subject)
+        frame, scene = lit.render(camera), lit.scene
+    warnings = picture_warnings(frame, scene, arguments, camera, model)
+    messages.warn(*warnings)
+    contents = {}
+    for target in targets:
+        contents[target.output] = encode_target(frame, target, options.outputs, arguments.scale)
+    output.write(contents)
+    seconds = perf_counter() - start
+    for target in targets:
+        output.results.tell(target.output, frame.size, len(contents[target.output]), seconds)
+        if messages.level >= VERBOSE:
+            messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+            messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
+            messages.detail(f"{model}: {describe_bounds(frame.stats)}")
+            messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
+        if arguments.json:
+            record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
+            messages.record(record, target.output == STDIO)
+    return frame
 
 
 @contextmanager
@@ -109,13 +117,6 @@ def _in_lights(renderer, target, loaded, settings):
     scene = look.change(loaded.scene, options.shading, options.ground, settings.shadow_fields)
     with renderer.in_lights(scene.lights) as lit:
         yield lit
-
-
-def _annotating(scene, options):
-    """Make what says of pictures what a manifest holds, a context manager."""
-    from ..batch.annotations import Annotator
-
-    return Annotator(scene, options)
 
 
 def _describe_look(scene, camera, options) -> str:
