@@ -16,7 +16,6 @@ import re
 from bisect import bisect_left
 from dataclasses import replace
 from functools import partial
-from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -438,14 +437,20 @@ class ObjLines:
 
 def _tidy(data) -> tuple[bytes, list[int]]:
     """Return the text with a newline behind each line and no other blanks than ' '; and the lines to which a backslash
-    joined the next, ascending, each as often as it did."""
+    at their end joined the next, ascending, each as often as it did."""
     data, joints = data if data.endswith(b"\n") else data + b"\n", []
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\\" in data:
-        pieces = data.split(b"\\\n")
-        data = b" ".join(pieces) + b"\n"  # the last line may have been one that is joined
-        joints = list(accumulate(piece.count(b"\n") for piece in pieces[:-1]))
+        pieces, n_line = re.split(rb"\\[ \t\v\f]*\n", data), 0
+        for k, piece in enumerate(pieces[:-1]):
+            n_line += piece.count(b"\n")
+            if b"#" in piece[piece.rfind(b"\n") + 1 :]:  # a comment ends with its line, whatever stands there
+                pieces[k], n_line = piece + b"\n", n_line + 1
+            else:
+                pieces[k] = piece + b" "
+                joints.append(n_line)
+        data = b"".join(pieces) + b"\n"  # the last line may have been one that is joined
     for blank in b"\t\v\f":
         data = data.replace(bytes([blank]), b" ")
     return data, joints

@@ -302,8 +302,8 @@ def _read(model, format, data, pictures=None, **options) -> dict:
     except RecursionError as fault:
         raise model.error("is nested too deeply") from fault
     except Exception as fault:
-        reason = cut(fault) or type(fault).__name__
-        raise model.error(f"not a readable {model.format} file ({type(fault).__name__}: {reason})") from fault
+        reason = f" ({cut(fault)})" if isinstance(fault, ValueError) else ""  # others speak of Python
+        raise model.error(f"not a readable {model.format} file{reason}") from fault
     finally:
         logger.removeHandler(log)
     for text in dict.fromkeys(log.texts):

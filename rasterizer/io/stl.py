@@ -16,7 +16,10 @@ from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _HEAD = 4096  # bytes in which a text shows that it is one
-_FIRST_LINE, _VERTEX = re.compile(rb"\s*([^\n]*)"), b"vertex "
+_VERTEX = b"vertex "
+_TEXT = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s|#[^\r\n]*[\r\n])*solid", re.IGNORECASE)
+_LIMIT = re.compile(rb"^ *(?:end)?solid(?![a-z0-9_])[^\n]*", re.MULTILINE)  # a line where a solid begins or ends
+_PARTED = re.compile(rb"\b(end) +(loop|facet|solid)\b", re.IGNORECASE)
 _BLOCK = 1 << 20  # letters that a thread reads
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -31,10 +34,7 @@ def read_stl(model: ModelFile) -> list[Part]:
     header, head = data[:_STL_HEADER], data[:_HEAD]
     n_face = int.from_bytes(header[80:], "little")
     expected = _STL_HEADER + _STL_FACE * n_face
-    is_text = (
-        head.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid" and length != expected and b"\0" not in head
-    )
-    if is_text:
+    if _TEXT.match(head) and length != expected and b"\0" not in head:
         return _read_ascii_stl(model)
     if length < _STL_HEADER:
         raise model.error(
@@ -72,23 +72,27 @@ def _soup(read, n_face, name) -> Part:
 
 
 def _read_ascii_stl(model) -> list[Part]:
-    """Read the solids of an ASCII file, keywords in any case."""
-    data = model.data[:].removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    lower = data.lower().replace(b"\t", b" ")
-    if b"endsolid" not in lower:
-        raise model.error("ASCII STL without 'endsolid': the file is cut off")
-    parts, begin = [], 0
-    model.allowance.show(lower.count(b"endsolid"))
-    for end in re.finditer(rb"endsolid[^\n]*", lower):
-        corners = _corners_in(lower, begin, end.start())
-        if corners is None:
-            raise _stl_fault(model, lower, begin, end.start())
-        (first,) = _FIRST_LINE.match(data, begin, end.start()).groups()
-        words = text_of(first).split(None, 1)
+    """Read the solids of an ASCII file, keywords in any case: what stands between lines 'solid' and 'endsolid'."""
+    data = model.data[:].removeprefix(codecs.BOM_UTF8)
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\t", b" ")
+    if b"end " in data.lower():
+        data = _PARTED.sub(rb"\1\2", data)
+    text = data.lower() + b" " * len(_VERTEX)
+    lines = [*_LIMIT.finditer(text)]
+    ends = [line.start() for line in lines[1:]] + [len(text)]
+    found = [(line, end) for line, end in zip(lines, ends, strict=True) if text.find(b"facet", line.end(), end) >= 0]
+    parts = []
+    model.allowance.show(len(found))
+    for line, end in found:
+        corners = _corners_in(text, line.end(), end)
+        if corners is None or (end == len(text) and not text.rstrip().endswith(b"endfacet")):
+            raise _stl_fault(model, text, line.end(), end)
+        words = text_of(data[line.start() : line.end()]).split(None, 1)
         name = words[1].strip() if len(words) == 2 and words[0].lower() == "solid" else ""
         if len(corners):
             parts.append(_soup(lambda begin, end, corners=corners: corners[begin:end], len(corners), name))
-        begin = end.end()
+    if found and found[-1][1] == len(text):
+        model.warn("ASCII STL without 'endsolid' at its end: it may be cut off")
     return parts
 
 
@@ -102,7 +106,7 @@ def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None
 
         report_progress(start - begin, end - begin, "reading numbers")
         places = np.flatnonzero(letters[start : min(start + _BLOCK, end)] == _VERTEX[0]) + start
-        for k in range(1, len(_VERTEX)):  # 'endsolid' follows: the text doesn't end before
+        for k in range(1, len(_VERTEX)):  # the text has blanks behind its end
             places = places[letters[places + k] == _VERTEX[k]]
         rows = np.empty((len(places), 3))
         return rows if read_rows(letters, places + len(_VERTEX), POWERS, rows) else rows[:0]

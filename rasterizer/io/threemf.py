@@ -34,6 +34,8 @@ from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, u
 # Without one of these, nothing in a model is there twice and no entity stands for others; zeros are those of UTF-16.
 _LOOKED_AT = (b"component", b"multi", b"composite", b"<!DOCTYPE", b"\0")
 _MIXED = re.compile(rb"""matindices\s*=\s*["']([^"']*)""")
+_ITEM, _BEAMS = re.compile(rb"<(?:\w+:)?item\b"), re.compile(rb"<(?:\w+:)?beamlattice\b")
+_ENDS = re.compile(rb"</(?:\w+:)?model\s*>")
 _UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
 _WRAPS = ("repeat", "mirror", "clamp", "clamp")
 _NEAREST = 2
@@ -58,6 +60,10 @@ def read_3mf(model: ModelFile) -> Contents:
     UserWarning : colours are left out, or a texture can't be read
     """
     members = unpacked(model)
+    texts = [text for name, text in members.items() if name.lower().endswith(".model")]
+    if texts and not any(_ITEM.search(text) for text in texts) and all(_ENDS.search(text) for text in texts):
+        raise model.error("its build has no item: it shows nothing")
+    beams = ("beam lattices",) if any(_BEAMS.search(text) for text in texts) else ()
     if any(word in text for text in members.values() for word in _LOOKED_AT):
         check_3mf(model, members)
     try:
@@ -68,7 +74,8 @@ def read_3mf(model: ModelFile) -> Contents:
         loaded = get_wrapper().CreateModel()
         try:
             loaded.QueryReader("3mf").ReadFromBuffer(packed(members))
-            return _contents_of(model, loaded, members)
+            contents = _contents_of(model, loaded, members)
+            return contents._replace(left_out=contents.left_out + beams)
         except Lib3MF.ELib3MFException as fault:
             reason = f"lib3mf refuses the file ({cut(fault)})"
         except ModelError:
@@ -78,7 +85,7 @@ def read_3mf(model: ModelFile) -> Contents:
     contents = read_by_trimesh(model, members)
     if contents.left_out:
         model.warn(f"{', '.join(contents.left_out)} are left out: {reason}")
-    return contents._replace(left_out=(), unused=contents.left_out)
+    return contents._replace(left_out=beams, unused=contents.left_out)
 
 
 def _contents_of(model, loaded, members) -> Contents:

@@ -58,8 +58,9 @@ def numbered_lines(data):
     begun, start = "", None
     for number_of_line, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
         start = start or number_of_line
-        if line.endswith("\\"):
-            begun += line[:-1] + " "
+        bare = line.rstrip(" \t\v\f")
+        if bare.endswith("\\") and "#" not in line:
+            begun += bare[:-1] + " "
             continue
         found = re.fullmatch(r"[ \t\v\f]*([^ \t\v\f]+)[ \t\v\f](.*)", begun + line, re.DOTALL)
         if found:
@@ -158,7 +159,10 @@ def _spell(random, text) -> bytes:
         lambda: text.replace("\n", "\r"),
         lambda: text.replace(" ", "\t"),
         lambda: text.replace("\n", "\n  "),
-        lambda: "".join(" \\\n" if letter == " " and random.random() < 0.2 else letter for letter in text),
+        lambda: "".join(
+            random.choice((" \\\n", " \\ \t\n")) if letter == " " and random.random() < 0.2 else letter
+            for letter in text
+        ),
         lambda: "".join(
             f"{line} # f 1 2\n" if line[:2] in ("v ", "vt", "vn", "f ") else f"{line}\n" for line in text.split("\n")
         ),

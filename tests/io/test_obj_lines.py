@@ -195,9 +195,9 @@ def test_numbers_below_0_count_back_from_their_line():
 
 
 def test_lines_of_a_keyword_are_those_where_a_blank_follows_it():
-    lines = ObjLines(b"o\no a\n  o  b c \nob\n\to\td\\\ne\n#o f\no #g")
-    assert lines.names_of("o")[1] == ["a", "b c", "d e", "#g"]
-    assert [lines.number_of(line) for line in lines.lines_of("o")] == [2, 3, 5, 8]
+    lines = ObjLines(b"o\no a\n  o  b c \nob\n\to\td\\ \ne\n#o f \\\no #g\no h\\\ni")
+    assert lines.names_of("o")[1] == ["a", "b c", "d e", "#g", "h i"]
+    assert [lines.number_of(line) for line in lines.lines_of("o")] == [2, 3, 5, 8, 9]
 
 
 # --- rows of numbers ------------------------------------------------------------------------------------------------

@@ -183,6 +183,17 @@ def test_unit_and_what_is_left_out_are_said():
 
 
 @pytest.mark.filterwarnings("ignore:.*included but not defined")
+def test_what_is_not_drawn_is_said():
+    names = 'xmlns="http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02" radius="0.1" minlength="0.01"'
+    beams = f'<beamlattice {names}><beams><beam v1="0" v2="1"/></beams></beamlattice>'
+    with pytest.warns(UserWarning, match="not used: beam lattices"):
+        assert load(threemf(THREEMF.replace("</mesh>", beams + "</mesh>")), format="3mf").n_face == 12
+    start, end = THREEMF.index("<build>"), THREEMF.index("</build>")
+    for build in ("", "<build/>"):
+        with pytest.raises(ModelError, match="its build has no item"):
+            load(threemf(THREEMF[:start] + build + THREEMF[end + 8 :]), format="3mf")
+
+
 def test_what_is_broken_is_named():
     assert_refused(lambda text: load(threemf(text), format="3mf"), [
         ("<model", "its XML: "),
