@@ -35,7 +35,6 @@ from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, u
 _LOOKED_AT = (b"component", b"multi", b"composite", b"<!DOCTYPE", b"\0")
 _MIXED = re.compile(rb"""matindices\s*=\s*["']([^"']*)""")
 _ITEM, _BEAMS = re.compile(rb"<(?:\w+:)?item\b"), re.compile(rb"<(?:\w+:)?beamlattice\b")
-_ENDS = re.compile(rb"</(?:\w+:)?model\s*>")
 _UNITS = ("micron", "millimeter", "centimeter", "inch", "foot", "meter")
 _WRAPS = ("repeat", "mirror", "clamp", "clamp")
 _NEAREST = 2
@@ -61,8 +60,9 @@ def read_3mf(model: ModelFile) -> Contents:
     """
     members = unpacked(model)
     texts = [text for name, text in members.items() if name.lower().endswith(".model")]
-    if texts and not any(_ITEM.search(text) for text in texts) and all(_ENDS.search(text) for text in texts):
-        raise model.error("its build has no item: it shows nothing")
+    if texts and not any(_ITEM.search(text) for text in texts):
+        check_3mf(model, members)
+        raise model.error("no faces: its build has no item")
     beams = ("beam lattices",) if any(_BEAMS.search(text) for text in texts) else ()
     if any(word in text for text in members.values() for word in _LOOKED_AT):
         check_3mf(model, members)
