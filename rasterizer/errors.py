@@ -81,6 +81,17 @@ def one_file(name: str) -> Iterator[None]:
         raise internal_error(name, fault) from fault
 
 
+@contextmanager
+def told_of(what: object) -> Iterator[None]:
+    """Begin the message of a fault inside the block with what it is about."""
+    try:
+        yield
+    except (ModelError, SceneError) as fault:
+        told = type(fault)(f"{what}: {cut(fault, 400)}")
+        vars(told).update(vars(fault))  # whether it is internal
+        raise told from fault
+
+
 def warn_caller(text: str) -> None:
     """Warn of what a user can change; the warning points at the line outside of this package that led to it."""
     import warnings

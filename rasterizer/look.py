@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from .choices import Axis, Preset, Weighting
+from .choices import WEIGHTINGS, Axis, Preset, Weighting
 from .errors import ModelError, SceneError, shown
 from .keywords import checked_fields
 from .options import Options
@@ -25,7 +25,7 @@ from .scene.lights import (
 from .scene.material import Material, named_fields
 from .scene.mesh import MAX_SUBDIVISIONS, Mesh, checked_crease_angle
 from .scene.scene import DepthCue, Scene, checked_cue
-from .scene.validate import choice, store, whole
+from .scene.validate import choice, flag, store, whole
 
 if TYPE_CHECKING:
     from .scene.color import ColorLike
@@ -68,6 +68,9 @@ class Look:
             choice(self.preset, PRESETS, "preset")
         if not isinstance(self.shadows, (bool, Shadow)):
             raise SceneError(f"shadows must be True, False or a Shadow; given {shown(self.shadows)}")
+        if self.weighting is not None:
+            choice(self.weighting, WEIGHTINGS, "weighting")
+        flag(self.drop_bad_faces, "drop_bad_faces")
         checked_crease_angle(self.crease_angle)
         subdivide = whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS)
         store(self, subdivide=subdivide, material=self._material_fields())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..choices import RANDOM
-from ..errors import SceneError
+from ..errors import SceneError, told_of
 from ..io.camera_file import viewpoint_of
 from ..look import Look
 from ..options import Options
@@ -23,7 +23,6 @@ from ..scene.scene import DepthCue
 from ..viewpoint import Viewpoint, check_words, words_given, zoomed
 from .flags import UNSAID
 from .messages import STDIO, Failures, Results, compilation_shown
-from .models import told_of
 from .outputs import Outputs, holds_arrays, needed_outputs, plan_targets, seed_of, without
 from .values import make_light
 

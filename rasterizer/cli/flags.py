@@ -51,7 +51,7 @@ _Z_UP = " and ".join(each.name for each in formats.FORMATS.values() if each.up =
 
 def add_models(parser) -> None:
     """Add the models that are read, and how."""
-    group = parser.add_argument_group("models", "A scene file (.json or .toml) holds models, materials, lights, "
+    group = parser.add_argument_group("models", "A scene file (.json) holds models, materials, lights, "
                                       "camera, background, depth cue and options; flags come first.")
     models, scenes = [], []
     for entry in formats.FORMATS.values():

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import ModelError, SceneError
+from ..errors import ModelError, SceneError, told_of
 from ..io import formats
 from ..io.loader import SceneFile, read_source
 from ..io.model_file import noticing_progress
@@ -101,15 +101,6 @@ def load_scene(model, arguments, settings, messages, files_read=None, read=None)
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
     return Loaded(scene, texts, options, read.framing, look)
-
-
-@contextmanager
-def told_of(what):
-    """Begin the message of a fault inside the block with what it is about."""
-    try:
-        yield
-    except (ModelError, SceneError) as fault:
-        raise type(fault)(f"{what}: {fault}") from fault
 
 
 @contextmanager

@@ -107,19 +107,27 @@ class Shadows:
         Raises SceneError where they would have more than MAX_TEXELS numbers.
         """
         maps: list[ShadowMap | None] = [None] * len(plan.tables.lights)
-        room = MAX_TEXELS
+        moved, n_number = {}, 0
         for k in self._list_lights() if self._casters is not None else ():
-            light, key = plan.tables.lights[k], (k, dtype)
-            place, (last_place, shadow_map) = place_of(light, view), self._maps.get(key, (None, None))
+            light = plan.tables.lights[k]
+            place, (last_place, maps[k]) = place_of(light, view), self._maps.get((k, dtype), (None, None))
             if place != last_place:
-                self._maps.pop(key, None)  # the next one is drawn into its memory
-                of_light = light, view, self._casters, dtype, workspaces, threads, room, shadow_map
-                shadow_map = draw_shadow_map(*of_light)
-                self._maps[key] = place, shadow_map
+                moved[k] = place, plan_maps(light, view, self._casters)
+                n_number += moved[k][1].n_number if moved[k][1] is not None else 0
+            elif maps[k] is not None:
+                n_number += len(maps[k].block)
+        if n_number > MAX_TEXELS:
+            raise SceneError(
+                f"the shadow maps of all lights may have {MAX_TEXELS} texels; this scene needs {n_number}: "
+                "choose a smaller shadow size, or fewer cells of area lights"
+            )
+        for k, (place, planned) in moved.items():
+            self._maps.pop((k, dtype), None)  # the next one is drawn into its memory
+            drawn = planned and draw_maps(planned, self._casters, dtype, workspaces, threads, maps[k])
+            self._maps[k, dtype], maps[k] = (place, drawn), drawn
+        for shadow_map in maps:
             if shadow_map is not None:
                 shadow_map.fit_view(view.eye, plan)
-                room -= len(shadow_map.block)
-            maps[k] = shadow_map
         return maps
 
     def _list_lights(self) -> list[int]:
@@ -206,36 +214,46 @@ class ShadowMap(NamedTuple):
         self.block[lookup.NORMAL_ERROR] = turned * u * (0.5 + radius)
 
 
-def draw_shadow_map(
-    light: Any, view: View, casters: Casters, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers,
-    room: int = MAX_TEXELS, before: ShadowMap | None = None,
-) -> ShadowMap | None:  # fmt: skip
-    """Draw what a light sees; one that is attached to the camera is where `view` puts it.
+class PlannedMaps(NamedTuple):
+    """The maps of one light, not drawn yet."""
 
-    None where it reaches nothing. What depends on the view that the picture shows is written by `ShadowMap.fit_view`.
+    maps: "MapViews"
+    shadow: Any
 
-    Parameters
-    ----------
-    dtype : of the map
-    room : numbers that the map may have
-    before : the light's map in the picture before, whose memory is used again where it is alike
+    @property
+    def n_number(self) -> int:
+        """How many numbers they take."""
+        return lookup.HEADER + sum(self.maps.is_needed) * map_side(self.shadow) ** 2
 
-    Raises
-    ------
-    SceneError : there is no room for the map, or the light has no beam
+
+def plan_maps(light: Any, view: View, casters: Casters) -> PlannedMaps | None:
+    """Return which maps show what a light sees; one that is attached to the camera is where `view` puts it.
+
+    None where it reaches nothing. Raises SceneError where the light has no beam.
     """
-    beam, shadow, u = entry_of(light).beam(light, view), light.shadow, _unit(dtype)
+    beam = entry_of(light).beam(light, view)
     if beam is None:
         raise SceneError(f"a {type(light).__name__} shines from no single place or direction, so it casts no shadows")
     if not reaches(light, beam, casters.corners):
         return None
-    maps, size = choose_views(beam, casters.corners, shadow), map_side(shadow)
-    n_number = lookup.HEADER + sum(maps.is_needed) * size * size
-    if n_number > room:
-        raise SceneError(
-            f"the shadow maps of all lights may have {MAX_TEXELS} texels; this scene needs more: "
-            "choose a smaller shadow size, or fewer cells of area lights"
-        )
+    return PlannedMaps(choose_views(beam, casters.corners, light.shadow), light.shadow)
+
+
+def draw_maps(
+    planned: PlannedMaps, casters: Casters, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers,
+    before: ShadowMap | None = None,
+) -> ShadowMap:  # fmt: skip
+    """Draw the maps of a light.
+
+    What depends on the view that the picture shows is written by `ShadowMap.fit_view`.
+
+    Parameters
+    ----------
+    dtype : of the map
+    before : the light's map in the picture before, whose memory is used again where it is alike
+    """
+    (maps, shadow), u, n_number = planned, _unit(dtype), planned.n_number
+    size = map_side(shadow)
     is_alike = before is not None and len(before.block) == n_number and before.block.dtype == dtype
     block = before.block if is_alike else np.empty(n_number, dtype)
 

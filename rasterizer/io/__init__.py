@@ -13,7 +13,7 @@ A format's reader is one file; loader.py is where reading begins.
     other_formats       what trimesh reads: 3DXML and XAML
     text_numbers        numbers in text, exactly rounded, by whole arrays
     text_kernels        the same, and corners in OBJ: the compiled part
-    scene_file          a whole scene in JSON or TOML
+    scene_file          a whole scene in a JSON file
     scene_file_write    save: the same, written
     camera_file         a camera out of one, or of a file of its own
     png                 PNG files, in bands on threads

@@ -39,6 +39,7 @@ _BY_SUFFIX = {
         ("fbx blend usd usda usdc usdz max ma mb c4d 3ds x3d wrl vrml lwo skp abc amf vrm", _LOOKS_LIKE_A_SCENE),
         ("zip gz bz2 xz zst 7z rar tar tgz", _PACKED),
         ("pcd las laz e57 pts ptx splat spz", _CLOUD),
+        ("toml", "a scene file is written in JSON, with the same keys"),
         ("mtl", "it holds the materials of an .obj file: give that one"),
         ("bin", "it holds the numbers of a .gltf file: give that one"),
         (
@@ -136,7 +137,6 @@ class Format(NamedTuple):
         return getattr(import_module(module), function)
 
 
-_SCENE = {"reader": "rasterizer.io.scene_file:read_scene", "is_scene": True, "companions": "models, arrays, textures"}
 _COLLADA = {"reader": "rasterizer.io.dae:read_dae", "packages": (("collada",),)}
 _GLTF = {"reader": "rasterizer.io.gltf:read_gltf", "companions": "buffers, textures"}
 
@@ -165,8 +165,12 @@ FORMATS = {
             packages=(("lxml", "networkx"),),
         ),
         Format(name="xaml", reader="rasterizer.io.other_formats:read_xaml", packages=(("lxml",),)),
-        Format(name="json", **_SCENE),
-        Format(name="toml", **_SCENE),
+        Format(
+            name="json",
+            reader="rasterizer.io.scene_file:read_scene",
+            is_scene=True,
+            companions="models, arrays, textures",
+        ),
     )
 }
 

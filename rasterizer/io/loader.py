@@ -105,8 +105,8 @@ def load(
     ----------
     source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
         (vertices, faces), a mesh of PyVista, Open3D or meshio, sequence of those, or Scene
-    format : text, "obj", "stl", "ply", "glb", "gltf", "off", "3mf", "dae", "zae", "3dxml" or "xaml", or "json" or
-        "toml" for a scene file, or another of the table of formats; None = by the suffix of the path or the file's name
+    format : text, "obj", "stl", "ply", "glb", "gltf", "off", "3mf", "dae", "zae", "3dxml" or "xaml", or "json" for a
+        scene file, or another of the table of formats; None = by the suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
@@ -213,7 +213,6 @@ def read_source(
         read = entry.read()(
             source,
             log=log,
-            format=format,
             mesh_settings=mesh_settings,
             allow_outside=allow_outside,
             files_read=files_read,

@@ -338,13 +338,14 @@ def test_a_scene_file_from_stdin(folder, monkeypatch):
 
 def test_faults_of_scene_files_are_one_line_that_names_the_file(folder, capsys):
     (folder / "bad.json").write_text("{")
+    Image.new("RGB", (2, 2)).save("x.png")
     nested = write(folder, {"meshes": [{"file": "no.obj"}]}, "nested.json")
     unknown = write(folder, {"mesh": []}, "unknown.json")
     assert_refused(capsys, [
-        (["bad.json"], "bad.json: is not legal JSON"), (["none.toml"], "none.toml: no such file"),
-        ([nested], "meshes[0].file: no.obj: no such file"),
+        (["bad.json"], "bad.json: is not legal JSON"), (["none.json"], "none.json: no such file"),
+        ([nested], "meshes[0]: file: no.obj: no such file"),
     ], "render", code=3)  # fmt: skip
-    assert_refused(capsys, [([unknown], "unknown.json: mesh: unknown key")], "render")
+    assert_refused(capsys, [([unknown], "unknown.json: unknown key 'mesh'")], "render")
     for table, words in (
         ({"options": {"outputs": 5}}, "outputs"),
         ({"options": {"size": "big"}}, "size"),

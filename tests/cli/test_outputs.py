@@ -457,7 +457,7 @@ def test_an_interrupt_at_any_time_shows_no_traceback(folder, delays, alone):
 
 def test_names_of_files_as_long_as_no_system_takes_them(folder, capsys):
     long = "x" * 300
-    for argv, code in (([f"{long}.obj"], 3), ([f"{long}.toml"], 3), ([CUBE, "-o", f"{long}.png"], 4)):
+    for argv, code in (([f"{long}.obj"], 3), ([f"{long}.json"], 3), ([CUBE, "-o", f"{long}.png"], 4)):
         assert run(*argv) == code and "too long" in one_error(capsys).lower(), argv[-1][-5:]
 
 

@@ -17,7 +17,7 @@ from rasterizer.cores import Workers
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.points import gather_geometry, gather_inner_sides, list_opaque_fans
 from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.shadow_maps import Casters, Shadows, draw_shadow_map, gather_casters
+from rasterizer.engine.shadow_maps import Casters, Shadows, draw_maps, gather_casters, plan_maps
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View
@@ -33,7 +33,8 @@ def drawn_map(light, meshes, view=VIEW, inner_sides=None):
     """The maps of a light, in float64; None where none is drawn."""
     bounds = np.stack([mesh.bounds for mesh in meshes])
     casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None, inner_sides)
-    return draw_shadow_map(light, view, casters, DOUBLE, WorkspacePool(), Workers(1))
+    planned = plan_maps(light, view, casters)
+    return planned and draw_maps(planned, casters, DOUBLE, WorkspacePool(), Workers(1))
 
 
 def test_inner_sides_of_closed_bodies_change_no_texel():
@@ -251,7 +252,8 @@ def worst_error(corners, light, size, rng):
     """
     box = np.array([[(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in RANGE]])
     casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box, box[:, [0, 7]], None)
-    found = draw_shadow_map(light, View(np.zeros(3), *np.eye(3)), casters, DOUBLE, WorkspacePool(), Workers(1))
+    planned = plan_maps(light, View(np.zeros(3), *np.eye(3)), casters)
+    found = draw_maps(planned, casters, DOUBLE, WorkspacePool(), Workers(1))
     row = found.block[lookup.MAPS : lookup.MAPS + lookup.N_MAP_COLUMN]
     texels = found.block[lookup.HEADER :].reshape(size, size)
     is_perspective = isinstance(light, rz.SpotLight)

@@ -221,7 +221,10 @@ BOMBS = {
     "scene: textures": lambda: {
         "a.json": json.dumps({"materials": {f"m{k}": {"texture": {"file": f"{'./' * k}t.png"}} for k in range(600)},
                               "meshes": [MESH]}), "t.png": plain("PNG", size=(2048, 2048))},
-    "TOML: tables": lambda: {"a.toml": "[[meshes]]\n" * 80_000},
+    "scene: subdivided": lambda: {"a.json": json.dumps({"meshes": [MESH], "subdivide": 15})},
+    "scene: a large picture": lambda: {"a.json": json.dumps({"meshes": [MESH], "options": {"size": [65536, 65536]}})},
+    "scene: shadows": lambda: {"a.json": json.dumps({"meshes": [MESH], "shadows": True, "lights": [
+        {"kind": "directional", "direction": [0, 0, -1]}] * 2000})},
     "OBJ: objects": lambda: {"a.obj": FACE + "o a\nf 1 2 3\n" * 80_000},
     "OBJ: names": lambda: {"a.obj": f"mtllib {'m' * 3000}\no {NAME}\n{FACE}vt 0 0\nusemtl {'u' * 4000}\nf 1 2 3\n"},
     "OBJ: one library under many names": lambda: {

@@ -113,7 +113,7 @@ def run_case(seed, folder) -> str:
 
 def _load_and_draw(path) -> str:
     try:
-        if path.endswith((".json", ".toml")):
+        if path.endswith(".json"):
             read = read_scene(path)
             scene, options = read.finished_scene(), dict(read.options)
             rz.Options(**options)
@@ -126,9 +126,7 @@ def _load_and_draw(path) -> str:
             frame = rz.render(scene, **{"samples": 1} | options | {"outputs": ("color", "depth", "face")})
     except (rz.ModelError, rz.SceneError) as fault:
         text = str(fault)
-        is_ours = os.path.dirname(path) in text or (
-            isinstance(fault, rz.SceneError) and not path.endswith((".json", ".toml"))
-        )
+        is_ours = os.path.dirname(path) in text or (isinstance(fault, rz.SceneError) and not path.endswith(".json"))
         is_ours = is_ours or (isinstance(fault, rz.SceneError) and "options" in locals())
         if "internal error" in text or "more memory than" in text or not is_ours or len(text) > 2000:
             raise Fault(f"{type(fault).__name__}: {text[:500]}") from fault
@@ -485,14 +483,6 @@ def _json_text(random):
     return "m.json", _scene_files() | {"m.json": damaged(random, json.dumps(SCENE).encode())}
 
 
-def _toml(random):
-    from rasterizer.io.scene_file_write import to_toml
-
-    tree = {"up": "y", "background": [1, 1, 1]} | SCENE
-    text = to_toml(tree).encode()
-    return "m.toml", _scene_files() | {"m.toml": damaged(random, text)}
-
-
 def _npz(random):
     scene = {"meshes": [{"arrays": "a.npz", "mesh": 0, "material": {"texture": {"arrays": "a.npz", "texture": 0}}}]}
     files = dict(arrays())
@@ -515,7 +505,7 @@ MAKERS = {format: _plain(format) for format in _PLAIN} | {
     "rep": _rep,
     "obj": _obj, "lines": _lines, "mtl": _mtl, "texture": _texture, "tree": _tree, "chunk": _chunk, "xml": _xml,
     "json": _json,
-    "json text": _json_text, "toml": _toml, "npz": _npz,
+    "json text": _json_text, "npz": _npz,
 }  # fmt: skip
 WEIGHTS = {"stl": 0.5, "glb": 0.5, "3mf": 0.5, "zae": 0.3, "3dxml": 0.3, "json text": 0.5, "json": 2.0, "tree": 2.0}
 

@@ -1,6 +1,5 @@
 """Scenes measured in pixels and sub-pixels, and a process of one's own: help for the pipeline's tests."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -11,7 +10,6 @@ import numpy as np
 import rasterizer as rz
 
 ROOT = Path(__file__).resolve().parents[2]
-HAS_TOML = any(importlib.util.find_spec(name) for name in ("tomllib", "tomli"))
 GREY = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8))
 COLORED = (
     rz.AmbientLight((0.1, 0.05, 0.02)),

@@ -153,7 +153,7 @@ def called(case, rng, folder):
 
 def saved(case, rng, folder):
     """From a scene file."""
-    path = Path(folder) / str(rng.choice(["scene.json", "scene.toml"]))
+    path = Path(folder) / "scene.json"
     frame = draw(case._replace(scene=rz.load(rz.save(case.scene, path))))
     return Twin(arrays_of(frame), frame)
 

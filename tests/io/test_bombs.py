@@ -22,7 +22,7 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer.io.model_file import most
-from rasterizer.io.scene_file import MAX_DOTS, MAX_TOML, read_scene
+from rasterizer.io.scene_file import read_scene
 from rasterizer.scene.texture import ENVIRONMENT, Texture, read_picture
 
 
@@ -227,19 +227,13 @@ def archive_of(vertices, n_byte=None) -> bytes:
 
 
 def test_arrays_that_ask_for_what_is_not_there_are_refused(tmp_path):
-    whole = [(npy("<f8", (2**24, 3)), 2**24 * 24 + 128)]
-    said = rf"a\.npz: its arrays would take 40265\d{{4}} bytes; .* of its size may have {most(0)}"
-    assert_refused(
-        lambda given: scene_with(archive_of(*given), tmp_path), [(each, said) for each in whole], rz.ModelError
-    )
     cases = [
-        (("<f8", (2**40, 3)), "must hold"),
-        (("<f8", (-3, 3)), "must hold|can't be read"),
-        (("<f8", (2**63, 2**63)), "must hold"),
-        (("<f8", (5, 3)), "must hold 120 bytes|cut off"),
-        *(((descr, (4, 3)), "holds no numbers") for descr in ("|O", "<U5", [("x", "<f8")], "<c16", "<M8[s]")),
+        *((("<f8", shape), "can't be read as .npz") for shape in ((2**24, 3), (2**40, 3), (2**63, 2**63), (5, 3))),
+        (("<f8", (-3, 3)), "can't be read|no vertices"),
+        (("|O", (1,)), "can't be read as .npz .*allow_pickle=False"),
+        *(((descr, (1, 3)), "vertices must be") for descr in ("<U2", [("x", "<f4")], "<c8", "<M8[s]")),
     ]
-    cases = [(case, rf"a\.npz.*({said})") for case, said in cases]
+    cases = [(case, rf"meshes\[0\].*({said})") for case, said in cases]
     assert_refused(lambda case: scene_with(archive_of(npy(*case, bytes(32))), tmp_path), cases, rz.ModelError)
 
 
@@ -281,21 +275,15 @@ def test_large_numbers_of_polygons_and_groups_take_no_room():
 
 
 def test_text_that_would_take_long_is_refused(tmp_path):
-    dots = f"up to {MAX_DOTS} dots"
     nested = "nested too deeply|not legal JSON"
     texts = {
-        "a key of many dots": ("x.toml", ".".join(["a"] * 100_000) + " = 1", dots),
-        "a table of many dots": ("x.toml", "[" + " . ".join(["a"] * 100_000) + "]", dots),
-        "an inline table of many dots": ("x.toml", "t = {" + ".".join(['"a"'] * 50_000) + " = 1}", dots),
-        "a long TOML": ("x.toml", "#" * (MAX_TOML + 1), f"one in TOML may have {MAX_TOML}"),
-        "a deep TOML": ("x.toml", "x = " + "[" * 100_000, "nested too deeply"),
         "a deep list": ("x.json", "[" * 10**6, nested),
         "a deep table": ("x.json", '{"a":' * 10**6, nested),
         "deep meshes": ("x.json", '{"meshes": [' + '{"a": ' * 900 + "1" + "}" * 900 + "]}", "needs one of|key|nested"),
         "a deep up": (
             "x.json",
             f'{{"up": {"[" * 900}{"]" * 900}, "meshes": [{json.dumps(TRIANGLE)}]}}',
-            "must be text",
+            "up must be one of",
         ),
         "keys": ("x.json", "{" + ",".join(f'"k{i}": 1' for i in range(10**5)) + ', "k9": 2}', "duplicate key 'k9'"),
     }
@@ -335,14 +323,13 @@ def test_copies_of_a_mesh_are_counted_before_they_are_made():
         loaded([{"mesh": 0}], count=3 * 2**22)
 
 
-def test_names_that_are_no_text_of_unicode_are_drawn_but_not_saved(tmp_path):
+def test_names_that_are_no_text_of_unicode_are_drawn_and_saved(tmp_path):
     def change(tree, _):
         tree["meshes"][0]["name"] = tree["nodes"][0]["name"] = "\ud800"
 
     scene = rz.load(gltf_with(change), format="gltf")
     assert scene.n_face == 12 and rz.render(scene, 8, samples=1).stats.covered
-    with pytest.raises(rz.SceneError, match="Unicode"):
-        rz.save(scene, tmp_path / "x.toml")
+    assert rz.load(rz.save(scene, tmp_path / "x.json")).meshes[0].name == "\ud800"
 
 
 # --- every container ----------------------------------------------------------------------------------------

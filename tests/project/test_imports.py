@@ -29,7 +29,7 @@ UNUSED = (
 )  # fmt: skip
 FOREIGN = {
     "numba", "llvmlite.binding",
-    "PIL", "trimesh", "OpenEXR", "av", "dask", "matplotlib", "tomllib", "json", "difflib", "asyncio",
+    "PIL", "trimesh", "OpenEXR", "av", "dask", "matplotlib", "json", "difflib", "asyncio",
     "concurrent.futures.process", "multiprocessing", "subprocess", "importlib.metadata", "inspect", "xml", "zipfile",
     "http", "ssl",
 }  # fmt: skip

@@ -34,7 +34,7 @@ from helpers.pages import (
     shell_lines,
     text_of,
 )
-from helpers.raster import HAS_TOML, ROOT
+from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
@@ -45,7 +45,7 @@ from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
 PICTURES = ROOT / "models" / "pictures"
 GALLERY, RECIPES = "models/README.md", "rasterizer/recipes.md"
 LINES = [line for page in PAGES for line in commands(page)]
-WRITTEN = ("teapot.png", "MODEL.png", "scene.toml", "cube.obj")  # what examples write or only speak of
+WRITTEN = ("teapot.png", "MODEL.png", "scene.json", "cube.obj")  # what examples write or only speak of
 PYTHON = r"^```python\n(.*?)^```"
 nightly = pytest.mark.nightly
 
@@ -129,12 +129,11 @@ def test_every_picture_of_the_gallery_has_a_command_and_is_shown():
         assert parse(shlex.split(line)).command == line.split()[0]
 
 
-@pytest.mark.skipif(not HAS_TOML, reason="TOML needs Python 3.11, or tomli")
 def test_the_scene_file_is_one(checkout):
-    (text,) = blocks(GALLERY, "toml")
-    Path("scene.toml").write_text(text, encoding="utf-8")
+    (text,) = blocks(GALLERY, "json")
+    Path("scene.json").write_text(text, encoding="utf-8")
     # Here models is a link that leads out of the folder.
-    assert main(["render", "scene.toml", "-s", "64x48", "-o", "scene.png", "--allow-outside"]) == 0
+    assert main(["render", "scene.json", "-s", "64x48", "-o", "scene.png", "--allow-outside"]) == 0
     assert len(np.unique(np.asarray(Image.open("scene.png")))) > 50
 
 

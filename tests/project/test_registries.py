@@ -156,14 +156,11 @@ def test_mach_bands_leave_out_faces_that_its_terminator_crosses(toys):
 def test_scene_files_keep_it(toys, tmp_path):
     lights = slab_light(color=(0.1, 0.5, 1 / 3), shadow=rz.Shadow(64, 3)), slab_light(attached="camera")
     scene = scene_of(moon(name="the moon"), *lights)
-    for name in ("scene.json", "scene.toml"):
-        loaded = rz.load(rz.save(scene, tmp_path / name))
-        assert loaded.lights == lights
-        assert loaded.meshes[0].material == scene.meshes[0].material
-        assert (
-            rz.render(loaded, SIZE, samples=1, shading="gouraud").color.tobytes()
-            == rz.render(scene, SIZE, samples=1, shading="gouraud").color.tobytes()
-        )
+    loaded = rz.load(rz.save(scene, tmp_path / "scene.json"))
+    assert loaded.lights == lights
+    assert loaded.meshes[0].material == scene.meshes[0].material
+    again, drawn = (rz.render(each, SIZE, samples=1, shading="gouraud").color for each in (loaded, scene))
+    assert again.tobytes() == drawn.tobytes()
 
 
 def test_a_person_may_write_it_into_a_scene_file(toys, tmp_path):
