@@ -233,8 +233,18 @@ def picture_warnings(frame, scene, arguments, camera, model) -> list[str]:
     if frame.stats.coverage == 0.0:
         return [f"{model}: the picture is empty: {_why_empty(frame.stats, scene, arguments, camera)}"]
     if frame.has("rgb") and not frame.rgb.any() and scene.background is None:
+        if all(_is_black(mesh) for mesh in scene.meshes):
+            return [f"{model}: the picture is black: so are its materials or colours; try --color grey"]
         return [f"{model}: the picture is black: no light reaches what is seen; try --preset headlight"]
     return []
+
+
+def _is_black(mesh) -> bool:
+    """Tell whether a mesh reflects and glows nothing, but for highlights."""
+    if any(colors is not None and not colors[..., :3].any() for colors in (mesh.colors, mesh.face_colors)):
+        return True
+    fields = (field for each in mesh.palette for field in (each.diffuse, each.ambient, each.emissive, each.metal))
+    return not any(field is not None and any(field) for field in fields)
 
 
 def _why_empty(stats, scene, arguments, camera) -> str:

@@ -30,10 +30,13 @@ warned of, with file and line; a line that can't be read (no number, not finite,
     illum 4, 6, 7, 9 (glass) ask for rays; without d or Tr such a material is opaque
     map_Kd   texture, sRGB: it multiplies Kd and Ka; a missing Kd is 1 then. The alpha of the picture, if it has any,
              multiplies d
-    map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha; the
-             same picture: its own alpha
-    -clamp   on: "clamp", else "repeat"; the other options are not applied: -s, -o, -t and -mm of map_Kd (w) where they
-             would change the picture, else reported, as other maps are
+    map_Ka   without a map_Kd: taken as that (w)
+    map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha, both
+             in the larger size; the same picture: its own alpha
+    -clamp   on: "clamp", else "repeat"
+    -s -o    texture coordinates times -s plus -o, of map_Kd for both
+             The other options are not applied: -t and -mm (w) where they would change the picture, a -colorspace other
+             than sRGB (w), else reported. Other maps are not drawn (w)
 
 A picture that is missing or unreadable is warned of, and the material keeps its plain colour. Names of files are
 relative to the MTL file; which of them are read is said in `files.py`. With illum 0 a texture needs light all the same.
@@ -62,18 +65,25 @@ from .model_file import ModelFile, name_in, text_of
 MAX_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
 LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones
 MAX_LIBRARIES = 256  # material files that an OBJ file may name
+_HAIR = 1e-3  # what a colour may be below 0 by rounding
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
 _MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters of all keywords that name a picture
 # How many words follow an option at most; where that is more than one, the second and third must be numbers.
 _OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2} | dict.fromkeys(
-    ("-blendu", "-blendv", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-bm", "-type"), 1
+    ("-blendu", "-blendv", "-boost", "-cc", "-clamp", "-colorspace", "-imfchan", "-texres", "-bm", "-type"), 1
 )
 # Values of those options that would change what is drawn, with which they don't.
-_NEUTRAL = {"-s": [1.0, 1.0, 1.0], "-o": [0.0, 0.0, 0.0], "-t": [0.0, 0.0, 0.0], "-mm": [0.0, 1.0]}
+_NEUTRAL = {"-t": [0.0, 0.0, 0.0], "-mm": [0.0, 1.0]}
+
+Place = tuple[
+    tuple[float, float], tuple[float, float]
+]  # of a picture: texture coordinates times the first, plus the second
 
 
-def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> dict[str, Material]:
+def find_materials(
+    model: ModelFile, libraries: list[str], names: list[str]
+) -> tuple[dict[str, Material], dict[str, Place]]:
     """Read the MTL files that an OBJ file names.
 
     Parameters
@@ -84,7 +94,8 @@ def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> 
 
     Returns
     -------
-    dict, name to Material, of those that were found
+    dict, name to Material, of those that were found; and dict, name to Place, of those whose textures are laid
+    otherwise than the texture coordinates say
 
     Warns
     -----
@@ -113,7 +124,7 @@ def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> 
     elif unknown:
         unknown = listed([f"'{name[:80]}'" for name in unknown])
         model.warn(f"no definition of material {unknown}; the default is used")
-    return materials
+    return materials, maps.places
 
 
 def _library(model, name, known) -> ModelFile | None:
@@ -171,8 +182,11 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
         own = doubts if is_used else set()  # of no concern
         own.update(faults)
         found[name] = _material(library, name_in(name), values, texture, is_opacity, own)
+        used_map = values.get("map_kd") or values.get("map_d")
+        if used_map is not None and used_map[2] is not None:
+            maps.places[name] = used_map[2]
     for line, text in sorted(doubts):
-        library.warn(text, line)
+        library.warn(text, line or None)
     return found
 
 
@@ -194,15 +208,20 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
                 faults.append((line_number, fault))
             if number is not None:
                 values[key] = number, line_number
-        elif key in ("map_kd", "map_d"):
+        elif key.startswith(_MAPS) and not rest:
+            faults.append((line_number, f"{key} names no picture; the line is left out"))
+        elif key in ("map_kd", "map_d", "map_ka"):
             values[key], ignored = _map_line(library, line_number, key, rest)
             faults += [(line_number, fault) for fault in ignored]
         elif key.startswith(_MAPS):
-            library.tell(
-                f"texture '{cut(rest, 80)}' ({key}) of material '{cut(name, 80)}' is not drawn by this version"
-            )
+            faults.append((line_number, f"the texture '{cut(rest, 80)}' ({key}) is not drawn"))
     if name is not None:
         blocks.append((name, values, faults))
+    for name, values, faults in blocks:
+        ambient = values.pop("map_ka", None)
+        if ambient is not None and "map_kd" not in values:
+            values["map_kd"] = ambient
+            faults.append((0, f"'{cut(name, 80)}' has a map_Ka and no map_Kd: it is taken as that"))
     return blocks
 
 
@@ -218,24 +237,44 @@ def _is_tr_opacity(library, blocks) -> bool:
     return any(b"meshlab" in comment.lower() for comment in comments) or (1.0 in alone and 0.0 not in alone)
 
 
-def _map_line(library, line_number, key, rest) -> tuple[tuple[str, str], list[str]]:
-    """Return the name of the picture that a line gives, which may hold blanks, how it is wrapped, and doubts."""
-    words, wrap, ignored = rest.split(), "repeat", []
-    while len(words) > 1 and words[0].lower() in _OPTIONS:
-        option = words.pop(0).lower()
-        values = [words.pop(0)] if len(words) > 1 else []
-        while len(values) < _OPTIONS[option] and len(words) > 1 and _is_number(words[0]):
-            values.append(words.pop(0))
+def _map_line(library, line_number, key, rest) -> tuple[tuple[str, str, Place | None], list[str]]:
+    """Return the name of the picture that a line gives, which may hold blanks, how it is wrapped and laid, and
+    doubts. Options stand before the name, or behind it."""
+    options, words = _options_in(rest.split(), 1)
+    behind = next((k for k, word in enumerate(words) if k and word.lower() in _OPTIONS), len(words))
+    more, others = _options_in(words[behind:], 0)
+    if not others:
+        options, words = options + more, words[:behind]
+    wrap, scale, offset, ignored = "repeat", (1.0, 1.0), (0.0, 0.0), []
+    for option, values in options:
+        numbers = [*map(float, values)] if all(map(_is_number, values)) else []
         if option == "-clamp":
             wrap = "clamp" if values and values[0].lower() == "on" else "repeat"
-            continue
-        fault = f"the option '{option} {' '.join(values)}' of {key} is not applied"
-        neutral = _NEUTRAL.get(option, [])[: len(values)]
-        if neutral and all(map(_is_number, values)) and [*map(float, values)] != neutral:
-            ignored.append(fault)
-        else:
-            library.tell(fault, line_number)
-    return (" ".join(words), wrap), ignored
+        elif option == "-s" and numbers:
+            scale = (*numbers[:2], 1.0)[:2]
+        elif option == "-o" and numbers:
+            offset = (*numbers[:2], 0.0)[:2]
+        elif option != "-colorspace" or "srgb" not in "".join(values).lower():
+            fault = f"the option '{option} {' '.join(values)}' of {key} is not applied"
+            neutral = _NEUTRAL.get(option, [])[: len(values)]
+            if option == "-colorspace" or (neutral and numbers and numbers != neutral):
+                ignored.append(fault)
+            else:
+                library.tell(fault, line_number)
+    is_moved = (scale, offset) != ((1.0, 1.0), (0.0, 0.0)) and np.isfinite((scale, offset)).all()
+    return (" ".join(words), wrap, (scale, offset) if is_moved else None), ignored
+
+
+def _options_in(words, n_kept) -> tuple[list[tuple[str, list[str]]], list[str]]:
+    """Return the options that words begin with, with their values, and what follows: at least `n_kept` words."""
+    found, at, last = [], 0, len(words) - n_kept
+    while at < last and words[at].lower() in _OPTIONS:
+        option, end = words[at].lower(), min(at + 2, last)
+        while end - at - 1 < _OPTIONS[option] and end < last and _is_number(words[end]):
+            end += 1
+        found.append((option, words[at + 1 : end]))
+        at = end
+    return found, words[at:]
 
 
 def _is_number(word) -> bool:
@@ -258,6 +297,8 @@ def _value(key, rest) -> tuple[float | tuple | None, str | None]:
         numbers = [float(word) for word in words[: 3 if key in _COLORS else 1]]
     except ValueError:
         numbers = []
+    is_hair = key in _COLORS and any(-_HAIR <= number < 0.0 for number in numbers)
+    numbers = [0.0 if is_hair and -_HAIR <= number < 0.0 else number for number in numbers]
     if not numbers or not all(math.isfinite(number) and number >= 0.0 for number in numbers):
         what = (
             "numbers that are finite and not negative" if key in _COLORS else "a number that is finite and not negative"
@@ -268,6 +309,8 @@ def _value(key, rest) -> tuple[float | tuple | None, str | None]:
     fault = (
         f"'{spelt} {rest[:60]}': a colour of two numbers; the third is taken as the first"
         if len(numbers) == 2
+        else f"'{spelt} {rest[:60]}' is a hair below 0, which is taken"
+        if is_hair
         else None
     )
     color = (numbers + [numbers[0]] * 2)[:3]
@@ -369,6 +412,7 @@ class Maps:
     """
 
     model: ModelFile
+    places: dict[str, Place] = field(default_factory=dict)
     _pictures: dict[Path, np.ndarray | None] = field(default_factory=dict)
     _textures: dict[tuple, Texture | None] = field(default_factory=dict)
     _contents: dict[Path, bytes] = field(default_factory=dict)
@@ -381,7 +425,7 @@ class Maps:
     def _list_pictures(self, library, maps) -> Iterator[tuple[Path, bytes]]:
         """Yield the path and the bytes of each picture, up to one that can't be found."""
         try:
-            for name, _ in maps:
+            for name, *_ in maps:
                 path = library.beside.find_alike(name)
                 if path not in self._pictures and path not in self._contents:
                     self._contents[path] = library.beside.read_bytes(path)
@@ -457,11 +501,9 @@ class Maps:
         if alpha_path is None or alpha_path == color_path:
             return texture
         grey = _grey(fitted(self._pictures[alpha_path]))
-        if grey.shape != texture.shape:
-            what = f"map_d '{alpha_path.name}' of material '{cut(material, 80)}'"
-            library.tell(f"{what} has another size than its map_Kd; it is not applied")
-            return texture
-        return replace(texture, image=np.dstack([texture.image[..., :3], grey]))
+        height, width = np.maximum(grey.shape, texture.shape)
+        layers = [*np.moveaxis(texture.image[..., :3], 2, 0), grey]
+        return replace(texture, image=np.dstack([_resized(layer, width, height) for layer in layers]))
 
 
 def _texture(path, image, wrap) -> Texture:
@@ -470,6 +512,15 @@ def _texture(path, image, wrap) -> Texture:
         return Texture(image, wrap=wrap, name=str(path))
     except SceneError as fault:
         raise ModelError(f"{path}: {fault}") from fault
+
+
+def _resized(layer, width, height) -> np.ndarray:
+    """Return an array (h, w) float32 in another size, bilinearly: itself where it is the same."""
+    from PIL import Image
+
+    if layer.shape == (height, width):
+        return layer
+    return np.asarray(Image.fromarray(layer).resize((width, height), Image.Resampling.BILINEAR))
 
 
 def _grey(picture) -> np.ndarray:

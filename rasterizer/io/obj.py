@@ -105,11 +105,11 @@ def _read_parts(model, lines) -> list[Part]:
     # A material has one number, however often its name stands there; an object is another each time.
     numbers = dict(zip(dict.fromkeys(names), range(len(names)), strict=False))
     whole["face_material"] = np.repeat([-1, *map(numbers.get, names)], np.diff(material_begins))
-    materials = {}
+    materials, places = {}, {}
     if numbers:
         from .mtl import find_materials
 
-        materials = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
+        materials, places = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
     default, palette = whole["material"], []
     for name in numbers:
         palette.append(materials.get(name) or replace(default, name=name_in(name)))
@@ -124,8 +124,9 @@ def _read_parts(model, lines) -> list[Part]:
         whole["smoothing"] = np.repeat(of_groups, np.diff(group_begins))
     ranges, parts = _object_ranges(whole, object_begins), []
     model.allowance.show(len(ranges))
+    laid = {numbers[name]: place for name, place in places.items()}
     for number, begin, end in ranges:
-        parts.append(_with_materials(model, _take_range(whole, begin, end), palette, objects[number]))
+        parts.append(_with_materials(model, _laid(_take_range(whole, begin, end), laid), palette, objects[number]))
     return parts
 
 
@@ -231,6 +232,17 @@ def _compact(faces) -> tuple[np.ndarray | slice, np.ndarray]:
 
 
 # --- materials ------------------------------------------------------------------------------------------------------
+
+
+def _laid(part: Part, places) -> Part:
+    """Move the texture coordinates of faces with some materials; `places` says how by the number of the material."""
+    numbers = part["face_material"]
+    moved = [number for number in distinct(numbers).tolist() if number in places] if "uv" in part else ()
+    for number in moved:
+        uv = part["uv"] if part["uv"].ndim == 3 else part["uv"][part["faces"]]
+        scale, offset = places[number]
+        part["uv"] = np.where((numbers == number)[:, None, None], uv * scale + offset, uv)
+    return part
 
 
 def _with_materials(model, part: Part, palette, name) -> Part:

@@ -124,6 +124,9 @@ def test_doubtful_pictures(folder, capsys):
     face = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     (folder / "edge.obj").write_text(face)
     (folder / "away.obj").write_text("v 0 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n")
+    (folder / "black.mtl").write_text("newmtl black\nKd 0 0 0\n")
+    (folder / "black.obj").write_text("mtllib black.mtl\nusemtl black\n" + face)
+    (folder / "dark.obj").write_text("v 0 0 0 0 0 0\nv 1 0 0 0 0 0\nv 0 1 0 0 0 0\nf 1 2 3\n")
     (folder / "lost.obj").write_text("mtllib lost.mtl\nusemtl red\n" + face)
     camera = rz.Camera.perspective((9, 9, 9), (20, 20, 20))
     rz.save(rz.Scene(rz.load(CUBE).meshes, camera=camera), "away.json")
@@ -133,6 +136,8 @@ def test_doubtful_pictures(folder, capsys):
     for argv, words in (
         (f"{CUBE} --zoom 9 --eye 9,9,9 --target 20,20,20", away + "(-1, -1, -1) to (1, 1, 1); try another --eye"),
         (f"{CUBE} --light ambient:0", "cube.obj: the picture is black: no light reaches what is seen"),
+        ("black.obj", "the picture is black: so are its materials or colours"),
+        ("dark.obj", "the picture is black: so are its materials or colours"),
         ("away.obj --cull back --view front", "seen from behind; try --cull none"),
         ("edge.obj --view left", "the model covers no sample; try a larger --size"),
         (f"{CUBE} --material opacity=0", "every material is invisible, its opacity is 0"),

@@ -87,6 +87,7 @@ def test_doubtful_lines_are_drawn_sensibly_and_warned_of(folder):
         ("d inf", "opacity", 1.0, "2: 'd' takes a number"),
         ("Kd red", "diffuse", plain.diffuse, "2: 'Kd' takes numbers"),
         ("Kd -1 0 0", "diffuse", plain.diffuse, "2: 'Kd' takes numbers"),
+        ("Kd -1e-7 0.5 0", "diffuse", (0, 0.5, 0), "2: 'Kd -1e-7 0.5 0' is a hair below 0"),
         ("Kd nan 0 0", "diffuse", plain.diffuse, "2: 'Kd' takes numbers"),
         ("Kd 255 51 0", "diffuse", (1, 0.2, 0), "2: 'Kd 255 51 0' reads as bytes"),
         ("Kd 2.5 1 0", "diffuse", (1, 0.4, 0), "2: 'Kd 2.5 1 0' would reflect more light than there is"),
@@ -150,16 +151,17 @@ def test_alpha_is_the_pictures_own_or_the_grey_of_map_d_undecoded(folder):
 
 def test_what_is_left_out_is_reported(folder):
     facts = []
-    assert not material_of(folder, "map_Kd wood.png\nmap_d large.png", log=facts.append).texture.has_alpha
     material = material_of(folder, "Kd 1 1 1\nKs 1 1 1\nillum 0\nmap_Kd wood.png", log=facts.append)
     assert material.diffuse == (1, 1, 1) and material.specular == (0, 0, 0) and material.emissive == (0, 0, 0)
-    assert material_of(folder, "map_Bump bumps.png\nbump b.png\nmap_Ks shine.png", log=facts.append).texture is None
+    _, said = load_obj(folder, "newmtl a\nmap_Bump bumps.png\nbump b.png\nmap_Ks shine.png\nnewmtl unused\nbump c.png")
+    assert [text.partition(": ")[2] for text in said] == [
+        f"the texture '{name}.png' ({key}) is not drawn"
+        for name, key in (("bumps", "map_bump"), ("b", "bump"), ("shine", "map_ks"))
+    ]
     material_of(folder, "Ka 1 1 1\nKd 0.5 0 0", log=facts.append)
     material = material_of(folder, "Ka 0 0 0\nKd 1 0 0\nnewmtl other\nKa 0.1 0 0", log=facts.append)
     assert material.ambient == (0, 0, 0), "a file that has other ambient coefficients means it"
-    said = [("'large.png'", "another size"), ("illum 0", ""), ("m.mtl:2: 'Ka 1 1 1'", "")]
-    said += [(name, "not drawn") for name in ("'bumps.png'", "'b.png'", "'shine.png'")]
-    for words in said:
+    for words in [("illum 0", ""), ("m.mtl:2: 'Ka 1 1 1'", "")]:
         assert sum(all(word in fact for word in words) for fact in facts) == 1, (words, facts)
 
 
@@ -169,9 +171,13 @@ def test_options_of_maps(folder):
     for line, wrap, n_fact, warned in (
         ("map_Kd -clamp on wood.png", "clamp", 0, ()),
         ("map_Kd -clamp off wood.png", "repeat", 0, ()),
-        ("map_Kd -s 2 2 2 -o 0.5 -clamp on wood.png", "clamp", 0, ("-o 0.5", "-s 2 2 2")),
-        ("map_Kd -s 1 1 wood.png", "repeat", 1, ()),
-        ("map_Kd -s 1 1 7", "repeat", 1, ()),
+        ("map_Kd -s 2 2 2 -o 0.5 -clamp on wood.png", "clamp", 0, ()),
+        ("map_Kd wood.png -s 2 2 2 -clamp on", "clamp", 0, ()),
+        ("map_Kd my wood.png -mm 0 0.5", "repeat", 0, ("-mm 0 0.5",)),
+        ("map_Kd -s 1 1 wood.png", "repeat", 0, ()),
+        ("map_Kd -s 1 1 7", "repeat", 0, ()),
+        ("map_Kd -colorspace sRGB wood.png", "repeat", 0, ()),
+        ("map_Kd wood.png -colorspace linear", "repeat", 0, ("-colorspace linear",)),
         ("map_Kd -mm 0 1 -blendu on -bm 3 wood.png", "repeat", 3, ()),
         ("map_Kd -t 0 0 0 my  wood.png", "repeat", 1, ()),
         ("MAP_KD\twood.png", "repeat", 0, ()),
@@ -183,6 +189,36 @@ def test_options_of_maps(folder):
         assert mesh.material.texture.wrap == (wrap, wrap), f"{line}: {mesh.material.texture.wrap} != {(wrap, wrap)}"
         assert sum("is not applied" in fact for fact in facts) == n_fact, line
         assert all("m.mtl:2: the option '-" in fact for fact in facts[:n_fact]), line
+
+
+def test_scale_and_offset_move_the_coordinates_of_their_faces(folder):
+    for lines, expected in (
+        ("map_Kd -s 2 4 -o 0.5 wood.png", [[0.5, 0], [2.5, 0], [2.5, 4]]),
+        ("map_Kd wood.png -o 1 2", [[1, 2], [2, 2], [2, 3]]),
+        ("map_d -s 3 mask.png", [[0, 0], [3, 0], [3, 1]]),
+        ("map_Kd wood.png\nmap_d -s 3 mask.png", [[0, 0], [1, 0], [1, 1]]),  # one texture: it is laid as the colour
+    ):
+        text = TEXTURED + "usemtl b\nf 1/1 3/3 4/1\n"
+        mesh, said = load_obj(folder, f"newmtl a\n{lines}\nnewmtl b\nmap_Kd wood.png", text)
+        uv = mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv
+        assert not said and uv[0].tolist() == expected and uv[1].tolist() == [[0, 0], [1, 1], [0, 0]], lines
+
+
+def test_map_d_of_another_size_is_resized(folder):
+    for name, color, shape in (("large", "wood", (3, 3)), ("mask", "huge", (4, 6))):
+        Image.fromarray(np.full((4, 6, 3), 90, np.uint8)).save(folder / "huge.png")
+        texture = material_of(folder, f"map_Kd {color}.png\nmap_d {name}.png").texture
+        assert texture.shape == shape and texture.has_alpha, name
+    assert texture.image[..., 3].min() == 0.0 and texture.image[..., 3].max() == 1.0
+    np.testing.assert_allclose(texture.image[..., :3], texture.image[0, 0, 0])
+
+
+def test_other_words_of_maps(folder):
+    mesh, said = load_obj(folder, "newmtl a\nmap_Ka wood.png")
+    assert mesh.material.texture is not None and "map_Ka and no map_Kd" in said[0] and len(said) == 1
+    assert material_of(folder, "map_Ka leaf.png\nmap_Kd wood.png").texture.name.endswith("wood.png")
+    mesh, said = load_obj(folder, "newmtl a\nKd 1 0 0\nmap_Kd")
+    assert mesh.material.diffuse == (1, 0, 0) and said == ["m.mtl:3: map_kd names no picture; the line is left out"]
 
 
 def test_how_a_name_may_be_written(folder):
