@@ -7,7 +7,7 @@
     Failed(error)     it could not be sent there or back, or the function raised
 
 Processes of this machine are those of ../processes.py. One that ends breaks its executor, which loses all that it held.
-So another one takes its place, and what was lost is drawn again, a picture at a time: the one that breaks it is named.
+Another one takes its place, and what was lost is drawn again, a picture at a time: one that breaks it twice is named.
 """
 
 import os
@@ -31,6 +31,8 @@ from ..scene.validate import whole
 
 MAX_PROCESSES = 1024
 LONGEST_RUN = 8  # pictures of a job
+_MOST_ALONE = 2  # times that a picture is drawn alone before it is named as what ends processes
+_MAX_FAILED = 2  # times that processes are started once more, because the first one ended before it had started
 MAX_SHARED = 2  # models that a process keeps, of those that it was sent
 
 
@@ -62,7 +64,7 @@ class Job:
         self.argument: Any = argument
         self.shared: SharedObject | None = shared
         self.note: Any = None  # the caller's own; it isn't sent
-        self.is_alone = False  # one picture, drawn once more because a process died of some
+        self.n_alone = 0  # how often it, one picture, is drawn with no other beside it, because a process died of some
 
 
 class Done(NamedTuple):
@@ -96,16 +98,16 @@ def work_through(
     jobs : are taken as there is room for them; what is no Job is passed on as (it, None)
     follow_up : returns the jobs that take the place of one, after its outcome; none: the outcome is passed on
     """
-    source, again, is_exhausted, is_alone = iter(jobs), deque[Job](), False, False
+    source, again, is_exhausted, is_alone = iter(jobs), deque[Job](), False, 0
     while True:
         while again or not is_exhausted:
             # One that is drawn alone waits until nothing else runs, and while it runs nothing else is begun.
-            if pool.n_running >= (1 if is_alone or (again and again[0].is_alone) else pool.n_slot):
+            if pool.n_running >= (1 if is_alone or (again and again[0].n_alone) else pool.n_slot):
                 break
             job = again.popleft() if again else next(source, None)
             if isinstance(job, Job):
                 pool.submit(job)
-                is_alone = job.is_alone
+                is_alone = job.n_alone
             elif job is None:
                 is_exhausted = True
             else:
@@ -132,11 +134,12 @@ def replace_job(
     """
     if isinstance(outcome, Done):
         return [] if outcome.value is not None else load(job)
-    parts = [] if job.is_alone else divide(job)
+    n_alone = job.n_alone + 1 if isinstance(outcome, Died) else 0
+    parts = [] if n_alone > _MOST_ALONE else divide(job)
     if isinstance(outcome, Failed) and len(parts) == 1:
         return []
     for part in parts:
-        part.is_alone = isinstance(outcome, Died)
+        part.n_alone = n_alone
     return parts
 
 
@@ -275,7 +278,7 @@ class LocalPool(Pool):
     def __init__(self, n_process: int | None = None) -> None:
         super().__init__(None, n_process)
         self.is_warm = not STORE.is_kept or has_kernels()
-        self._n_started, self._first = 0, Future[int]()
+        self._n_started, self._n_failed, self._first = 0, 0, Future[int]()
         self._folder = ""  # where models are that are sent
         self._n_sent = 0
 
@@ -285,7 +288,7 @@ class LocalPool(Pool):
         return super().n_slot if self.is_warm else 1
 
     def _send(self, job: Job) -> Future:
-        n = 1 if job.is_alone else self._n_process
+        n = 1 if job.n_alone else self._n_process
         if self._n_started != n:
             self._start(n)
         try:
@@ -303,9 +306,14 @@ class LocalPool(Pool):
             return self.executor.submit(work, message, path)
 
     def _start(self, n: int) -> None:
+        self._n_failed = self._n_failed + 1 if self._has_failed() else 0
         self._end()
         self.executor, self._first = start_processes(n)
         self._n_started = n
+
+    def _has_failed(self) -> bool:
+        """Tell whether no process could be started, or one ended before it was."""
+        return self._first.done() and self._first.exception() is not None
 
     def _end(self) -> None:
         if self._n_started:
@@ -327,12 +335,15 @@ class LocalPool(Pool):
     def wait(self) -> tuple[Job, Done | Died | Failed]:
         """Wait for the next job that has an outcome; return both.
 
-        Raises RasterizerError where no process could be started.
+        Raises RasterizerError where no process could be started, again and again.
         """
         job, outcome = super().wait()
+        if isinstance(outcome, Died) and self._has_failed():
+            if self._n_failed >= _MAX_FAILED:
+                raise RasterizerError(f"processes can't be started: the first one {outcome.how}")
+            self.submit(job)
+            return self.wait()
         self.is_warm = True
-        if isinstance(outcome, Died) and self._first.done() and self._first.exception() is not None:
-            raise RasterizerError(f"processes can't be started: the first one {outcome.how}")
         return job, outcome
 
     def _result(self, future: Future) -> Any:

@@ -1,8 +1,8 @@
 """`render_many`: tasks in, files and records out.
 
 Tasks are taken from their iterable as they are needed, a few for each process. Neighbours of one model become a run,
-which is one job: the model is loaded once for it. A job whose process dies is divided into single tasks. Each
-of these is drawn once more, alone in its process; the one that ends that process, too, is named.
+which is one job: the model is loaded once for it. A job that is lost with a process is divided into single tasks. Each
+of these is drawn again, alone in its process; one that ends it twice is named.
 """
 
 import os

@@ -179,7 +179,7 @@ class ToyPool:
     def submit(self, job):
         self.jobs.append(job)
         self.most = max(self.most, self.n_running)
-        if any(each.is_alone for each in (*self.jobs, *self.dead)):
+        if any(each.n_alone for each in (*self.jobs, *self.dead)):
             self.beside_alone += self.n_running > 1
 
     def wait(self):
@@ -205,7 +205,7 @@ def test_work_goes_on_until_nothing_is_left_and_what_is_alone_is_alone():
         if isinstance(outcome, Done):
             return []
         again = Job(add, job.argument - 1)
-        again.note, again.is_alone = job.note, True
+        again.note, again.n_alone = job.note, 1
         return [again]
 
     pool = ToyPool()

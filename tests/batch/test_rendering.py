@@ -164,7 +164,7 @@ def test_the_exit_code_says_whether_anything_failed():
 
 
 def test_a_process_that_dies_takes_nothing_else_with_it_and_its_task_is_named(folder):
-    """One that dies twice is named; one that died once is drawn by another process."""
+    """One that dies again and again is named; one that died once is drawn by another process."""
     deadly = rz.RenderTask(CUBE, "deadly.png", load={"lights": Deadly()}, options=SMALL)
     once = rz.RenderTask(CUBE, "once.png", load={"lights": Deadly(str(folder / "m"))}, options=SMALL)
     records = draw([*tasks_of(), deadly, once, *tasks_of(folder="later")])
