@@ -46,6 +46,7 @@ def make_textures(of_materials: Sequence[Texture | None], n_texcoord: int = 2, r
         np.array([_FILTERS[texture.filter] for texture in textures], np.int64),
         wraps,
         errors,
+        np.array([texture.has_alpha for texture in textures], np.bool_),
         np.array([numbers.get(id(texture), -1) for texture in of_materials], np.int64),
         t.FIRST_TEXCOORD + n_texcoord - 2,
     )
@@ -56,7 +57,7 @@ def _fill(texture: Texture, wraps: NDArray[np.int64], texels: NDArray[np.float32
     levels = [_bordered(texels, texture.shape, number) for number in range(texture.n_level)]
     differences = [t.fill_level(levels[0], wraps, _writer(texture, levels[0]), run)]
     for source, half in zip(levels, levels[1:], strict=False):
-        differences.append(t.fill_level(half, wraps, _halver(source, half, texture.has_alpha), run))
+        differences.append(t.fill_level(half, wraps, _halver(source, half), run))
     sizes = [(level.shape[1] - 2, level.shape[0] - 2) for level in levels]
     return t.error_factors(sizes, differences, max(texture.brightest, 1.0))
 
@@ -78,11 +79,13 @@ def _writer(texture: Texture, level: NDArray[np.float32]) -> Callable[[int, int]
         else:
             part, n_channel = encoded[first:end], encoded.shape[2]
             t.decode_texels(part.reshape(end - first, -1), n_channel, texture.decoded, rows[first + 1 : end + 1])
+        if texture.has_alpha:
+            level[first + 1 : end + 1, 1:-1, :3] *= level[first + 1 : end + 1, 1:-1, 3:]
 
     return write
 
 
-def _halver(source: NDArray[np.float32], half: NDArray[np.float32], has_alpha: bool) -> Callable[[int, int], None]:
+def _halver(source: NDArray[np.float32], half: NDArray[np.float32]) -> Callable[[int, int], None]:
     """Return what writes rows of the mip level behind `source`; both have borders."""
     height, width = (n - 2 for n in source.shape[:2])
     rows, out = source.reshape(height + 2, -1), half.reshape(len(half), -1)
@@ -91,8 +94,6 @@ def _halver(source: NDArray[np.float32], half: NDArray[np.float32], has_alpha: b
         if height % 2 == 1 or width % 2 == 1:
             needed = source[2 * first + 1 : min(2 * end + 1, height) + 1, 1:-1]
             halve_rows(needed, height, first, half[first + 1 : end + 1, 1:-1])
-        elif has_alpha:
-            t.halve_weighted_texels(rows[2 * first + 1 : 2 * end + 1], out[first + 1 : end + 1])
         else:
             t.halve_texels(rows[2 * first + 1 : 2 * end + 1], out[first + 1 : end + 1])
 

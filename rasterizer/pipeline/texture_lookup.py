@@ -45,6 +45,19 @@ def read_texels(batch, n, texture):
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, n, TEXEL)
     else:
         blend_texels(texture.texels, batch, TEXEL_ROWS, n, TEXEL)
+    if texture.has_alpha:
+        divide_by_alpha(batch, n)
+
+
+@helper
+def divide_by_alpha(batch, n):
+    """Divide the colours that were found, which are multiplied by alpha, so that clear texels count for nothing; where
+    nothing but these was found they stay 0."""
+    for k in range(n):
+        alpha = batch[TEXEL + 3 * BATCH_SIZE + k]
+        divisor = alpha if alpha > 0 else np.float32(1)
+        for channel in range(3):
+            batch[TEXEL + channel * BATCH_SIZE + k] /= divisor
 
 
 # ---------------------------------------------------------------- which texels a sample needs, and their weights

@@ -30,12 +30,13 @@ STRIP = 2**15  # texels of a strip, half a megabyte
 class Textures(NamedTuple):
     """Textures of a scene, one behind the other."""
 
-    texels: np.ndarray  # (4 * n_texel,) float32, linear: red, green, blue and alpha of each
+    texels: np.ndarray  # (4 * n_texel,) float32, linear: red, green and blue of each, times its alpha; alpha
     first_texels: np.ndarray  # (n_texture + 1,) int64
     sizes: np.ndarray  # (n_texture, 3) int64: width, height, mip levels
     filters: np.ndarray  # (n_texture,) int64, FILTER_...
     wraps: np.ndarray  # (n_texture, 2) int64, WRAP_... along s and t
     errors: np.ndarray  # (n_texture, 4) float64, see `texture_error`
+    has_alpha: np.ndarray  # (n_texture,) bool: some texel lets something through
     of_materials: np.ndarray  # (n_material,) int64, the texture of each, -1 for none
     texcoord: int = FIRST_TEXCOORD  # the attribute that is u; v follows
 
@@ -49,6 +50,7 @@ class Texture(NamedTuple):
     coarsest: int  # int32, the last mip level
     filter: int  # FILTER_...
     wraps: tuple[int, int]  # WRAP_... along s and t
+    has_alpha: bool
 
 
 @helper
@@ -64,6 +66,7 @@ def texture_of(textures, material):
         np.int32(n_level - 1),
         textures.filters[texture],
         (textures.wraps[texture, 0], textures.wraps[texture, 1]),
+        textures.has_alpha[texture],
     )
 
 
@@ -151,7 +154,7 @@ def largest_steps(rows):
 
 @kernel
 def halve_texels(rows, out):
-    """Write the means of two by two texels without alpha.
+    """Write the means of two by two texels.
 
     Parameters
     ----------
@@ -166,31 +169,6 @@ def halve_texels(rows, out):
                 of_left = np.float64(above[left + k]) + np.float64(below[left + k])
                 of_right = np.float64(above[right + k]) + np.float64(below[right + k])
                 target[texel + k] = np.float32((of_left + of_right) * 0.25)
-
-
-@kernel
-def halve_weighted_texels(rows, out):
-    """Write the means of two by two texels, their colours weighted by alpha: by nothing where all four have none.
-
-    Parameters
-    ----------
-    rows, out : as in `halve_texels`
-    """
-    alpha = 3
-    for j in range(out.shape[0]):
-        above, below, target = rows[j + j], rows[j + j + 1], out[j]
-        for i in range((out.shape[1] >> 2) - 2):
-            left, right, texel = 8 * i + 4, 8 * i + 8, 4 * i + 4
-            a, b = np.float64(above[left + alpha]), np.float64(below[left + alpha])
-            c, d = np.float64(above[right + alpha]), np.float64(below[right + alpha])
-            mean_alpha = ((a + b) + (c + d)) * 0.25
-            target[texel + alpha] = np.float32(mean_alpha)
-            if mean_alpha == 0.0:
-                a = b = c = d = mean_alpha = 1.0
-            for k in range(alpha):
-                of_left = np.float64(above[left + k]) * a + np.float64(below[left + k]) * b
-                of_right = np.float64(above[right + k]) * c + np.float64(below[right + k]) * d
-                target[texel + k] = np.float32((of_left + of_right) * 0.25 / mean_alpha)
 
 
 # ---------------------------------------------------------------- where a mip level begins

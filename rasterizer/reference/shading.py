@@ -272,7 +272,7 @@ def sample_texture(texture: Texture, uv: NDArray, steps: NDArray) -> NDArray[np.
     if texture.filter == "nearest":
         return _nearest(texture.image, uv, texture.wrap)
     if texture.filter == "bilinear":
-        return _bilinear(texture.image, uv, texture.wrap)
+        return _of_multiplied(_bilinear(texture.pyramid[0], uv, texture.wrap))
     mip_level = compute_mip_level(texture, steps)
     lower = np.floor(mip_level).astype(np.int64)
     texels = np.empty((len(uv), 4))
@@ -281,7 +281,13 @@ def sample_texture(texture: Texture, uv: NDArray, steps: NDArray) -> NDArray[np.
         near = _bilinear(texture.pyramid[level], uv[at], texture.wrap)
         far = _bilinear(texture.pyramid[min(level + 1, len(texture.pyramid) - 1)], uv[at], texture.wrap)
         texels[at] = _mix(near, far, (mip_level[at] - level)[:, None])
-    return texels
+    return _of_multiplied(texels)
+
+
+def _of_multiplied(texels: NDArray) -> NDArray[np.float64]:
+    """Return texels (n, 4) whose colours were multiplied by their alpha, divided by it; 0 where nothing is seen."""
+    alpha = texels[:, 3:]
+    return np.concatenate([texels[:, :3] / np.where(alpha > 0.0, alpha, 1.0), alpha], axis=1)
 
 
 def compute_mip_level(texture: Texture, steps: NDArray) -> NDArray[np.float64]:

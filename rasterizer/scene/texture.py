@@ -174,7 +174,9 @@ class Texture(KeepsArrays):
 
     @cached_property
     def has_alpha(self) -> bool:
-        """Whether any texel lets something through."""
+        """Whether any texel lets something through; numbers don't."""
+        if self._is_of_numbers:
+            return False
         if self.encoded is None:
             return bool(least_of(self.image)[3] < 1.0)
         return self.encoded.shape[2] in (2, 4) and bool(least_of(self.encoded)[-1] < 255)
@@ -204,11 +206,11 @@ class Texture(KeepsArrays):
         """The picture and its mipmaps, (h, w, 4) float32 each, read-only, the last one with a single texel; the picture
         alone where the filter needs no mipmaps.
 
-        Colours are weighted by their alpha. A level has half of the texels of the one before along each axis, rounded
-        down, but at least one; each is the mean of the area that it covers (Williams 1983, Pyramidal parametrics, for
-        even numbers).
+        Colours are multiplied by their alpha, so that clear texels add nothing to a mean. A level has half of the texels
+        of the one before along each axis, rounded down, but at least one; each is the mean of the area that it covers
+        (Williams 1983, Pyramidal parametrics, for even numbers).
         """
-        levels = [self.image]
+        levels = [multiplied(self.image) if self.has_alpha else self.image]
         while len(levels) < self.n_level:
             levels.append(_halve(levels[-1]))
         return tuple(levels)
@@ -217,8 +219,11 @@ class Texture(KeepsArrays):
         """Return the same with a picture that is halved so often: each texel is the mean of those whose place it takes,
         weighted by alpha."""
         image: Any = self.image if self.encoded is None else _halved(self.encoded, n_halving)
-        for _ in range(n_halving if self.encoded is None else 0):
-            image = _halve(image)
+        if self.encoded is None:
+            for _ in range(n_halving):
+                image = _halve(multiplied(image))
+                alpha = image[..., 3:]
+                image = np.concatenate([image[..., :3] / np.where(alpha > 0.0, alpha, 1.0), alpha], axis=2)
         make = Texture.of_numbers if self._is_of_numbers else Texture
         return make(image, filter=self.filter, wrap=self.wrap, name=self.name)
 
@@ -599,6 +604,11 @@ COLORS_OF_BYTES = fixed(np.stack([LINEAR_OF_BYTE, _SHARES]).astype(np.float32)) 
 NUMBERS_OF_BYTES = fixed(np.stack([_SHARES, _SHARES]).astype(np.float32))
 
 
+def multiplied(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return an image (h, w, 4) whose colours are multiplied by their alpha."""
+    return fixed(np.concatenate([image[..., :3] * image[..., 3:], image[..., 3:]], axis=2))
+
+
 def _halve(level: NDArray[np.float32]) -> NDArray[np.float32]:
     """The next mipmap, made in strips of its rows."""
     n_row, n_column = (max(n // 2, 1) for n in level.shape[:2])
@@ -620,18 +630,11 @@ def halve_rows(source: NDArray[np.float32], height: int, first: int, out: NDArra
     """
     width = source.shape[1]
     source = source if height == 1 else source[: 2 * len(out) + height % 2]
-    if height % 2 == 0 and width % 2 == 0 and (source[..., 3] == 1.0).all():
-        # Weights are 1: what is computed below is the mean of four texels, bit for bit.
+    if height % 2 == 0 and width % 2 == 0:  # what is computed below is the mean of four texels, bit for bit
         pairs = np.add(source[0::2], source[1::2], dtype=np.float64)
         np.multiply(pairs[:, 0::2] + pairs[:, 1::2], 0.25, out=out, casting="same_kind")
         return
-    alpha = source[..., 3:].astype(np.float64)
-    weighted = np.concatenate([source[..., :3] * alpha, source[..., :3], alpha], axis=2)
-    weighted = _halve_axis(weighted, 0, height, first)
-    weighted = _halve_axis(weighted, 1, width)
-    alpha = weighted[..., 6:]
-    out[..., :3] = np.where(alpha > 0.0, weighted[..., :3] / np.where(alpha > 0.0, alpha, 1.0), weighted[..., 3:6])
-    out[..., 3:] = alpha
+    out[:] = _halve_axis(_halve_axis(source.astype(np.float64), 0, height, first), 1, width)
 
 
 def _halve_axis(array: NDArray, axis: int, n: int, first: int = 0) -> NDArray:

@@ -75,17 +75,17 @@ class Samples:
         self.mip_levels = np.clip(0.5 * np.log2(np.maximum(square, 1.0)), 0, n_level - 1)
 
     def found(self, packed):
-        """What is found (4, n)."""
+        """What is found (4, n), colours as they are seen: times alpha."""
         batch = self.batch.copy()
         look_up(batch, self.n, packed, 0)
-        return shown(batch, self.n).astype(float)
+        return seen(shown(batch, self.n).astype(float))
 
     def expected(self, texture, moved=0.0):
         """What the reference finds (4, n) where texture coordinates are moved by (2, n) or (2, 1) texels."""
         s, t = (self.texcoords + moved) / self.sizes[:, None]
         steps = np.zeros((self.n, 2, 2))
         steps[:, 0, 0] = 2.0**self.mip_levels / self.sizes[0]
-        return sample_texture(texture, np.stack([s, 1.0 - t], axis=1), steps).T
+        return seen(sample_texture(texture, np.stack([s, 1.0 - t], axis=1), steps).T)
 
     def bounds(self, packed, errors=(0.0, 0.0)):
         """The bound of each sample, its own roundings and further errors of s and t (in texels) counted."""
@@ -104,6 +104,11 @@ class Samples:
                 for k in range(self.n)
             ]
         )
+
+
+def seen(texels):
+    """Colours (4, n) times their alpha, and alpha."""
+    return np.concatenate([texels[:3] * texels[3], texels[3:]])
 
 
 def image_of(kind, size, rng):
@@ -257,8 +262,9 @@ def test_a_sample_does_not_depend_on_its_neighbours():
     rows, of_far = both.reshape(-1, BATCH_SIZE), far.batch.reshape(-1, BATCH_SIZE)
     rows[:10, ::2] = of_far[:10, ::2]
     look_up(both, BATCH_SIZE, packed, 0)
-    assert not differences(shown(both)[:, 1::2], np.float32(near.found(packed)[:, 1::2]))
-    assert not differences(shown(both)[:, ::2], np.float32(far.found(packed)[:, ::2]))
+    found = seen(shown(both).astype(float))
+    assert not differences(found[:, 1::2], near.found(packed)[:, 1::2])
+    assert not differences(found[:, ::2], far.found(packed)[:, ::2])
     for filter, n in product(FILTERS, (1, 3, 4, 5, 21)):
         _, packed = textures_of(image_of("noise", (8, 8), rng), filter)
         samples, found = random_samples(packed, rng, n), []

@@ -82,9 +82,9 @@ def test_bilinear_is_the_mean_of_four():
         assert np.allclose(at(Texture(ROWS, "bilinear", wrap), u, 0.5)[:3], expected), wrap
 
 
-def test_alpha_is_interpolated_by_itself():
-    image = np.array([[[1, 0, 0, 1.0], [0, 1, 0, 0.0]]], np.float32)
-    assert not deviations(at(Texture(image, "bilinear", "clamp"), 0.5, 0.5), (0.5, 0.5, 0, 0.5))
+def test_colors_are_interpolated_with_their_alpha_as_weight():
+    image = np.array([[[1, 0, 0, 1.0], [0, 1, 0, 0.25]]], np.float32)
+    assert not deviations(at(Texture(image, "bilinear", "clamp"), 0.5, 0.5), (0.8, 0.2, 0, 0.625))
 
 
 # ── perspective ─────────────────────────────────────────────────────────────────────────────────────────
