@@ -84,6 +84,8 @@ class Options:
         too; it fades before the border, and pictures are framed on it as well. Buffers show the scene alone. The
         studio's lights, which are the default, become those of `tabletop`, whose key light casts shadows by Phong's
         method; other lights stay
+    min_opacity : from which opacity on a surface counts for buffers and picks, 0 to 1, a texture's alpha included; the
+        default counts every surface, however transparent. Pictures don't ask
 
     Raises
     ------
@@ -106,6 +108,7 @@ class Options:
     edge_color: Annotated[tuple[float, float, float], "ColorLike"] = (0.0, 0.0, 0.0)
     edge_width: float = 1.0
     ground: bool = False
+    min_opacity: float = 0.0
 
     if TYPE_CHECKING:
 
@@ -135,6 +138,7 @@ class Options:
             self,
             size=(int(sides[0]), int(sides[1])),
             tolerance=number(self.tolerance, "tolerance", low=0),
+            min_opacity=number(self.min_opacity, "min_opacity", low=0, high=1),
             exposure=stops,
             edges=tuple(every) if word_for_all in edges else tuple(filter(edges.__contains__, every)),
             edge_color=linear_rgb(self.edge_color, "the edges' color"),

@@ -94,7 +94,7 @@ def render(
 
     How it is drawn
     shading, tolerance, samples, outputs, cull, color_range, exposure : as in `Options`
-    spectral, threads, edges, edge_color, edge_width, ground : as in `Options`
+    spectral, threads, edges, edge_color, edge_width, ground, min_opacity : as in `Options`
 
     Returns
     -------
@@ -315,6 +315,7 @@ class Renderer:
         )
         # What a frame picks with draws the surfaces that it shows, and no colours.
         shown_as = {"shading": options.shading, "cull": options.cull, "outputs": "face", "samples": 1, "threads": 1}
+        shown_as["min_opacity"] = options.min_opacity
         make_renderer = cache(partial(Renderer, self.scene, options.size, **shown_as))
 
         def draw_pick(x: int, y: int) -> Pick | None:

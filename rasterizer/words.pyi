@@ -28,6 +28,7 @@ class OptionWords(TypedDict, total=False):
     edge_color: ColorLike
     edge_width: float
     ground: bool
+    min_opacity: float
 
 class LookWords(TypedDict, total=False):
     """Fields of `Look`."""

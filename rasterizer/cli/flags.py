@@ -18,7 +18,7 @@ from .messages import NORMAL, QUIET
 EVERY = "all"  # of arrays: color and every buffer
 UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
 _MATERIAL = """\
-KEY is ambient diffuse specular emissive fresnel metal (colours), shininess opacity levels metallic (numbers), roughness
+KEY is ambient diffuse specular emissive fresnel metal (colours), shininess opacity alpha_cutoff levels metallic (numbers), roughness
 (a number, or two, A/B, along the tangent and across), tangent (u or X/Y/Z), texture metallic_roughness (pictures),
 reflection distribution (words), normalized (yes or no). Without ambient= the ambient follows diffuse, and so does
 metal. A name first, as in gold,shininess=80, takes the rest from the classic table.
@@ -242,6 +242,8 @@ def add_look(parser, is_compared=False):
                     "all (default: none)", type=values.edge_types, metavar="LIST")
         _add_option(group, "edge_color", "of the edges (default black)", type=values.color, metavar="COLOR")
         _add_option(group, "edge_width", "of the edges, in pixels", metavar="PX")
+        _add_option(group, "min_opacity", "from which opacity on a surface counts for arrays but color and rgb "
+                    "(default 0: all do)", type=values.fraction, metavar="A")
 
     group = parser.add_argument_group("speed")
     if not is_compared:

@@ -237,6 +237,7 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
     "emissive": color,
     "opacity": number,
     "texture": _or_none(str),
+    "alpha_cutoff": _or_none(number),
     "reflection": str,  # which models there are is known once the scene is imported
     "roughness": _roughness,
     "tangent": _tangent,

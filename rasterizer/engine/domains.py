@@ -134,7 +134,10 @@ def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_l
         row[3] = max(material.specular) * weight
         row[4] = limits.peak if tables.n_terms[k] > 1 else 0.0
         row[5:] = limits.rough, limits.roundings, limits.slope, limits.weight, 0.0
-        for texture in (*material.textures, *([] if material.is_opaque else [material.texture])):
+        for texture in (
+            *material.textures,
+            *([material.texture] if material.is_cut_out or not material.is_opaque else []),
+        ):
             row[9] += lookup_error(*texture.shape) / SINGLE if texture is not None else 0.0
     ambient, emissive, diffuse, specular, peak, rough, own, slope, weights, lookups = numbers.T[:, :, None]
 

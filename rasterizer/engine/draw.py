@@ -102,7 +102,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     if render_pass.light is not None:
         render_pass = replace(render_pass, attributes=render_pass.light(lists.faces), light=None)
         clock.lap("light")
-    drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), source)
+    drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes, render_pass.cut_outs), source)
     shape = WorkspaceShape(
         width, n_row, render_pass.n_channel, render_pass.attributes.shape[2], render_pass.dtype,
         render_pass.is_textured, render_pass.opacity is not None,

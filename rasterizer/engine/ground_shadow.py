@@ -185,9 +185,14 @@ def _light_points(n: int) -> NDArray[np.float64]:
 
 
 def _opacity_of(material: Material) -> float:
-    """Return the opacity of a material, rounded to a multiple of 1/OPACITIES; 1 where it is opaque."""
-    alpha = float(material.texture.mean[3]) if isinstance(material.texture, Texture) else 1.0
-    return 1.0 if material.is_opaque else round(OPACITIES * material.opacity * alpha) / OPACITIES
+    """Return the opacity of a material, rounded to a multiple of 1/OPACITIES; 1 where it is opaque. Of a texture the
+    mean of its alpha counts, of cut-outs the share that is there."""
+    alpha, opacity = np.ones(1), material.opacity
+    if isinstance(material.texture, Texture) and material.texture.has_alpha:
+        alpha = material.texture.image[..., 3]
+    if material.alpha_cutoff is not None:
+        alpha, opacity = opacity * alpha >= material.alpha_cutoff, 1.0
+    return round(OPACITIES * opacity * float(alpha.mean(dtype=np.float64))) / OPACITIES
 
 
 def _hidden_share(scene: Scene, ground: Ground, n: int, workers: Workers) -> NDArray[np.float32]:

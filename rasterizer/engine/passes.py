@@ -18,6 +18,7 @@ from ..pipeline.a_buffer import Opacity
 from ..pipeline.buffers import CornerTable, VisibleSurfaces, clear_band
 from ..pipeline.clip import Clipped
 from ..pipeline.cull import Band
+from ..pipeline.cut_outs import CutOuts
 from ..pipeline.gradients import DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, SINGLE_PRECISION, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
@@ -61,6 +62,8 @@ class Pass:
     hidden_sides: np.ndarray | None = None  # see pipeline/cull.py: find_visible; None where all are drawn
     rows: tuple[int, int] | None = None  # (first, end) of the samples that are drawn; None = all
 
+    cut_outs: CutOuts | None = None  # see pipeline/cut_outs.py; None where all samples of the triangles are there
+
     # What gives the attributes of the triangles (n,) that are seen, where they aren't known before.
     light: Callable[[np.ndarray], np.ndarray] | None = None
 
@@ -83,9 +86,12 @@ class Pass:
     def of_clipped(self, clipped: Clipped, corner_idx):
         """Return the pass of the triangles that are left after clipping; `corner_idx` (3, n_face) is where the corners
         of those before have their attributes."""
-        planes, light = self.face_planes, self.light
+        planes, light, cut_outs = self.face_planes, self.light, self.cut_outs
+        if cut_outs is not None and len(cut_outs.uv):
+            cut_outs = cut_outs._replace(uv=clipped.add_values(cut_outs.uv[None], corner_idx)[0])
         return replace(
             self,
+            cut_outs=cut_outs,
             light=light and (lambda faces: clipped.add_values(light(clipped.faces[faces]), corner_idx)),
             attributes=clipped.add_values(self.attributes, corner_idx),
             face_planes=planes[clipped.faces] if planes is not None and len(planes) else planes,

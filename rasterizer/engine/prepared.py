@@ -32,7 +32,7 @@ from .passes import NO_PLANES, NONE, BufferPass, ColorPass
 from .plan import Plan, PlanSummary, make_plan, summarize
 from .points import gather_geometry, gather_inner_sides, join_attributes, list_opaque_fans, turn_to_viewer
 from .scene_tables import SceneTables
-from .uniforms import light_view, make_coding, make_encoding, make_lighting
+from .uniforms import light_view, make_coding, make_cut_outs, make_encoding, make_lighting
 
 PICTURES = frozenset(("color", "rgb"))  # the other outputs are exact buffers
 ALWAYS_THERE = 2**28  # bytes; for less the system is not asked
@@ -202,6 +202,7 @@ class PreparedScene:
             light=light,
             n_sample=self.n_sample,
             factor=self.options.factor,
+            cut_outs=make_cut_outs(plan, self.geometry, scale_depths(screen)),
             face_planes=planes,
             hidden_sides=hidden_sides,
             lightings=lightings,
@@ -216,7 +217,8 @@ class PreparedScene:
         """Draw the edges that the options ask for over a picture, the arrays of `edges.lay_over`, seen by a camera."""
         from .edges import cover, lay_over
 
-        buffers, _, screen = self.draw_buffers(camera, NO_CLOCK, ("depth",), factor=self.options.factor)
+        factor = self.options.factor
+        buffers, _, screen = self.draw_buffers(camera, NO_CLOCK, ("depth",), factor=factor, min_opacity=0.0)
         share, seen = cover(self._edges, self.options, buffers["depth"], screen, self.threads)
         seen = seen if self.tables.background is None else np.ones(share.shape)
         lay_over(share, seen, self.options.edge_color, rgba, color, alpha)
@@ -224,7 +226,7 @@ class PreparedScene:
     # ------------------------------------------------ exact buffers
 
     def draw_buffers(
-        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, factor: int = 1
+        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, factor: int = 1, min_opacity=None
     ) -> tuple[dict[str, NDArray], Counts, Screen]:
         """Draw exact buffers, by name, without a picture, on that screen: one sample a pixel, or `factor` along each
         axis.
@@ -234,6 +236,7 @@ class PreparedScene:
         clock : Clock, which notes the milliseconds of each stage
         names : which buffers; None = those that are asked for
         rows : (first, end) of those that are drawn; the others are left as they come. None = all
+        min_opacity : from which opacity on a surface counts; None = as the options say
 
         Raises SceneError where the scene is deeper than a depth buffer can hold.
         """
@@ -251,6 +254,12 @@ class PreparedScene:
             n_sample=n_sample,
             hidden_sides=self._hidden_sides(view, screen, n_sample),
             rows=rows,
+            cut_outs=make_cut_outs(
+                self.plan,
+                self.geometry,
+                scale_depths(screen),
+                self.options.min_opacity if min_opacity is None else min_opacity,
+            ),
             depths=scale_depths(screen),
             buffers={name: BUFFER_TABLE[name].make(n_sample) for name in names},
             tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},

@@ -75,6 +75,7 @@ def words_of(scene: Scene, options: Options) -> frozenset[str]:
         **{material.reflection: True for material in materials},
         "opaque": any(material.is_opaque for material in materials),
         "transparent": not all(material.is_opaque for material in materials),
+        "cut-outs": any(material.is_cut_out for material in materials),
         "brushed": any(material.is_anisotropic for material in materials),
         "own colour of F0": any(material.fresnel is not None for material in materials),
         "texture": bool(textures),

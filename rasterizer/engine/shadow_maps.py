@@ -23,6 +23,7 @@ from ..locks import cached_property
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
+from ..pipeline.cut_outs import CutOuts
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING, DepthScale
 from ..pipeline.transform import Screen, make_screen
 from ..pipeline.workspace import WorkspacePool
@@ -34,6 +35,7 @@ from .lights import Beam, entry_of, is_carried, shadow_of
 from .passes import NONE, ShadowMapPass
 from .plan import Plan
 from .points import Geometry
+from .uniforms import NO_DEPTHS, make_cut_outs
 
 MAX_TEXELS = 2**28  # of all maps of a scene: 1 GiB in float32
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
@@ -55,11 +57,15 @@ class Casters(NamedTuple):
     corners: NDArray[np.float64]  # (n_mesh, 8, 3) of boxes round them, and what they fall on, world space
     bounds: NDArray[np.float64]  # (n_mesh, 2, 3) of the same boxes
     inner_sides: NDArray[np.int8] | None  # (n_face,) of closed bodies, see geometry/closed.py; None where they count
+    cut_outs: CutOuts | None = None  # without depths; None where all samples of the faces are there
 
     def some(self, faces: NDArray) -> "Casters":
         """Return some faces alone, as far as drawing depths reads them."""
         vertex, is_inverted = np.ascontiguousarray(self.geometry.vertex[:, faces]), self.geometry.is_inverted[faces]
         geometry = self.geometry._replace(vertex=vertex, corner=vertex, is_inverted=is_inverted)
+        if self.cut_outs is not None:
+            corner, material = np.ascontiguousarray(self.geometry.corner[:, faces]), self.geometry.face_material
+            geometry = geometry._replace(corner=corner, face_material=material[faces] if len(material) else material)
         inner_sides = None if self.inner_sides is None else self.inner_sides[faces]
         return self._replace(geometry=geometry, inner_sides=inner_sides)
 
@@ -69,6 +75,7 @@ def gather_casters(
     bounds: NDArray[np.float64],
     opacity: Opacity | None,
     inner_sides: NDArray[np.int8] | None = None,
+    cut_outs: CutOuts | None = None,
 ) -> Casters | None:
     """Return the opaque faces of a scene; None if there are none.
 
@@ -79,7 +86,8 @@ def gather_casters(
     inner_sides : (n_face,) int8, which a light that is outside of all boxes doesn't see; None = all are drawn
     """
     plain = geometry._replace(corner=geometry.vertex, face_material=np.empty(0, np.uint32))
-    casters = Casters(plain, corners_of(bounds), bounds, inner_sides)
+    plain = geometry if cut_outs is not None else plain  # they look texture coordinates up
+    casters = Casters(plain, corners_of(bounds), bounds, inner_sides, cut_outs)
     if opacity is None:
         return casters
     faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
@@ -92,7 +100,11 @@ class Shadows:
     def __init__(
         self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan, inner_sides: NDArray[np.int8] | None = None
     ):
-        self._casters, self._corners = gather_casters(geometry, bounds, plan.opacity, inner_sides), corners_of(bounds)
+        cut_outs = make_cut_outs(plan, geometry, NO_DEPTHS)
+        self._casters, self._corners = (
+            gather_casters(geometry, bounds, plan.opacity, inner_sides, cut_outs),
+            corners_of(bounds),
+        )
         self._geometry, self._plan = geometry, plan
         # Where a light was (`place_of`), and its maps, by its index and their type; or its extent, by its index.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
@@ -287,7 +299,14 @@ def draw_layer(view: View, projection: Projection, casters: Casters, texels, wor
     n_sample, is_finite = (size, size), np.isfinite(projection[:4]).all()  # else it is narrower than a number can say
     if not (is_finite and are_seen_from_outside(view, screen, n_sample, casters.bounds).all()):
         sides = None
-    render_pass = ShadowMapPass(attributes=NONE, n_sample=n_sample, hidden_sides=sides, depths=depths, texels=texels)
+    render_pass = ShadowMapPass(
+        attributes=NONE,
+        n_sample=n_sample,
+        hidden_sides=sides,
+        cut_outs=None if casters.cut_outs is None else casters.cut_outs._replace(depths=depths),
+        depths=depths,
+        texels=texels,
+    )
     draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
     return depths
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from ..compiler.kernels import batch_function
 from ..pipeline import material_coefficients as m
+from ..pipeline.cut_outs import CutOuts
 from ..pipeline.gradients import EXACT, HAS_ALBEDO, Coding, DepthScale
 from ..pipeline.lighting import Lighting, ShadowMaps
 from ..pipeline.lights import N_LIGHT_COEFFICIENT
@@ -14,6 +15,7 @@ from ..pipeline.resolve import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding,
 from ..pipeline.shadow_lookup import occlude
 from ..pipeline.textures import TextureCoding
 from .plan import Plan
+from .points import Geometry
 from .reflections import is_metallic
 from .scene_tables import split_fresnel
 
@@ -183,6 +185,24 @@ def code_textures(plan: Plan, limits: NDArray[np.float64]) -> TextureCoding | No
         slopes = intensities.undirected + intensities.diffuse.sum(axis=1) + metal
     slopes = slopes / max(plan.tables.max_texel, DARKEST)
     return TextureCoding(plan.textures, limits / np.maximum(slopes, 1e-30))
+
+
+def make_cut_outs(plan: Plan, geometry: Geometry, depths: DepthScale, min_opacity: float = 0.0) -> CutOuts | None:
+    """Return which samples of cut-outs are there, see pipeline/cut_outs.py; None where all are.
+
+    Parameters
+    ----------
+    min_opacity : what has less isn't there, either
+    """
+    thresholds = np.zeros(len(plan.tables.materials))
+    for k, material in enumerate(plan.tables.materials):
+        least = max(min_opacity, material.alpha_cutoff or 0.0)
+        has_alpha = material.texture is not None and material.texture.has_alpha
+        if least > material.opacity:
+            thresholds[k] = np.inf
+        elif has_alpha and least > 0.0:
+            thresholds[k] = least / material.opacity
+    return CutOuts(thresholds, plan.textures, geometry.uv, depths) if thresholds.any() else None
 
 
 def make_encoding(plan: Plan) -> Encoding:

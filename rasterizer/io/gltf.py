@@ -516,26 +516,16 @@ class Pictures:
         except (ModelError, AttributeError, LookupError, TypeError, ValueError):
             return  # what is wrong is said where it is read
 
-    def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
-        """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is
-        missing."""
+    def texture(self, number: int, is_opaque: bool) -> Texture | None:
+        """Return a texture, without alpha for a material that is opaque; None, and a UserWarning, if it is missing."""
         image, sampling = self._source(number)
-        key = (image, sampling, alpha_mode, *((alpha, cutoff) if alpha_mode == "MASK" else (1.0, 0.0)))
+        key = image, sampling, is_opaque
         if key not in self._textures:
-            self._textures[key] = self._make(*key)
+            pixels = self._read(image)
+            if pixels is not None and is_opaque:
+                pixels = _with_alphas(pixels, np.full(256, 255, np.uint8))
+            self._textures[key] = None if pixels is None else self._sampled(pixels, sampling, image)
         return self._textures[key]
-
-    def _make(self, image, sampling, alpha_mode, alpha, cutoff) -> Texture | None:
-        """Make a texture; where alpha decides, it does so before mipmaps are made."""
-        pixels = self._read(image)
-        if pixels is None:
-            return None
-        if alpha_mode != "BLEND":
-            shares = np.arange(256) / np.float32(255.0)
-            with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
-                is_seen = (alpha_mode == "OPAQUE") | (shares.astype(np.float32) * alpha >= cutoff)
-            pixels = _with_alphas(pixels, np.where(is_seen, np.uint8(255), np.uint8(0)))
-        return self._sampled(pixels, sampling, image)
 
     def _sampled(self, pixels, sampling, image, make=Texture) -> Texture:
         """Make a texture of an image's pixels; `sampling` is its filter and its wrap."""
@@ -627,10 +617,14 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     mode, cutoff = source.get("alphaMode", "OPAQUE"), float(source.get("alphaCutoff", 0.5))
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise pictures.model.error(f"alphaMode must be OPAQUE, MASK or BLEND; given {mode!r}")
-    texture = None if use is None else pictures.texture(use["index"], mode, alpha, cutoff)
-    # With a texture, MASK has been decided texel by texel.
-    opacity = {"OPAQUE": 1.0, "BLEND": alpha, "MASK": 1.0 if texture is not None else float(alpha >= cutoff)}[mode]
-    common = {"opacity": opacity, "texture": texture, "name": name_in(source.get("name", ""))}
+    texture = None if use is None else pictures.texture(use["index"], mode == "OPAQUE")
+    common = {
+        "opacity": 1.0 if mode == "OPAQUE" else alpha,
+        "texture": texture,
+        "name": name_in(source.get("name", "")),
+    }
+    if mode == "MASK":  # a cutoff above 1 leaves nothing
+        common |= {"alpha_cutoff": min(cutoff, 1.0), "opacity": alpha if cutoff <= 1.0 else 0.0}
     place = () if texture is None else _placement(use)
     base = (red, green, blue)
     if _UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light

@@ -6,6 +6,7 @@
     setup               stage 5: boxes, slopes and planes of depth, 64 triangles side by side
     gradients           the same of what is interpolated, and whether it is good enough
     visibility          the visibility buffer: an entry for each sample, depth above an intensity or a record's number
+    cut_outs            samples that are not there, by the alpha of a texture
     records             what triangles leave that are shaded later: planes, or their corners
     scan                edges, spans and small boxes, into the visibility buffer
     shade               stage 6: intensities of the visible samples; flat shading and Gouraud's method

@@ -199,7 +199,7 @@ def list_fragments(band, transparent, start, drawables, block, visibility, fragm
                 if found[0] + (box.right - box.left) * (box.bottom - box.top) > len(fragments.entries):
                     return first + k
                 surface = surface_of(k, Payload(payloads[first + k], 0, 0), block)
-                fill_spans(visibility, band.y_start, box, surface, fragments)
+                fill_spans(visibility, band.y_start, box, surface, fragments, None)
     return len(faces)
 
 

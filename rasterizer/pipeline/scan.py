@@ -27,6 +27,7 @@ import numpy as np
 from ..compiler.kernels import helper, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
+from .cut_outs import cut_out_of, is_there, threshold_of
 from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_levels, compute_normals
 from .records import write_exact, write_normals, write_values
 from .transform import HALF, SUBPIXEL
@@ -140,8 +141,8 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
             compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(len(some)):
-            box = box_of(k, block)
-            if box.left >= box.right or box.top >= box.bottom:
+            box, threshold = box_of(k, block), threshold_of(k, drawables.cut_outs, block)
+            if box.left >= box.right or box.top >= box.bottom or threshold > 1.0:
                 continue
             if block.ints[s.HAS_LEVELS + k] != 0:
                 payload = level_of(k, block)
@@ -165,7 +166,9 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
             if len(coding.paths) > 1:
                 here = np.int64(block.ints[s.MATERIAL + k])
                 note_material(visibility, box.left, box.right, first_row, end_row, here)
-            if block.ints[s.HAS_LEVELS + k] != 0 and block.ints[s.PIECE + k] != 0:
+            if threshold > 0.0:
+                fill_cut_out(visibility, band.y_start, box, k, payload, drawables.cut_outs, block)
+            elif block.ints[s.HAS_LEVELS + k] != 0 and block.ints[s.PIECE + k] != 0:
                 fill_pieces(visibility, band.y_start, box, k, block)
             else:
                 fill(visibility, band.y_start, box, k, payload, block)
@@ -193,14 +196,17 @@ def scan_index(band, drawables, block, visibility):
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         for k in range(len(some)):
-            box = box_of(k, block)
-            if box.left >= box.right or box.top >= box.bottom:
+            box, threshold = box_of(k, block), threshold_of(k, drawables.cut_outs, block)
+            if box.left >= box.right or box.top >= box.bottom or threshold > 1.0:
                 continue
             is_small = block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k] <= MAX_EXTENT
             flags = 0 if is_small and block.ints[s.HAS_PLANES + k] != 0 else IS_EXACT
             payload = Payload(id_payload(first + k, flags), 0, 0)
             note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
-            fill(visibility, band.y_start, box, k, payload, block)
+            if threshold > 0.0:
+                fill_cut_out(visibility, band.y_start, box, k, payload, drawables.cut_outs, block)
+            else:
+                fill(visibility, band.y_start, box, k, payload, block)
 
 
 @helper
@@ -358,7 +364,14 @@ def fill(visibility, y_start, box, k, payload, block):
     if is_small and not surface.is_sliver:
         fill_box(visibility, y_start, box, surface)
     else:
-        fill_spans(visibility, y_start, box, surface, None)
+        fill_spans(visibility, y_start, box, surface, None, None)
+
+
+@helper
+def fill_cut_out(visibility, y_start, box, k, payload, cut_outs, block):
+    """Fill the samples of triangle k of the block that are there, span by span."""
+    cut_out = cut_out_of(k, cut_outs, block)
+    fill_spans(visibility, y_start, box, surface_of(k, payload, block), None, cut_out)
 
 
 # ---------------------------------------------------------------- small boxes
@@ -443,12 +456,15 @@ class Edge(NamedTuple):
 
 
 @helper
-def fill_spans(visibility, y_start, box, surface, fragments):
+def fill_spans(visibility, y_start, box, surface, fragments, cut_out):
     """Walk the left and the right chain down the rows and fill the samples between them.
 
-    `y_start` is the band's first row in the picture.
-    `fragments` is None, or the Fragments that take what lies before the buffer, which is then left as it is: see
-    a_buffer.py.
+    Parameters
+    ----------
+    y_start : the band's first row in the picture
+    fragments : None, or the Fragments that take what lies before the buffer, which is then left as it is: see
+        a_buffer.py
+    cut_out : None, or the CutOut that says which samples are there
     """
     triangle = surface.triangle
     middle = first_sample(min(triangle.y1, triangle.y2))
@@ -464,6 +480,8 @@ def fill_spans(visibility, y_start, box, surface, fragments):
                 span = visibility.entries[first : first + x_end - x_start]
                 if fragments is not None:
                     list_span(span, x_start, y - y_start, y, surface, fragments)
+                elif cut_out is not None:
+                    fill_cut_out_span(span, x_start, y, surface, cut_out)
                 elif surface.is_sliver:
                     fill_sliver_span(span, x_start, y, surface)
                 else:
@@ -618,6 +636,16 @@ def fill_sliver_span(span, x_start, y, surface):
     for k in range(len(span)):
         new, old = entry_of_sliver(x_start + k, y, surface), span[k]
         span[k] = new if new < (old & DEPTH_MASK) else old
+
+
+@helper
+def fill_cut_out_span(span, x_start, y, surface, cut_out):
+    """Fill the samples of a span that are there."""
+    for k in range(len(span)):
+        x = x_start + k
+        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(surface.plane, x, y))
+        if new < (span[k] & DEPTH_MASK) and is_there(cut_out, x, y):
+            span[k] = new
 
 
 @helper

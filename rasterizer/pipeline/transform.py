@@ -25,7 +25,7 @@ it at some samples, because the points p' of both differ.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,6 +101,7 @@ class Drawables(NamedTuple):
     triangles: Triangles
     vertices: Vertices
     attributes: np.ndarray  # (side, n, n_attribute) float64
+    cut_outs: Any = None  # CutOuts, see cut_outs.py; None where all samples of the triangles are there
 
 
 def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:

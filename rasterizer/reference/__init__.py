@@ -7,7 +7,8 @@ cut into; nothing that is compiled. The modules in the order in which a polygon 
     closed       the sides of faces that nobody outside sees
     clip         near plane, limits of the screen, its grid
     visibility   which surface each sample sees, layer behind layer
-    shading      where the illumination equation is evaluated; textures
+    textures     what a texture shows at a point                 cut_outs   where a face is not there
+    shading      where the illumination equation is evaluated
     light        the equation                                      lamp, shadow, reflection    its terms
     picture      layers put on each other; samples to pixels       buffers    of the nearest surface
     edges        drawn over it, on the surfaces that are seen

@@ -21,7 +21,7 @@ def find_inner_sides(mesh: Mesh) -> NDArray[np.int64]:
     """Return for each face (n_face,) how it is seen from inside of its body: 1 counter-clockwise, -1 clockwise; 0 where
     the body isn't closed, or something is seen through the mesh."""
     sides = np.zeros(mesh.n_face, np.int64)
-    if not all(material.is_opaque for material in mesh.palette):
+    if not mesh.is_opaque:
         return sides
     faces = mesh.faces.tolist()
     numbers = range(len(faces))

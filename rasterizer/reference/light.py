@@ -15,6 +15,7 @@ Letters: N normal, L to the light, V to the viewer.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from ..scene.scene import DepthCue, Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
 from ..vectors import unit
+from .cut_outs import are_there
 from .lamp import Lamp, lamp_type_of, make_lamps
 from .reflection import channels_of, count_waves, palette_of, read_materials, reflect
 from .shadow import Casters, gather_casters, reaches
@@ -93,6 +95,8 @@ def make_lighting(
         is_opaque = np.array([material.is_opaque for material in palette])[surface.material]
         owner = surface.polygon if shading == "flat" else np.arange(len(surface.corners))
         casters = gather_casters(surface.corners, owner, is_opaque)
+        if any(material.alpha_cutoff is not None for material in palette):
+            casters = casters._replace(are_there=partial(are_there, surface, palette))
     if all(texture is None for texture in textures):
         textures = ()
     is_lit_per_sample = shading == "phong"

@@ -8,6 +8,7 @@ Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for ea
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,10 @@ from ..scene.scene import Scene
 from .buffers import SurfaceBuffers, describe_surface
 from .clip import are_outside, choose_range, clip_to_view, depths_of_boxes, depths_on_planes, project, snap, to_eye
 from .closed import find_inner_sides
+from .cut_outs import are_there
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
 from .light import Lighting, make_lighting
+from .reflection import palette_of
 from .shading import Fragments, light_samples
 from .surface import Surface, compute_sides, gather
 from .visibility import NO_KEY, Raster, Window, doubled_area, find_visible, gather_fragments
@@ -188,7 +191,12 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     is_outside = np.repeat(are_outside(look.boxes, view, projection, depths.near, grid), n_face)
     is_drawn &= (facing != look.inner_sides[pieces.face]) | ~is_outside[pieces.face]
     side = compute_sides(surface, pieces.face, facing)
-    return Raster(pieces, screen, places, plane_depths, side, is_drawn, Window(0, 0, *grid), projection), lighting
+    window = Window(0, 0, *grid)
+    raster = Raster(pieces, screen, places, plane_depths, side, is_drawn, window, projection)
+    palette = palette_of(look.scene)
+    if any(material.alpha_cutoff is not None for material in palette):
+        raster = raster._replace(are_there=partial(are_there, surface, palette))
+    return raster, lighting
 
 
 def _draw(look: Look, per_axis: int) -> Layers:

@@ -11,6 +11,7 @@ Every face casts shadows, whether it is culled or out of the picture, but for th
 Source: Segura & Feito 2001, "Algorithms to test ray-triangle intersection", Proc. WSCG, for the test by signed volumes.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,9 @@ class Casters(NamedTuple):
     normals: NDArray[np.float64]  # (n_caster, 3) unit; 0 without an area
     owner: NDArray[np.int64]  # (n_caster,) the face's number, or in flat shading that of its polygon
     on_plane: float  # scene units: a point nearer to a plane than this lies on it
+    face: NDArray[np.int64]  # (n_caster,) the faces' numbers
+    # Tells of faces (n,) and weights (n, 3) on their corners which points are there; None where all are.
+    are_there: Callable[[NDArray, NDArray], tuple[NDArray, NDArray]] | None = None
 
 
 def gather_casters(corners: NDArray, owner: NDArray, is_opaque: NDArray) -> Casters:
@@ -51,8 +55,8 @@ def gather_casters(corners: NDArray, owner: NDArray, is_opaque: NDArray) -> Cast
     Casters
     """
     largest = np.abs(corners).max(initial=0.0)
-    corners = corners[is_opaque]
-    return Casters(corners, unit(area_vectors(corners)), owner[is_opaque], 2.0**-40 * largest)
+    corners, face = corners[is_opaque], np.flatnonzero(is_opaque)
+    return Casters(corners, unit(area_vectors(corners)), owner[is_opaque], 2.0**-40 * largest, face)
 
 
 def reaches(casters: Casters, points: NDArray, owner: NDArray, to_light: NDArray, is_finite: bool) -> NDArray[np.bool_]:
@@ -90,4 +94,10 @@ def _crosses(casters: Casters, points: NDArray, to_light: NDArray, is_finite: bo
     nearest = casters.on_plane if is_finite else 0.0
     is_between = np.where(height > 0, end < -nearest, end > nearest) & (np.abs(height) > casters.on_plane)
     edges = np.stack([dot(to_light, np.cross(v, w)) for v, w in ((b, c), (c, a), (a, b))])
-    return is_between & ((edges >= 0).all(axis=0) | (edges <= 0).all(axis=0))
+    is_crossed = is_between & ((edges >= 0).all(axis=0) | (edges <= 0).all(axis=0))
+    if casters.are_there is not None:
+        ray, caster = np.nonzero(is_crossed)
+        volumes = edges[:, ray, caster].T  # each in proportion to the weight of the corner that its edge leaves out
+        is_there, _ = casters.are_there(casters.face[caster], volumes / volumes.sum(axis=1, keepdims=True))
+        is_crossed[ray, caster] = is_there
+    return is_crossed

@@ -11,6 +11,7 @@ Which samples a triangle covers is decided in integers, in 1/256 px, x to the ri
       ▼ y     c                 a→b is a top edge (dy = 0, dx > 0), c→a is a left edge (dy < 0)
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,9 @@ class Raster(NamedTuple):
     is_drawn: NDArray[np.bool_]  # (n_piece,)
     window: Window  # the samples that are looked at
     projection: Projection
+    # Tells of faces (n,) and weights (n, 3) on their corners which points are there, and where rounding decides that;
+    # None where all are.
+    are_there: Callable[[NDArray, NDArray], tuple[NDArray, NDArray]] | None = None
 
     def within(self, window: Window) -> "Raster":
         """Return what concerns a window: of other triangles nothing is drawn."""
@@ -103,12 +107,20 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
     shape, left, top = raster.window.shape, raster.window.left, raster.window.top
     key_first, key_second = np.full((2, *shape), NO_KEY)
     depth_first, depth_second = np.full((2, *shape), np.inf)
-    winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
+    winner, weights, is_unsure = np.full(shape, -1), np.zeros((*shape, 3)), np.zeros(shape, bool)
     for piece_idx in np.flatnonzero(raster.is_drawn):
         rows, columns = cover(raster.screen[piece_idx], raster.window)
         depth, piece_weights = weights_at(rows, columns, np.full(len(rows), piece_idx), raster)
         key = _keys(depth, raster)
         rows, columns = rows - top, columns - left
+        if raster.are_there is not None:
+            piece = np.full(len(rows), piece_idx)
+            on_face = on_faces(piece_weights[:, None], piece, raster)[:, 0]
+            is_there, is_near = raster.are_there(raster.pieces.face[piece], on_face)
+            is_unsure[rows[is_near], columns[is_near]] = True
+            rows, columns, depth, key, piece_weights = (
+                each[is_there] for each in (rows, columns, depth, key, piece_weights)
+            )
         is_behind = np.ones(len(key), bool)
         if before is not None:
             last = before.key[rows, columns]
@@ -124,6 +136,7 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
     margin = np.full(shape, np.inf)
     has_second = np.isfinite(depth_second)
     margin[has_second] = np.abs(depth_second[has_second] - depth_first[has_second])
+    margin[is_unsure] = 0.0
     return VisibilityBuffer(winner, weights, key_first, depth_first, margin)
 
 

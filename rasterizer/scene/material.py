@@ -79,6 +79,9 @@ class Material:
         show every surface
     texture : Texture, or anything that its class takes as an image, or None: multiplies `diffuse` and `ambient`,
         and its alpha the opacity; the mesh needs `uv`
+    alpha_cutoff : number within 0..1, or None: where opacity times the texture's alpha is below it the surface is not
+        there, for pictures, buffers, shadows and edges alike; elsewhere it is opaque, as a leaf on a card. The alpha is
+        that of the picture itself, without mipmaps
     reflection : "phong" (1975, mirrored ray against viewer), "blinn" (1977, half vector against normal),
         "lambert" (1760, diffuse), "oren-nayar" (1994, diffuse and rough, as clay or the moon), "cook-torrance"
         (1981, metals and plastics made of microscopic mirrors) or "toon" (few levels, as in a drawing)
@@ -133,6 +136,7 @@ class Material:
     emissive: ColorLike = 0.0
     opacity: float = 1.0
     texture: TextureLike | None = None
+    alpha_cutoff: float | None = None
     reflection: str = "phong"
     roughness: float | Sequence[float] = 0.5
     distribution: Distribution = "ggx"
@@ -163,6 +167,9 @@ class Material:
             metal=None if self.metal is None else linear_rgb(self.metal, "the material's metal"),
             shininess=number(self.shininess, "the material's shininess", above=0),
             opacity=number(self.opacity, "the material's opacity", low=0, high=1),
+            alpha_cutoff=None
+            if self.alpha_cutoff is None
+            else number(self.alpha_cutoff, "the material's alpha_cutoff", low=0, high=1),
             roughness=self._checked_roughness(model),
             fresnel=_checked_fresnel(self.fresnel),
             metallic=number(self.metallic, "the material's metallic", low=0, high=1),
@@ -265,9 +272,15 @@ class Material:
 
     @property
     def is_opaque(self) -> bool:
-        """Whether nothing is seen through the surface."""
+        """Whether nothing is seen through the surface, where it is there."""
         texture: Any = self.texture
-        return self.opacity == 1.0 and (texture is None or not texture.has_alpha)
+        is_clear = self.opacity < 1.0 or (texture is not None and texture.has_alpha)
+        return not is_clear or self.is_cut_out
+
+    @property
+    def is_cut_out(self) -> bool:
+        """Whether `alpha_cutoff` says where the surface is there."""
+        return self.alpha_cutoff is not None
 
 
 def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:

@@ -241,8 +241,8 @@ class Mesh(KeepsArrays):
 
     @property
     def is_opaque(self) -> bool:
-        """Whether nothing is seen through it."""
-        return all(material.is_opaque for material in self.palette)
+        """Whether nothing is seen through it, nor through what is cut out of it."""
+        return all(material.is_opaque and not material.is_cut_out for material in self.palette)
 
     @property
     def creases(self) -> tuple[float, NDArray[np.int32] | None]:

@@ -206,9 +206,9 @@ class Texture(KeepsArrays):
         """The picture and its mipmaps, (h, w, 4) float32 each, read-only, the last one with a single texel; the picture
         alone where the filter needs no mipmaps.
 
-        Colours are multiplied by their alpha, so that clear texels add nothing to a mean. A level has half of the texels
-        of the one before along each axis, rounded down, but at least one; each is the mean of the area that it covers
-        (Williams 1983, Pyramidal parametrics, for even numbers).
+        Colours are multiplied by their alpha, so that clear texels add nothing to a mean. A level has half of the
+        texels of the one before along each axis, rounded down, but at least one; each is the mean of the area that it
+        covers (Williams 1983, Pyramidal parametrics, for even numbers).
         """
         levels = [multiplied(self.image) if self.has_alpha else self.image]
         while len(levels) < self.n_level:

@@ -18,7 +18,7 @@ from rasterizer.pipeline.texcoords import compute_texcoords
 from rasterizer.pipeline.texture_lookup import read_texels
 from rasterizer.pipeline.textures import texcoord_error, texcoord_references
 from rasterizer.pipeline.visibility import LANES
-from rasterizer.reference.shading import sample_texture
+from rasterizer.reference.textures import sample_texture
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 

@@ -15,7 +15,7 @@ from rasterizer.pipeline.textures import (
     texcoord_error,
     texcoord_references,
 )
-from rasterizer.reference.shading import sample_texture
+from rasterizer.reference.textures import sample_texture
 from rasterizer.scene.texture import Texture
 
 SIZES = ((1, 1), (1, 9), (9, 1), (2, 3), (16, 16), (37, 5), (5, 640))

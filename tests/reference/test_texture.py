@@ -6,7 +6,7 @@ from helpers.arrays import deviations, differences
 from helpers.pinhole import ALBEDO, QUAD, SHADINGS, at_pixel, draw, eye_camera, sample_rays, sheet_camera
 
 from rasterizer.reference import render
-from rasterizer.reference.shading import compute_mip_level, sample_texture
+from rasterizer.reference.textures import compute_mip_level, sample_texture
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
