@@ -18,10 +18,10 @@ from .messages import NORMAL, QUIET
 EVERY = "all"  # of arrays: color and every buffer
 UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
 _MATERIAL = """\
-KEY is ambient diffuse specular emissive fresnel metal (colours), shininess opacity alpha_cutoff levels metallic (numbers), roughness
-(a number, or two, A/B, along the tangent and across), tangent (u or X/Y/Z), texture metallic_roughness (pictures),
-reflection distribution (words), normalized (yes or no). Without ambient= the ambient follows diffuse, and so does
-metal. A name first, as in gold,shininess=80, takes the rest from the classic table.
+KEY is ambient diffuse specular emissive fresnel metal (colours), shininess opacity alpha_cutoff levels metallic
+(numbers), roughness (a number, or two, A/B, along the tangent and across), tangent (u or X/Y/Z), texture
+metallic_roughness (pictures), reflection distribution (words), normalized (yes or no). Where ambient or metal isn't
+given, it is the diffuse colour. A name first, as in gold,shininess=80, takes the rest from the classic table.
 """
 
 _LIGHT = """\
