@@ -251,9 +251,9 @@ def _why_empty(stats, scene, arguments, camera) -> str:
     """The cause, where it is known, and what to try."""
     if stats.faces == stats.culled:
         return "all faces are seen from behind; try --cull none"
-    if all(material.opacity == 0.0 for mesh in scene.meshes for material in mesh.palette):
+    if not any(material.is_visible for mesh in scene.meshes for material in mesh.palette):
         names = ", ".join(sorted({f"'{material.name}'" for mesh in scene.meshes for material in mesh.palette})[:5])
-        return f"every material is invisible, its opacity is 0: {names}; try --material opacity=1"
+        return f"every material is invisible, its opacity is 0 or below its cutoff: {names}; try --material opacity=1"
     cause = _out_of_view(scene, camera)
     cause = f"{cause}; " if cause else ""
     if arguments.eye is not None:

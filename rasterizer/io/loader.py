@@ -333,8 +333,8 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         drawn = {key for key, part in parts.items() if _is_worth_drawing(part, settings.drop_bad_faces)}
         placed = [pair for pair in placed if id(pair[0]) in drawn] or placed[:1]
     if model.format != "obj":  # MTL warns of each such material
-        if not any(material.opacity > 0.0 for part, _ in placed for material in materials_of(part)):
-            model.warn("all its materials are invisible: opacity 0")
+        if not any(material.is_visible for part, _ in placed for material in materials_of(part)):
+            model.warn("all its materials are invisible: their opacity is 0, or below the cutoff")
     made, meshes = {}, []
     for part, matrix in placed:
         if id(part) not in made:

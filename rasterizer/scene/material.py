@@ -278,6 +278,11 @@ class Material:
         return not is_clear or self.is_cut_out
 
     @property
+    def is_visible(self) -> bool:
+        """Whether anything of it is to be seen, whatever its texture shows."""
+        return self.opacity > 0.0 and self.opacity >= (self.alpha_cutoff or 0.0)
+
+    @property
     def is_cut_out(self) -> bool:
         """Whether `alpha_cutoff` says where the surface is there."""
         return self.alpha_cutoff is not None
