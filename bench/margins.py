@@ -5,7 +5,7 @@ There the renderer and the reference may each show the other surface, and no dif
 
 import numpy as np
 
-from rasterizer.engine.depth_range import depths_of_boxes, fit_depth_range, fit_screen
+from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.points import gather_geometry
 
 UNITS = 2.0**14  # steps of the z-buffer: half a step of rounding for each sample of the largest box
@@ -14,10 +14,7 @@ UNITS = 2.0**14  # steps of the z-buffer: half a step of rounding for each sampl
 def depth_resolution(scene, size, depth, units=UNITS) -> np.ndarray:
     """Depth (h, w) that `units` of the z-buffer stand for at the depths (h, w) of a picture."""
     camera, bounds = scene.camera_for(size), np.stack([mesh.bounds for mesh in scene.meshes])
-    view, projection = camera.view(), camera.projection(size)
-    depths = depths_of_boxes(view, bounds)
-    depth_range, far_clip = fit_depth_range(camera, depths)
-    screen = fit_screen(view, projection, depth_range, far_clip, gather_geometry(scene.meshes, True), size, depths)
+    screen, _ = screen_of(camera, camera.view(), size, gather_geometry(scene.meshes, True), bounds)
     step = units / abs(screen.z_scale) if screen.z_scale != 0.0 else 0.0
     return np.where(np.isfinite(depth), depth, 0.0) ** 2 * step if camera.is_perspective else np.full(depth.shape, step)
 

@@ -68,7 +68,7 @@ def go(scene) -> Followed:
     """Send the triangle through the stages."""
     geometry, view = gather_geometry(scene.meshes, OPTIONS.is_flat), scene.camera.view()
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    screen = screen_of(scene.camera, view, OPTIONS.size, geometry, bounds)
+    screen, _ = screen_of(scene.camera, view, OPTIONS.size, geometry, bounds)
     render_pass = make_pass(scene, geometry, view, screen)
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)

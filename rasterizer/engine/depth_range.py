@@ -7,25 +7,44 @@ from ..pipeline.clip import find_nearest
 from ..pipeline.setup import DepthScale
 from ..pipeline.transform import DEPTH_MARGIN, Screen, make_screen
 
-# The fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there.
-NEAREST = 2.0**-20
+# The fitted near plane is never nearer than this part of the furthest distance, so that depth keeps 2^-18 there; but
+# for the sake of a vertex that is seen it is, down to the second.
+NEAREST, NEAREST_VERTEX = 2.0**-20, 2.0**-30
 MAX_DEPTH_RATIO = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
 # Distances down to NEAREST of a scene's extent keep their digits in their squares, which are 2^-1000 then.
 MIN_EXTENT = 2.0**-480
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 
 
-def screen_of(camera, view, n_sample, geometry, bounds) -> Screen:
-    """The screen of a camera, its depth fitted to the scene; `view` is the camera's.
+def screen_of(camera, view, n_sample, geometry, bounds) -> tuple[Screen, bool]:
+    """Return the screen of a camera, its depth fitted to the scene, and whether the fitted near plane cuts what would
+    be seen; `view` is the camera's.
 
     Parameters
     ----------
     n_sample : (width, height) of the picture in samples
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     """
-    depths = depths_of_boxes(view, bounds)
-    depth_range, far_clip = fit_depth_range(camera, depths)
-    return fit_screen(view, camera.projection(n_sample), depth_range, far_clip, geometry, n_sample, depths)
+    depths, projection = depths_of_boxes(view, bounds), camera.projection(n_sample)
+    (near, far), far_clip = fit_depth_range(camera, depths)
+    if camera.is_perspective and camera.near is None and depths[0] < near:
+        near = nearest_vertex(geometry.positions, view, projection, n_sample, (far * NEAREST_VERTEX, near))
+    screen, seen = fit_screen(view, projection, (near, far), far_clip, geometry, n_sample, depths)
+    return screen, camera.near is None and seen < near
+
+
+def nearest_vertex(positions, view, projection, n_sample, depths) -> float:
+    """Return how far away the nearest vertex in the picture lies that is between two depths, a little less; the second
+    where none is."""
+    least, near = depths
+    distance = (positions - view.eye) @ view.forward
+    relative = positions[(distance >= least) & (distance < near)] - view.eye
+    depth, upward = relative @ view.forward, (relative @ view.up)
+    y = projection.center_y - projection.scale_y * upward / depth
+    across = relative @ view.right - projection.skew * upward * projection.scale_y / projection.scale_x
+    x = projection.center_x + projection.scale_x * across / depth
+    is_seen = (x >= 0) & (x <= n_sample[0]) & (y >= 0) & (y <= n_sample[1])
+    return float(depth[is_seen].min(initial=near)) * (1 - NEAREST)
 
 
 def fit_depth_range(camera, depths) -> tuple[tuple[float, float], float]:
@@ -77,9 +96,9 @@ def are_seen_from_outside(view, screen, size, bounds) -> np.ndarray:
     return is_beyond | (np.maximum(bounds[:, 0] - view.eye, view.eye - bounds[:, 1]).max(axis=1) > reach)
 
 
-def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=None):
-    """The screen of a view: what is nearer than `depth_range` is clipped, and the z-buffer is fitted to the depths that
-    are seen.
+def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=None) -> tuple[Screen, float]:
+    """Return the screen of a view: what is nearer than `depth_range` is clipped, and the z-buffer is fitted to the
+    depths that are seen; and the nearest depth that would be seen without that near plane, where it was looked for.
 
     So planes that somebody gives far before or behind the scene cost no digits of depth. With perspective the
     z-buffer's 38 bits are even in 1/w: they leave 2^-38 · w/near of the depth w, so near counts most. Where it is small
@@ -103,16 +122,18 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=N
     if not projection.is_perspective:
         margin = NEAREST * (furthest - nearest)
         fitted = max(near, nearest - margin), min(far, furthest + margin)
-        return make_screen(view, projection, fitted if fitted[0] < fitted[1] else depth_range, near, far_clip)
+        return make_screen(view, projection, fitted if fitted[0] < fitted[1] else depth_range, near, far_clip), np.inf
     far = min(far, furthest * (1 + NEAREST)) if near < furthest else far
-    near_clip = near
+    near_clip, seen = near, np.inf
     if near < far * DEEP:
-        screen = make_screen(view, projection, (near, far), near, far_clip)
-        seen = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
-        near = seen if near < seen < far else near
+        before = min(near, far / MAX_DEPTH_RATIO)
+        screen = make_screen(view, projection, (before, far), before, far_clip)
+        seen = find_nearest(geometry.positions, geometry.vertex, screen, *size)
+        fitted = seen * (1 - NEAREST)
+        near = fitted if near < fitted < far else near
     if near * MAX_DEPTH_RATIO < far:
         far = far_clip = near * MAX_DEPTH_RATIO
-    return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
+    return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip), seen
 
 
 def scale_depths(screen: Screen) -> DepthScale:

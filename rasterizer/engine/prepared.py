@@ -26,7 +26,7 @@ from . import domains
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, scale_depths, screen_of
 from .draw import NO_CLOCK, Counts, draw
-from .lights import FAR
+from .lights import FAR, Step
 from .lit_points import light_seen
 from .passes import NO_PLANES, NONE, BufferPass, ColorPass
 from .plan import Plan, PlanSummary, make_plan, summarize
@@ -166,8 +166,11 @@ class PreparedScene:
         options, view = self.options, camera.view()
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
         picture = make_picture(options.size, with_color or is_global, out)
-        screen = screen_of(camera, view, self.n_sample, self.geometry, self.tables.bounds)
+        screen, is_cut = screen_of(camera, view, self.n_sample, self.geometry, self.tables.bounds)
         drawing, bound, steps = self.see(view, screen)
+        if is_cut:
+            why = f"what is nearer than {screen.near:.3g} is cut; give the camera a near plane"
+            bound, steps = None, (*steps, Step(f"no bound is stated: {why}", np.inf, "everywhere"))
         render_pass = self.color_pass(view, screen, drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         if is_global:
@@ -243,7 +246,7 @@ class PreparedScene:
         view, normals, (width, height) = camera.view(), NONE, self.options.size
         n_sample = width * factor, height * factor
         names = [name for name in self.options.outputs if name not in PICTURES] if names is None else names
-        screen = screen_of(camera, view, n_sample, self.geometry, self.tables.bounds)
+        screen, _ = screen_of(camera, view, n_sample, self.geometry, self.tables.bounds)
         if "depth" in names:
             check_depths(camera, view, self.tables.bounds)
         if any(BUFFER_TABLE[name].needs_normals for name in names):

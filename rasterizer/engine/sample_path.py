@@ -36,7 +36,7 @@ def draw_sample(scene, options: Options, camera: Camera, x: int, y: int) -> Draw
     prepared = PreparedScene(SceneTables(scene, options), options)
     try:
         view, picture = camera.view(), make_picture(options.size, with_color=True)
-        screen = screen_of(camera, view, prepared.n_sample, prepared.geometry, prepared.tables.bounds)
+        screen, _ = screen_of(camera, view, prepared.n_sample, prepared.geometry, prepared.tables.bounds)
         drawing, _, _ = prepared.see(view, screen)
         render_pass = prepared.color_pass(view, screen, drawing, picture, NO_CLOCK)
         given = {each.name: getattr(render_pass, each.name) for each in fields(ColorPass) if each.init}

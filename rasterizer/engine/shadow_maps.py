@@ -342,7 +342,7 @@ def _fit_screen(view: View, projection: Projection, casters: Casters, size: int)
         return make_screen(view, projection, (nearest - margin, furthest + margin), nearest - margin, np.inf)
     furthest = (furthest if furthest > 0.0 else 1.0) * (1 + NEAREST)
     near = max(nearest * (1 - NEAREST), furthest * NEAREST)
-    return fit_screen(view, projection, (near, furthest), np.inf, casters.geometry, (size, size))
+    return fit_screen(view, projection, (near, furthest), np.inf, casters.geometry, (size, size))[0]
 
 
 # ---------------------------------------------------------------- what the maps of a light show

@@ -18,6 +18,7 @@ from .vectors import dot
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
+VERTEX_RATIO = 2.0**-30  # the same for the sake of a corner that is seen
 
 
 Plane = tuple[float, float, float, float]  # (a, b, c, d): inside is a right + b up + c depth + d >= 0
@@ -60,11 +61,22 @@ def are_outside(boxes: NDArray, view: View, projection: Projection, near: float,
     return is_beyond | (projection.is_perspective & (gap > length(corners).max()))
 
 
-def choose_range(depth: NDArray, is_perspective: bool, near: float | None, far: float | None) -> Range:
+def depths_in_view(position: NDArray, projection: Projection, size: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the depths (n,) of the corners (n_face, 3, 3), in the camera's frame, that a picture of `size` samples
+    shows, whatever lies before them."""
+    corners = position.reshape(-1, 3)
+    corners = corners[np.isfinite(corners).all(axis=1) & (corners[:, 2] > 0.0)]
+    x, y = project(corners[None], projection)[0].T
+    return corners[(x >= 0) & (x <= size[0] * SUBPIXELS) & (y >= 0) & (y <= size[1] * SUBPIXELS), 2]
+
+
+def choose_range(
+    depth: NDArray, is_perspective: bool, near: float | None, far: float | None, shown: NDArray | None = None
+) -> Range:
     """Fit near and far to depths where they are not given.
 
     With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of the largest depth, or of the far
-    plane if that is given and nearer.
+    plane if that is given and nearer; but for a corner that is shown, of depths `shown`, it is, down to VERTEX_RATIO.
     """
     depth = depth[np.isfinite(depth)]
     deepest = depth.max(initial=-np.inf)
@@ -72,6 +84,8 @@ def choose_range(depth: NDArray, is_perspective: bool, near: float | None, far: 
     if near is None:
         least = max(seen * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0
         near = max(depth.min(initial=np.inf), least)
+        if is_perspective and shown is not None:
+            near = min(near, shown[shown >= deepest * VERTEX_RATIO].min(initial=np.inf))
     elif is_perspective and near <= 0:
         raise SceneError(f"near is {near}, legal in a perspective view is > 0")
     elif far is not None and near >= far:

@@ -20,7 +20,17 @@ from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .buffers import SurfaceBuffers, describe_surface
-from .clip import are_outside, choose_range, clip_to_view, depths_of_boxes, depths_on_planes, project, snap, to_eye
+from .clip import (
+    are_outside,
+    choose_range,
+    clip_to_view,
+    depths_in_view,
+    depths_of_boxes,
+    depths_on_planes,
+    project,
+    snap,
+    to_eye,
+)
 from .closed import find_inner_sides
 from .cut_outs import are_there
 from .edges import cover_samples, find_side, lay_over, list_edges, make_segment
@@ -179,7 +189,8 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     view, projection, surface, options = look.camera.view(), look.camera.projection(grid), look.surface, look.options
     lighting = make_lighting(look.scene, surface, view, projection, look.shading, options.spectral, options.exposure)
     position = to_eye(surface.corners, view)
-    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits)
+    shown = depths_in_view(position, projection, grid)
+    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits, shown)
     pieces = clip_to_view(position, projection, depths)
     screen = snap(pieces.position, projection)
     places, plane_depths = screen, depths_on_planes(pieces.position, projection)
@@ -250,7 +261,8 @@ def cover_edges(look: Look, depth: NDArray, per_axis: int) -> tuple[NDArray, NDA
     (h, w) each; `depth` is that of a grid of per_axis² samples a pixel."""
     (width, height), view, options = look.size, look.camera.view(), look.options
     projection = look.camera.projection((width * per_axis, height * per_axis))
-    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits)
+    shown = depths_in_view(to_eye(look.surface.corners, view), projection, (width * per_axis, height * per_axis))
+    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits, shown)
     segments = []
     for edge in (edge for mesh in look.scene.meshes for edge in list_edges(mesh)):
         side = find_side(edge, options.edges, view, projection.is_perspective, options.cull == "back")

@@ -1,16 +1,19 @@
 """Depths: fitted to the scene, clipped where a camera says so, and right, or refused, at the ends of float64."""
 
+from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
 import pytest
 from helpers.against_reference import EXACT, NORMAL, compare_with_reference
+from helpers.arrays import differences
 from helpers.pinhole import SHADINGS
 from helpers.stages import screen_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
+from rasterizer import reference
 from rasterizer.engine.depth_range import MIN_EXTENT, NEAREST, depths_of_boxes, fit_depth_range
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
@@ -144,3 +147,31 @@ def test_what_is_too_small_for_float64_is_refused():
     for scale in (0.5 * MIN_EXTENT, 1e-310, 5e-324):
         with pytest.raises(rz.SceneError, match="large; it must be at least .*: scale the scene"):
             draw_scaled(scale)
+
+
+def test_nothing_before_the_camera_is_cut_however_large_the_scene_or_no_bound_is_stated():
+    """A ball near the eye over floors of any size, in one mesh with the floor or beside it; a wall through the eye."""
+    ball = rz.load("models/sphere.obj").meshes[0]
+    small = rz.Mesh((ball.vertices - ball.bounds.mean(axis=0)) / np.ptp(ball.bounds, axis=0).max() * 0.2, ball.faces)
+    camera = rz.Camera.perspective((0, 0, 0.6), fov=40)
+    for size in (1e1, 1e3, 1e6, 1e8):
+        square = np.array([(-1, -1, -1), (1, -1, -1), (1, -1, 1), (-1, -1, 1)]) * (size, 1, size)
+        floor = rz.Mesh(square, [(0, 2, 1), (0, 3, 2)])
+        both = rz.Mesh(
+            np.concatenate([small.vertices, square]), np.concatenate([small.faces, len(small.vertices) + floor.faces])
+        )
+        for meshes in ([small, floor], [both]):
+            scene = rz.Scene(meshes, LIGHTS, camera)
+            frame = rz.render(scene, (60, 48), samples=1, outputs=("color", "face", "depth"))
+            seen = (frame.face >= 0) & (frame.face < small.n_face)
+            assert 0.1 < seen.mean() < 0.5, f"floor of {size:g}: the ball covers {seen.mean():.3f}"
+            assert frame.depth[seen].min() == pytest.approx(0.5, rel=1e-3) and frame.stats.error_bound is not None
+            judged = reference.render(scene, (60, 48), shading="phong")
+            assert not differences(frame.face[seen], judged.face[seen])
+    far = rz.Mesh([(-1e8, -1, -1e8), (1e8, -1, -1e8), (0, -1, 9)], [(0, 1, 2)])
+    through = rz.Mesh([(-1e-9, 0, -1), (1e-9, 0, 1), (0, 1, 0)], [(0, 1, 2)])
+    camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=90)
+    frame = rz.render(rz.Scene([through, far], LIGHTS, camera), (61, 48), cull="none")
+    assert frame.stats.error_bound is None and "cut" in frame.stats.steps[-1].cause
+    near = rz.render(rz.Scene([through, far], LIGHTS, replace(camera, near=1.0)), (61, 48), cull="none")
+    assert near.stats.error_bound is not None, "what the user's own plane cuts is no news"

@@ -347,7 +347,7 @@ def see(scene, **options):
     """What is stated of a scene, before anything is drawn."""
     chosen, camera = Options(**{"size": (64, 48), "samples": 1} | options), scene.camera_for((64, 48))
     made = PreparedScene(SceneTables(scene, chosen), chosen)
-    screen = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
+    screen, _ = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
     return made.see(camera.view(), screen)
 
 
@@ -414,7 +414,9 @@ def test_a_clearance_is_no_longer_than_the_distance_of_the_surface():
     assert found[-2:].tolist() == [np.inf, 0.0]
     view = rz.Camera.perspective((0, 0, 5)).view()
     plan = make_plan(tables, Options(), found[None])
-    screen = screen_of(rz.Camera.perspective((0, 0, 5)), view, (64, 48), gather_geometry([mesh], True), tables.bounds)
+    screen, _ = screen_of(
+        rz.Camera.perspective((0, 0, 5)), view, (64, 48), gather_geometry([mesh], True), tables.bounds
+    )
     nearness = domains.measure_reach(plan, view, screen).nearness[0]
     assert nearness[-2] == 0.0 and nearness[-1] == pytest.approx(np.hypot(6, np.sqrt(2)) / 4)
     assert (nearness <= 1 / domains.NEAREST).all()
