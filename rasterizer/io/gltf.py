@@ -27,11 +27,12 @@ from ..scene.color import linear_from_srgb
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.texture import Texture, decode_ahead, least_of, read_picture
-from .model_file import WHITE, Contents, ModelFile, Part, name_in
+from .model_file import SCALED_AWAY, WHITE, Contents, ModelFile, Part, name_in, within_1
 
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+_COMPRESSED = "compressed with {}, which can't be read; export it without compression"
 _CARRIED = ("JOINTS_", "WEIGHTS_")  # attributes: four joints and weights each
 _SPARSE_USE = 4  # times as many vertices as corners: then only those in use are taken out
 
@@ -83,10 +84,23 @@ def read_gltf(model: ModelFile) -> Contents:
     except ModelError:
         raise
     except (TypeError, AttributeError, LookupError, ValueError, ArithmeticError, SceneError) as fault:
-        reason = f"{type(fault).__name__}: {fault}"
-        raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
+        what = "GLB" if model.format == "glb" else "glTF"
+        raise model.error(f"not a readable {what} file ({_reason(fault)})") from fault
     placed = [(part, matrix) for pose, matrix in shown for part in parts[pose]]
     return Contents(placed, lights, camera, *counts, left_out=left_out, unused=unused)
+
+
+class Fault(ValueError):
+    """A value of a tree isn't legal; the text says which, and what is."""
+
+
+def _reason(fault: Exception) -> str:
+    """Say what is wrong in the words of the file: texts of Python's own errors speak of its objects."""
+    if isinstance(fault, (Fault, ModelError, SceneError)):
+        return str(fault)
+    if isinstance(fault, KeyError):
+        return f"{fault.args[0]} is missing"
+    return "a value is of another kind than its key's"
 
 
 def _check_version_and_extensions(model, tree) -> None:
@@ -97,7 +111,7 @@ def _check_version_and_extensions(model, tree) -> None:
     required = [str(name) for name in tree.get("extensionsRequired", [])]
     for extension in _UNREADABLE:
         if extension in required:
-            raise model.error(f"compressed with {extension}, which can't be read; export it without compression")
+            raise model.error(_COMPRESSED.format(extension))
     unknown = sorted({*required} - USED)
     if unknown:
         names = ", ".join(name[:80] for name in unknown[:5])
@@ -157,9 +171,11 @@ def _make_parts(tree, poses, primitives, buffers, paints, joints) -> dict[Pose, 
             if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
                 names[name] = names.get(name, -1) + 1
                 own = f"{name}_{names[name]}" if names[name] else name
-                number_of_paint = primitive.get("material")
-                is_there = isinstance(number_of_paint, int) and number_of_paint < len(paints)
-                paint = paints[number_of_paint] if is_there else _NO_PAINT
+                wanted, paint = primitive.get("material"), _NO_PAINT
+                if type(wanted) is int and 0 <= wanted < len(paints):
+                    paint = paints[wanted]
+                elif wanted is not None:
+                    buffers.model.mend("mesh", "of a material that isn't there: drawn grey")
                 part = _part(primitive, buffers, paint, own, weights, joints[pose.skin])
                 parts[pose] += [part] if len(part["faces"]) else []
     return parts
@@ -188,11 +204,13 @@ def _part(primitive, buffers, paint, name, weights, joints) -> Part:
     """Turn one primitive into a part, moved by the weights of its morph targets and by joints (n, 4, 4), if any; its
     vertex colours multiply its base colour."""
     attributes = primitive["attributes"]
+    if "bufferView" not in item(buffers.tree, "accessors", attributes["POSITION"]):
+        buffers.refuse_compressed(primitive)
     vertices = buffers.array(attributes["POSITION"])
     n_vertex = len(vertices)
     corners = buffers.array(primitive["indices"]) if "indices" in primitive else np.arange(n_vertex)
     if corners.dtype.kind not in "iu" or corners.size != len(corners):
-        raise ValueError("indices must be whole numbers, one a row")
+        raise Fault("indices must be whole numbers, one a row")
     dtype = np.uint32 if corners.dtype.kind == "u" else np.int64
     faces = _faces(corners.reshape(-1).astype(dtype), primitive.get("mode", _TRIANGLES))
     wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
@@ -240,8 +258,9 @@ def _joint_matrices(tree, number, places, buffers) -> np.ndarray | None:
     if number is None:
         return None
     skin = item(tree, "skins", number)
-    joints = [item(tree, "nodes", joint) and places.get(joint, np.eye(4)) for joint in skin["joints"]]
-    world = np.array(joints).reshape(-1, 4, 4)
+    for joint in skin["joints"]:
+        item(tree, "nodes", joint)
+    world = np.array([places.get(joint, np.eye(4)) for joint in skin["joints"]]).reshape(-1, 4, 4)
     if "inverseBindMatrices" not in skin:
         return world
     bound = buffers.array(skin["inverseBindMatrices"])[: len(world)].astype(np.float64)
@@ -257,7 +276,7 @@ def _carry(part, arrays, joints) -> None:
     for number, weight in zip(np.concatenate(numbers, axis=1).T, np.concatenate(weights, axis=1).T, strict=True):
         number = np.where(weight == 0.0, 0, number)
         if number.dtype.kind not in "iu" or number.max() >= len(joints):
-            raise ValueError(f"a vertex is carried by joint {number.max()}; its skin has {len(joints)}")
+            raise Fault(f"a vertex is carried by joint {number.max()}; its skin has {len(joints)}")
         matrices += weight[:, None, None] * joints[number, :3]
         total = total + weight
     with np.errstate(all="ignore"):
@@ -328,31 +347,39 @@ class Buffers:
         Raises ModelError for a file that can't be read or may not be, ValueError for a data: URI that is damaged.
         """
         if not isinstance(uri, str):
-            raise TypeError(f"uri must be text, not {type(uri).__name__}")
+            raise Fault(f"uri must be text, not {type(uri).__name__}")
         if uri.startswith("data:"):
             head, _, body = uri.partition(",")
             try:
                 data = base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
             except binascii.Error as fault:
-                raise ValueError(f"a data: URI is damaged ({fault})") from fault
+                raise Fault(f"a data: URI is damaged ({fault})") from fault
             return data[:max_bytes]
         name = uri if len(uri) <= 80 else uri[:77] + "..."
         beside = self.model.beside
         if beside.path is None:
             raise self.model.error(f"needs the file '{name}', but was given without a folder")
         try:
-            return beside.read_bytes(beside.find(unquote(uri)), max_bytes)
+            return beside.read_bytes(beside.find(unquote(uri).replace("\\", "/")), max_bytes)
         except (OSError, ValueError) as fault:
             reason = getattr(fault, "strerror", None) or fault
             raise self.model.error(f"needs the file '{name}', which can't be read ({reason})") from fault
 
+    def refuse_compressed(self, table: dict) -> None:
+        """Raise ModelError where a table of the tree has its numbers in a compressed form alone."""
+        for extension in _UNREADABLE:
+            if extension in table.get("extensions", {}):
+                raise self.model.error(_COMPRESSED.format(extension))
+
     def view(self, number) -> memoryview:
         """Return the bytes of a bufferView."""
         view = item(self.tree, "bufferViews", number)
+        if "uri" not in item(self.tree, "buffers", view["buffer"]) and not self.tail:
+            self.refuse_compressed(view)
         data = self._buffer(view["buffer"])
         begin, length = whole(view, "byteOffset", 0), whole(view, "byteLength")
         if begin + length > len(data):
-            raise ValueError(f"bufferViews {number} ends at byte {begin + length} of a buffer of {len(data)}")
+            raise Fault(f"bufferViews {number} ends at byte {begin + length} of a buffer of {len(data)}")
         return memoryview(data)[begin : begin + length]
 
     def _buffer(self, number) -> bytes | memoryview:
@@ -361,7 +388,7 @@ class Buffers:
             length = whole(buffer, "byteLength")
             data = self.uri(buffer["uri"], length) if "uri" in buffer else self._chunk()
             if len(data) < length:
-                raise ValueError(f"buffer {number} must have {length} bytes, but has {len(data)}")
+                raise Fault(f"buffer {number} must have {length} bytes, but has {len(data)}")
             if not buffer.get("uri", "data:").startswith("data:"):
                 self.model.allowance.n_byte += len(data)
             self._buffers[number] = data
@@ -370,10 +397,10 @@ class Buffers:
     def _chunk(self) -> memoryview:
         """Return the binary chunk of a GLB file, the first that follows the tree."""
         if len(self.tail) < 8:
-            raise ValueError("a buffer has no uri, and there is no binary chunk")
+            raise Fault("a buffer has no uri, and there is no binary chunk")
         length, chunk = struct.unpack_from("<2I", self.tail)
         if chunk != _BIN_CHUNK or length > len(self.tail) - 8:
-            raise ValueError("the binary chunk is cut off, or of another kind")
+            raise Fault("the binary chunk is cut off, or of another kind")
         return self.tail[8 : 8 + length]
 
     def array(self, number) -> np.ndarray:
@@ -396,7 +423,7 @@ class Buffers:
         if rows is not None and "sparse" not in accessor:
             return rows
         if count < 1:
-            raise ValueError(f"{label}: {count} rows; 1 is needed")
+            raise Fault(f"{label}: {count} rows; 1 is needed")
         self.model.allowance.make(count * width * dtype.itemsize)
         made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
         if "sparse" in accessor:
@@ -410,10 +437,10 @@ class Buffers:
         row = width * dtype.itemsize
         stride = whole(item(self.tree, "bufferViews", table["bufferView"]), "byteStride", row)
         if stride < 1:
-            raise ValueError(f"byteStride must be above 0; given {stride}")
+            raise Fault(f"byteStride must be above 0; given {stride}")
         end = begin + (count - 1) * stride + row
         if count < 1 or end > len(data):
-            raise ValueError(f"{label} of {count} rows ends at byte {end} of {len(data)}")
+            raise Fault(f"{label} of {count} rows ends at byte {end} of {len(data)}")
         # The buffer is as long as the last byte of the last row: checked above.
         return np.ndarray((count, width), dtype, data, begin, (stride, dtype.itemsize))
 
@@ -423,14 +450,14 @@ class Buffers:
         dtype = np.dtype(_DTYPES[_known(indices, "componentType", _DTYPES)])
         places = self._rows(indices, dtype, (count, 1), f"the indices of {label}")[:, 0]
         if dtype.kind != "u" or places.max() >= len(rows):
-            raise ValueError(f"the indices of {label} must be whole numbers below {len(rows)}")
+            raise Fault(f"the indices of {label} must be whole numbers below {len(rows)}")
         rows[places] = self._rows(values, rows.dtype, (count, rows.shape[1]), f"the values of {label}")
 
 
 def _known(table, key, legal):
     """Return what a table has under a key; a ValueError that says what is legal where it is something else."""
     if table[key] not in legal:
-        raise ValueError(f"{key} must be one of {', '.join(map(str, legal))}; given {str(table[key])[:40]}")
+        raise Fault(f"{key} must be one of {', '.join(map(str, legal))}; given {str(table[key])[:40]}")
     return table[key]
 
 
@@ -438,9 +465,9 @@ def item(tree, key, number) -> dict:
     """Return an item of one of the tree's lists; a LookupError that names it where it is none."""
     items = tree.get(key, [])
     if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(items):
-        raise IndexError(f"{key} has no number {str(number)[:40]}")
+        raise Fault(f"{key} has no number {str(number)[:40]}")
     if not isinstance(items[number], dict):
-        raise TypeError(f"{key} {number} is no table")
+        raise Fault(f"{key} {number} is no table")
     return items[number]
 
 
@@ -450,7 +477,7 @@ def whole(table, key, default=None) -> int:
     if isinstance(number, float) and number.is_integer():  # 12.0 is a whole number of JSON, too
         number = int(number)
     if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-        raise TypeError(f"{key} must be a whole number of at least 0, not {str(number)[:40]}")
+        raise Fault(f"{key} must be a whole number of at least 0, not {str(number)[:40]}")
     return number
 
 
@@ -499,7 +526,7 @@ class Pictures:
     def __init__(self, buffers: Buffers):
         self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
         self._pixels, self._textures, self._numbers, self._means = {}, {}, {}, {}
-        self._contents, self._decoded = {}, {}
+        self._contents, self._decoded, self._sources = {}, {}, {}
 
     def decode_ahead(self, materials: Iterable[dict]) -> None:
         """Decode the images of some of the tree's materials on threads."""
@@ -546,15 +573,30 @@ class Pictures:
                     self._numbers[key] = self._sampled(pixels, sampling, image, Texture.of_numbers)
         return self._numbers[key]
 
-    def _source(self, number) -> tuple[int | None, tuple]:
-        """Return the number of the image of a texture of the tree, and its filter and its wrap."""
+    def _source(self, number) -> tuple:
+        """Return the number of the image of a texture of the tree, text where there is none, and its filter and its
+        wrap."""
+        if number not in self._sources:
+            self._sources[number] = self._find_source(number)
+        return self._sources[number]
+
+    def _find_source(self, number) -> tuple:
+        if not 0 <= number < len(self.tree.get("textures", ())):
+            return f"texture {str(number)[:40]}", ("trilinear", ("repeat", "repeat"))
         source = item(self.tree, "textures", number)
         extensions = source.get("extensions", {})
         webp = extensions.get("EXT_texture_webp", {}).get("source")
         others = [each["source"] for each in extensions.values() if "source" in each]  # of formats that aren't read
         image = next((each for each in (webp, source.get("source"), *others) if each is not None), None)
-        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
-        wrap = tuple(_WRAPS[sampler.get(axis, 10497)] for axis in ("wrapS", "wrapT"))
+        samplers, sampler = self.tree.get("samplers", []), source.get("sampler")
+        is_there = type(sampler) is int and 0 <= sampler < len(samplers)
+        if sampler is not None and not is_there:
+            self.model.mend("texture", "of a sampler that isn't there: smooth, and repeated")
+        sampler = samplers[sampler] if is_there else {}
+        wraps = [sampler.get(axis, 10497) for axis in ("wrapS", "wrapT")]
+        if not all(wrap in _WRAPS for wrap in wraps):
+            self.model.mend("texture", "of a wrap that glTF doesn't have: repeated")
+        wrap = tuple(_WRAPS.get(wrap, "repeat") for wrap in wraps)
         return image, (_filter(sampler), wrap)
 
     def mean(self, use: dict) -> np.ndarray | None:
@@ -573,7 +615,10 @@ class Pictures:
 
     def _label(self, number) -> str:
         """What an image is called in reports."""
-        image = item(self.tree, "images", number)
+        images = self.tree.get("images", [])
+        image = images[number] if type(number) is int and 0 <= number < len(images) else {}
+        if isinstance(number, str):  # of a texture that isn't there
+            return number
         uri = str(image.get("uri", ""))
         return str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {number}"))[:80]
 
@@ -587,7 +632,7 @@ class Pictures:
                 data = self._bytes_of(number) if data is None else data
                 self._pixels[number] = read_picture(BytesIO(data), f"image {number}", self.model.textures, decoded)
             except (ModelError, LookupError, TypeError, ValueError) as fault:
-                reason = str(fault).removeprefix(f"{self.model.name}: ")
+                reason = _reason(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
                 self.model.warn(f"{what}: {reason}; its materials keep their plain colour")
                 self._pixels[number] = None
@@ -613,7 +658,10 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     ModelError : a value that is not legal
     TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
     """
-    (red, green, blue, alpha), use = base_of(source)
+    base, use = base_of(source)
+    if np.isfinite(base).all():
+        base = within_1(pictures.model, np.array([base]))[0].tolist()
+    red, green, blue, alpha = base
     mode, cutoff = source.get("alphaMode", "OPAQUE"), float(source.get("alphaCutoff", 0.5))
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise pictures.model.error(f"alphaMode must be OPAQUE, MASK or BLEND; given {mode!r}")
@@ -632,7 +680,7 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
         return Paint(plain, *place)._replace(colored=colored)
     metallic = 0.0 if "trimesh" in str(pictures.tree.get("asset", {}).get("generator", "")) else 1.0
     numbers, place = _metallic_roughness(source, pictures, place)
-    common |= {"emissive": emission_of(source)}
+    common |= {"emissive": tuple(max(value, 0.0) for value in emission_of(source))}
     with np.errstate(all="ignore"):  # what isn't finite is refused by Material
         plain, colored = (
             Material(**common | lit_fields(source, base, many, pictures.mean, metallic, numbers))
@@ -817,7 +865,7 @@ def lit_fields(
     """
     base = np.array(base)
     if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
-        f0 = np.array(_numbers(glossy.get("specularFactor", _WHITE), 3))
+        f0 = np.clip(_numbers(glossy.get("specularFactor", _WHITE), 3), 0.0, 1.0)
         smoothness = float(glossy.get("glossinessFactor", 1.0))
         if (mean := _mean(glossy.get("specularGlossinessTexture"), mean_of)) is not None:
             f0, smoothness = f0 * linear_from_srgb(mean[:3]), smoothness * mean[3]
@@ -872,7 +920,7 @@ def _numbers(values, n) -> tuple[float, ...]:
     """Return so many numbers of a list; ValueError where there are more or fewer."""
     numbers = tuple(float(value) for value in values)
     if len(numbers) != n:
-        raise ValueError(f"a factor must have {n} numbers; given {len(numbers)}")
+        raise Fault(f"a factor must have {n} numbers; given {len(numbers)}")
     return numbers
 
 
@@ -917,6 +965,10 @@ def read_lights_and_camera(
     for number in sorted(places):
         node, matrix = nodes[number], places[number]
         light = node.get("extensions", {}).get(_LIGHTS, {}).get("light")
+        is_flat = not matrix[:3, 2].any()
+        if is_flat and (light is not None or "camera" in node):
+            model.mend(*SCALED_AWAY)
+            continue
         if light is not None:
             lights.append(_made(model, "light", light, sources, _light, matrix))
         if camera is None and "camera" in node:
@@ -981,7 +1033,7 @@ def _made(model, word, number, sources, make, matrix):
     except KeyError as fault:
         raise model.error(f"{label}: {fault.args[0]} is missing") from fault
     except (SceneError, TypeError, ValueError) as fault:
-        raise model.error(f"{label}: {fault}") from fault
+        raise model.error(f"{label}: {_reason(fault)}") from fault
 
 
 def _light(source, matrix):
@@ -1003,7 +1055,7 @@ def _light(source, matrix):
             outer = math.pi / 2
         outer = math.degrees(outer)
         return SpotLight(position, direction, color, inner, outer, **fall)
-    raise ValueError(f"its type must be directional, point or spot; given {name!r}")
+    raise Fault(f"its type must be directional, point or spot; given {name!r}")
 
 
 def _camera(source, matrix) -> Camera:
@@ -1011,7 +1063,7 @@ def _camera(source, matrix) -> Camera:
     eye, up, forward = matrix[:3, 3], matrix[:3, 1], -matrix[:3, 2]
     length = float(np.linalg.norm(forward))
     if not length > 0.0:
-        raise ValueError("its node's matrix leaves it no direction")
+        raise Fault("its node's matrix leaves it no direction")
     # A target about as far away as the eye is from the origin keeps every digit of the direction.
     target = eye + forward / length * max(1.0, float(np.abs(eye).max()))
     name = source["type"]
@@ -1025,7 +1077,7 @@ def _camera(source, matrix) -> Camera:
         width, height = 2.0 * float(lens.get("xmag", 0.0)), 2.0 * float(lens["ymag"])
         frame["aspect"] = width / height if width > 0.0 and height > 0.0 else None
         return Camera(height=height, near=lens["znear"], far=lens["zfar"], **frame)
-    raise ValueError(f"its type must be perspective or orthographic; given {name!r}")
+    raise Fault(f"its type must be perspective or orthographic; given {name!r}")
 
 
 # ----------------------------------------------------------------
@@ -1063,7 +1115,8 @@ def list_left_out(tree: dict, used: set) -> tuple[tuple[str, ...], tuple[str, ..
         for surface, source in zip(surfaces, materials, strict=True)
     ):
         found.append("KHR_materials_unlit of textured materials, which are lit")
-    extensions = {*tree.get("extensionsUsed", [])}.union(*(source.get("extensions", ()) for source in materials))
+    own = (source.get("extensions", ()) for source in materials)
+    extensions = {*tree.get("extensionsUsed", [])}.difference(_UNREADABLE).union(*own)
     found += [f"the extension {name[:60]}" for name in sorted(map(str, extensions - USED))]
     found += ["animations"] if tree.get("animations") else []
     is_one_sided = any(not source.get("doubleSided", False) for source in materials)

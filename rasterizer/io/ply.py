@@ -14,6 +14,7 @@ What the header promises is compared with the length of the file before memory i
 Polygon File Format, Stanford University.
 """
 
+import codecs
 import re
 from array import array
 from dataclasses import replace
@@ -46,6 +47,8 @@ def read_ply(model: ModelFile) -> Contents:
     -----
     UserWarning : polygons that cross themselves
     """
+    if model.data.startswith(codecs.BOM_UTF8):
+        model = replace(model, data=model.data[len(codecs.BOM_UTF8) :])
     if model.data[:3].lower() != b"ply":
         raise model.error("not a PLY file: it does not begin with 'ply'")
     order, elements, start, n_line = read_header(model)

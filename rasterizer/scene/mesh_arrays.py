@@ -132,18 +132,15 @@ def without_bad_vertices(
         return vertices, None
     is_bad: Any = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
     n_bad, first = int(is_bad.sum()), int(is_bad.argmax())
-    fault = (
-        f"{n_bad} of {len(vertices)} vertices have coordinates that are not finite or beyond "
-        f"±{COORDINATE_LIMIT:g}, the first is vertex {first}: {tuple(vertices[first].tolist())}"
-    )
+    fault = f"{n_bad} of {len(vertices)} vertices have coordinates that are not finite or beyond ±{COORDINATE_LIMIT:g}"
+    place = f"the first is vertex {first}: {tuple(vertices[first].tolist())}"
     if not drop_bad_faces:
-        asked = "drop_bad_faces=True of load() and Mesh, --drop-bad-faces in a shell,"
-        raise ModelError(f"{fault}; {asked} leaves out the faces that use them")
+        raise ModelError(f"{fault} (--drop-bad-faces, drop_bad_faces=True, leaves their faces out); {place}")
     is_dropped: Any = is_bad[faces].any(axis=1)
     if polygons is not None:
         is_dropped = np.isin(polygons, polygons[is_dropped])
     if is_dropped.all():
-        raise ModelError(f"{fault}; no face is left without them")
+        raise ModelError(f"{fault}, {place}; no face is left without them")
     vertices = vertices.copy()
     vertices[is_bad] = vertices[np.argmin(is_bad)]
     return vertices, ~is_dropped

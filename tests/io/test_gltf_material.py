@@ -286,8 +286,17 @@ def test_a_texture_may_have_its_image_by_an_extension_or_none():
 def test_what_is_not_legal_is_refused():
     cases = [
         ({"alphaMode": "DITHER"}, "alphaMode must be OPAQUE, MASK or BLEND; given 'DITHER'"),
-        ({"sampler": {"wrapS": 7}}, "not a readable glTF file"),
-        ({"more": lambda tree, _: tree.update(textures=[])}, "not a readable glTF file .*textures has no number 0"),
-        ({"more": lambda tree, _: tree.update(images=[])}, "not a readable glTF file .*images has no number 0"),
     ]
     assert_refused(lambda parts: texture_of(**parts), cases, ModelError)
+
+
+def test_what_a_texture_refers_to_in_vain_is_warned_of():
+    for parts, said in (
+        ({"sampler": {"wrapS": 7}}, "1 texture of a wrap that glTF doesn't have: repeated"),
+        ({"more": lambda tree, _: tree["textures"][0].update(sampler=9)}, "1 texture of a sampler that isn't there"),
+        ({"more": lambda tree, _: tree.update(textures=[])}, "texture 0': .*keep their plain colour"),
+        ({"more": lambda tree, _: tree.update(images=[])}, "image 0': .*keep their plain colour"),
+    ):
+        with pytest.warns(UserWarning, match=said) as caught:
+            assert load(textured(**parts), format="gltf").n_face == 12
+        assert len(caught) == 1, said

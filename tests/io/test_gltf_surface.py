@@ -159,7 +159,7 @@ def test_what_is_no_number_is_refused():
     nan, inf = float("nan"), float("inf")
     wrong = {
         "metallicFactor": ["much", nan], "roughnessFactor": [[1], nan],
-        "baseColorFactor": [[1, 1, 1], 1, [1, 1, 1, inf]], "metallicRoughnessTexture": [{"index": 7}, 1],
+        "baseColorFactor": [[1, 1, 1], 1, [1, 1, 1, inf]], "metallicRoughnessTexture": [{"index": "x"}, 1],
     }  # fmt: skip
     cases = [({name: value}, "") for name, values in wrong.items() for value in values]
     assert_refused(lambda each: material_of(metal(**each) | {"alphaMode": "BLEND"}), cases, ModelError, "model: ")
