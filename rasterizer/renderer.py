@@ -234,7 +234,7 @@ class Renderer:
         if TYPE_CHECKING:  # how Jedi finds the words
             Viewpoint(**words)
         with compiling_ahead(self._list_kernels):  # where the picture stands on a ground, framing takes its shadow
-            seen_by = self._camera_of(viewpoint_of({"camera": camera, **words}))
+            seen_by = self._camera_of(camera, words)
             pixels = None if out is None else checked_out(out, self.options)
             with self._prepared.threads.lock:
                 return self._render(seen_by, pixels)
@@ -256,15 +256,18 @@ class Renderer:
         SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
         """
         x, y = checked_pixel(x, y, self.options.size)
-        camera = self._camera_of(viewpoint_of({"camera": camera}))
+        camera = self._camera_of(camera, {})
         with self._prepared.threads.lock:
             arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
         return make_pick(arrays, x, y, self.scene)
 
-    def _camera_of(self, viewpoint: Viewpoint) -> Camera:
+    def _camera_of(self, camera: Any, words: Mapping[str, Any]) -> Camera:
         """Return the camera that a picture is taken with; SceneError after `close`."""
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
+        if isinstance(camera, Camera) and not words:
+            return camera
+        viewpoint = viewpoint_of({"camera": camera, **words})
         return viewpoint.over(self.framing).camera_of(self.scene, self.options.size, lambda: self.subject)
 
     def _list_kernels(self) -> list[Job]:
@@ -346,6 +349,8 @@ def load_look(
     """
     if not (options is None or isinstance(options, Options)):
         raise SceneError(f"options must be Options or None; given {shown(options)}")
+    if isinstance(source, Scene) and options is not None and camera is None and size is None and not words:
+        return SceneFile(source, options)
     words, chosen = divided(words, Look)
     chosen |= {} if size is None else {"size": size}
     made, look = replace(options, **chosen) if options else Options(**chosen), Look(**words)

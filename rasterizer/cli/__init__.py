@@ -3,9 +3,10 @@
     parser     the commands, how a command line is read, the help
     flags      the flags that several commands have, in groups
     values     what is written behind flags: numbers, colours, materials, lights
+    request    what the arguments ask for; whatever runs is handed that
     models     which models are read, and how
     outputs    which pictures there are: their names, their formats, their files
-    drawing    what the arguments want of all models; one after another is drawn; processes: several at a time
+    drawing    one model after another is drawn; processes: several at a time
     messages   what is said, and what failed
 
 `raster --help` lists the exit codes. Where all models failed, the code is that of the first. Whatever a user may do
@@ -143,11 +144,21 @@ def _run(arguments, messages, is_imported) -> int:
             Thread(target=_import_renderer).start()
         else:
             _import_renderer()
+    request, own = _read(arguments)
     is_imported()
-    failures, n_model = command.run(arguments, messages)
+    failures, n_model = command.run(request, messages, **own)
     if failures and len(failures) < n_model:
         return SOME_FAILED
     return exit_code(failures[0]) if failures else DONE
+
+
+def _read(arguments) -> tuple:
+    """Return the Request, of a command that has models, and the flags of the command's own."""
+    if hasattr(arguments, "models"):
+        from .request import make_request
+
+        return make_request(arguments)
+    return None, {name: value for name, value in vars(arguments).items() if name not in ("command", "level")}
 
 
 def _import_renderer() -> None:

@@ -54,60 +54,49 @@ def add_flags(parser) -> None:
     add_look(parser)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages, *, scheduler, is_resumed, manifest, coco, bop, unit) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import make_settings
-    from .outputs import check_scale, holds_arrays, plan_targets
+    from ..batch.datasets import write_bop, write_coco
+    from .outputs import check_scale, plan_targets
     from .processes import can_use_processes, draw_in_processes
     from .render import render_view
 
     start = perf_counter()
-    settings = make_settings(arguments)
-    check_scale(arguments)
-    if not can_use_processes(arguments):
+    check_scale(request.files)
+    if not can_use_processes(request):
         raise SceneError("raster batch reads and writes files; for stdin and stdout there is raster render")
-    if (arguments.coco or arguments.bop) and not arguments.manifest:
+    if (coco or bop) and not manifest:
         raise SceneError("--coco and --bop are made of a manifest: give --manifest FILE, too")
-    plan = plan_targets(arguments)
-    existing = "skip" if arguments.skip_existing else "skip-newer" if arguments.is_resumed else "replace"
-    manifest = _manifest_of(arguments, plan, existing) if arguments.manifest else None
-    failures, summary = draw_in_processes(
-        arguments, settings, messages, plan, render_view, arguments.scheduler, existing, manifest
-    )
-    if summary.drawn + summary.skipped:
-        _annotate(arguments)
+    plan = plan_targets(request)
+    existing = "skip" if request.files.skip_existing else "skip-newer" if is_resumed else "replace"
+    made = _make_manifest(manifest, coco, plan, existing) if manifest else None
+    failures, summary = draw_in_processes(request, messages, plan, render_view, scheduler, existing, made)
+    if summary.drawn + summary.skipped and coco:
+        write_coco(manifest, coco)
+    if summary.drawn + summary.skipped and bop:
+        write_bop(manifest, bop, unit=unit)
     summary.seconds = perf_counter() - start
-    messages.notice(summary.describe("file" if holds_arrays(arguments) else "picture"))
-    if arguments.json:
+    messages.notice(summary.describe("file" if request.files.holds_arrays else "picture"))
+    if request.is_json:
         messages.record(vars(summary) | {"seconds": round(summary.seconds, 4)})
     return failures, len(plan)
 
 
-def _manifest_of(arguments, plan, existing):
+def _make_manifest(path, coco, plan, existing):
     """Return the Manifest of a run; OutputError where it, or COCO's annotations, would replace another file."""
     from ..batch.datasets import import_pycocotools
     from ..batch.manifest import Manifest
     from ..io.files import are_same
 
-    if arguments.coco:
+    if coco:
         import_pycocotools()
-    manifest = Manifest(arguments.manifest, existing != "replace")
+    manifest = Manifest(path, existing != "replace")
     for target in chain.from_iterable(plan):
         if manifest.is_one_of(target.output):
             raise OutputError(f"can't write {target.output}: it is the manifest")
-        for path in (target.output, target.model) if arguments.coco else ():
-            if are_same(arguments.coco, path):
-                raise OutputError(f"can't write {arguments.coco}: it is {path}; give another name with --coco")
-    if arguments.coco and manifest.is_one_of(arguments.coco):
-        raise OutputError(f"can't write {arguments.coco}: it is the manifest")
+        for other in (target.output, target.model) if coco else ():
+            if are_same(coco, other):
+                raise OutputError(f"can't write {coco}: it is {other}; give another name with --coco")
+    if coco and manifest.is_one_of(coco):
+        raise OutputError(f"can't write {coco}: it is the manifest")
     return manifest
-
-
-def _annotate(arguments) -> None:
-    """Make COCO's annotations and BOP's folders of the manifest."""
-    from ..batch.datasets import write_bop, write_coco
-
-    if arguments.coco:
-        write_coco(arguments.manifest, arguments.coco)
-    if arguments.bop:
-        write_bop(arguments.manifest, arguments.bop, unit=arguments.unit)

@@ -5,6 +5,7 @@ The table on stdout is the front, the rows that nothing beats; the last line say
 
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -72,22 +73,26 @@ def add_flags(parser) -> None:
     add_look(parser, is_compared=True)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages, *, has_all, with_flip, seconds, **compared) -> tuple[list, int]:
     """Measure every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..analysis.comparison import check_flip
+    from ..analysis.speed_error import list_methods
     from ..analysis.speed_error_plot import check_plotting
-    from .drawing import draw_models, make_settings
+    from .drawing import draw_models
 
-    settings = make_settings(arguments)
-    for tolerance in arguments.tolerances:
+    for tolerance in compared["tolerances"]:
         Options(tolerance=tolerance)
-    if not arguments.seconds > 0.0:
-        raise SceneError(f"--seconds must be above 0; given {arguments.seconds:g}")
-    if arguments.output is not None:
+    if not seconds > 0.0:
+        raise SceneError(f"--seconds must be above 0; given {seconds:g}")
+    if request.files.output is not None:
         check_plotting()
-    if arguments.with_flip:
+    if with_flip:
         check_flip()
-    return draw_models(arguments, settings, messages, _bench_model, _check_plot)
+    lists = (compared[name] for name in ("shadings", "subdivisions", "list_of_samples", "tolerances"))
+    measure = partial(_measure, methods=list_methods(*lists), seconds=seconds, with_flip=with_flip)
+    return draw_models(
+        request, messages, partial(_bench_model, measure=measure, has_all=has_all or with_flip), _check_plot
+    )
 
 
 def _check_plot(output, _) -> None:
@@ -97,46 +102,44 @@ def _check_plot(output, _) -> None:
         raise SceneError(f"--plot writes {', '.join(FORMATS)}; given {output}")
 
 
-def _bench_model(targets, arguments, settings, messages, output) -> None:
+def _bench_model(targets, request, messages, output, measure, has_all) -> None:
     """Measure all views of one model."""
     from ..analysis.speed_error_plot import plot
     from ..analysis.timing import describe_machine
-    from .drawing import camera_of, with_options
     from .models import load_scene
 
     start = perf_counter()
     model = targets[0].model
-    loaded = load_scene(model, arguments, settings, messages, output.files_read)
-    arguments = with_options(arguments, loaded.options)
+    loaded = load_scene(model, request, messages, output.files_read)
+    options = loaded.request.options
     machine = describe_machine()
     if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
-        scene = replace(loaded.scene, camera=camera_of(settings, target.view, loaded))
-        found = _measure(scene, arguments, messages)
-        title = _title(target, scene, arguments, machine)
+        scene = replace(loaded.scene, camera=loaded.request.camera_of(target.view, loaded.scene))
+        found = measure(scene, options, messages)
+        title = _title(target, scene, options, machine)
         if target.output is not None:
             output.write({target.output: plot(found.rows, title, Path(target.output).suffix.lower())})
         seconds, start = perf_counter() - start, perf_counter()
-        if arguments.json:
-            messages.record(_record(target, arguments, scene, seconds, machine, loaded.warnings, found))
-        elif arguments.level > QUIET:
-            table = [_LEGEND, "", *_table(found)] if arguments.has_all or arguments.with_flip else _front(found)
+        if request.is_json:
+            messages.record(_record(target, options, scene, seconds, machine, loaded.warnings, found))
+        elif request.level > QUIET:
+            table = [_LEGEND, "", *_table(found)] if has_all else _front(found)
             print_text("\n".join([title, *table, "", found.advice]) + "\n")
 
 
-def _measure(scene, arguments, messages):
+def _measure(scene, chosen, messages, methods, seconds, with_flip):
     """Return the Study of a scene."""
-    from ..analysis.speed_error import list_methods, study
+    from ..analysis.speed_error import study
 
-    options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
-    methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
+    options = {name: getattr(chosen, name) for name in _OPTIONS if name != "size"}
     with closing(Bar(messages)) as bar:
 
         def show(n_done, n, what):
             bar.show(n_done, n, f"measuring {what}")
 
-        found = study(scene, arguments.size, methods, arguments.seconds, show, arguments.with_flip, **options)
+        found = study(scene, chosen.size, methods, seconds, show, with_flip, **options)
     if found.rows[0].error.delta_e is None:
         messages.notice("there is no ΔE without scikit-image: pip install scikit-image")
     if found.left_out:
@@ -154,9 +157,9 @@ _LEGEND = (
 )
 
 
-def _title(target, scene, arguments, machine) -> str:
-    width, height = arguments.size
-    threads = counted(arguments.threads or machine["cores"], "thread")
+def _title(target, scene, options, machine) -> str:
+    width, height = options.size
+    threads = counted(options.threads or machine["cores"], "thread")
     view = f", {target.view}" if target.view else ""
     return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
 
@@ -214,13 +217,13 @@ def _aligned(lines, n_left) -> list[str]:
     return ["  ".join(cell(text, k) for k, text in enumerate(line)).rstrip() for line in lines]
 
 
-def _record(target, arguments, scene, seconds, machine, warnings, found) -> dict:
+def _record(target, options, scene, seconds, machine, warnings, found) -> dict:
     """What --json says of a model."""
     return {
         "model": target.model,
         "view": target.view,
         "plot": target.output,
-        "size": list(arguments.size),
+        "size": list(options.size),
         "faces": scene.n_face,
         "seconds": round(seconds, 3),
         "machine": machine,

@@ -6,6 +6,7 @@ error    error     error    scale            false colours, one scale for all
 
 import math
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -81,56 +82,56 @@ def add_flags(parser) -> None:
     add_look(parser, is_compared=True)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages, *, methods, has_reference) -> tuple[list, int]:
     """Compare the methods on every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import draw_models, make_settings
-    from .outputs import suffix_of
+    from .drawing import draw_models
+    from .request import suffix_of
 
-    if suffix_of(arguments.output) in ARRAY_SUFFIXES:
-        raise SceneError(f"compare writes pictures, no arrays; given {arguments.output}")
-    settings = make_settings(arguments, but=("size",))  # a scene file's is that of one picture
-    return draw_models(arguments, settings, messages, _compare_model)
+    if suffix_of(request.files.output) in ARRAY_SUFFIXES:
+        raise SceneError(f"compare writes pictures, no arrays; given {request.files.output}")
+    request = replace(request, of_file=request.of_file - {"size"})  # a scene file's is that of one picture
+    return draw_models(request, messages, partial(_compare_model, methods=methods, has_reference=has_reference))
 
 
-def _compare_model(targets, arguments, settings, messages, output) -> None:
+def _compare_model(targets, request, messages, output, methods, has_reference) -> None:
     """Compare the methods in all views of one model."""
-    from .drawing import camera_of, picture_warnings, with_options
+    from .drawing import picture_warnings
     from .models import load_scene
     from .outputs import encode_sheet
 
     start = perf_counter()
     model = targets[0].model
-    loaded = load_scene(model, arguments, settings, messages, output.files_read)
-    arguments = with_options(arguments, loaded.options)
+    loaded = load_scene(model, request, messages, output.files_read)
+    options = loaded.request.options
     for target in targets:
-        scene = replace(loaded.scene, camera=camera_of(settings, target.view, loaded))
-        drawn, times, frame = _draw_methods(scene, arguments)
-        warnings = picture_warnings(frame, loaded.scene, arguments, scene.camera, model)
+        scene = replace(loaded.scene, camera=loaded.request.camera_of(target.view, loaded.scene))
+        drawn, times, frame = _draw_methods(scene, methods, options)
+        warnings = picture_warnings(frame, loaded.scene, request, scene.camera, model)
         messages.warn(*warnings)
         against = "phong" if "phong" in drawn else next(reversed(drawn))
-        if arguments.has_reference:
+        if has_reference:
             against = "reference"
-            if scene.n_face + arguments.size[0] * arguments.size[1] / 60 > _SLOW:
+            if scene.n_face + options.size[0] * options.size[1] / 60 > _SLOW:
                 wait = "drawing the reference, which takes a while; --no-reference leaves it out"
                 messages.notice(f"{model}: {wait}")
-            drawn[against] = _draw_reference(scene, arguments)
+            drawn[against] = _draw_reference(scene, options)
         figures = {
             method: _measure(picture, drawn[against], _scene_of(method, scene), times.get(method))
             for method, picture in drawn.items()
         }
         figures[against] = figures[against]._replace(max=None, rms=None, over_one=None)
-        note = _explain_slopes(figures, scene, arguments)
+        note = _explain_slopes(figures, scene, options)
         image, scale = _lay_out(drawn, against, figures, scene.background)
         output.write({target.output: encode_sheet(image, target.output)})
         seconds, start = perf_counter() - start, perf_counter()
         messages.detail(f"{model}: {target.output}, {counted(scene.n_face, 'face')}, {seconds:.2f} s in all")
-        if arguments.json:
+        if request.is_json:
             record = {
                 "status": "drawn",
                 "model": model,
                 "view": target.view,
                 "output": target.output,
-                "size": list(arguments.size),
+                "size": list(options.size),
                 "faces": scene.n_face,
                 "seconds": round(seconds, 4),
                 "warnings": loaded.warnings + warnings,
@@ -140,11 +141,11 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
                 "note": note,
             }
             messages.record(record, target.output == STDIO)
-        elif arguments.level > QUIET:
+        elif request.level > QUIET:
             print_text(_table(target, figures, note), target.output == STDIO)
 
 
-def _draw_methods(scene, arguments) -> tuple[dict, dict, Any]:
+def _draw_methods(scene, methods, chosen) -> tuple[dict, dict, Any]:
     """Draw a scene by every method; return the pictures, the milliseconds of a warm frame of each, with the default
     tolerance, and the last one's frame."""
     from contextlib import ExitStack
@@ -154,9 +155,9 @@ def _draw_methods(scene, arguments) -> tuple[dict, dict, Any]:
     from ..analysis.timing import take_turns
     from ..renderer import Renderer
 
-    options, drawn, calls = _options_of(arguments), {}, {}
+    options, drawn, calls = _options_of(chosen), {}, {}
     with ExitStack() as stack:
-        for method in arguments.methods:
+        for method in methods:
             finer = _scene_of(method, scene)
             settings = options | {"shading": method.partition("+")[0]}
             frame = _draw_exactly(finer, settings)
@@ -167,9 +168,9 @@ def _draw_methods(scene, arguments) -> tuple[dict, dict, Any]:
     return drawn, {method: float(np.median(times)) for method, (times, _) in taken.items()}, frame
 
 
-def _options_of(arguments) -> dict:
+def _options_of(chosen) -> dict:
     """The options of every picture."""
-    return {name: getattr(arguments, name) for name in ("size", *_OPTIONS)} | {"samples": 1}
+    return {name: getattr(chosen, name) for name in ("size", *_OPTIONS)} | {"samples": 1}
 
 
 def _draw_exactly(scene, options):
@@ -197,13 +198,13 @@ def _name_of(method) -> str:
     return _NAMES[shading] + (subdivision_words(int(times)) if times else "")
 
 
-def _draw_reference(scene, arguments) -> Drawn:
+def _draw_reference(scene, chosen) -> Drawn:
     import numpy as np
 
     from .. import reference
 
-    options = {name: getattr(arguments, name) for name in _OPTIONS if name != "threads"}
-    picture = reference.render(scene, arguments.size, shading="phong", **options)
+    options = {name: getattr(chosen, name) for name in _OPTIONS if name != "threads"}
+    picture = reference.render(scene, chosen.size, shading="phong", **options)
     alpha = np.rint(255.0 * picture.alpha).astype(np.uint8)
     return Drawn(np.dstack([picture.rgb, alpha]), picture.color, picture.face)
 
@@ -219,7 +220,7 @@ def _measure(picture, expected, scene, ms) -> Figures:
     return Figures(ms, error.max, error.rms, over_one, *jumps)
 
 
-def _explain_slopes(figures, scene, arguments) -> str | None:
+def _explain_slopes(figures, scene, chosen) -> str | None:
     """Say why the slope jumps more in Phong's picture than in Gouraud's, where it does: both are measured again without
     highlights."""
     from ..analysis.mach import mach_bands
@@ -233,7 +234,7 @@ def _explain_slopes(figures, scene, arguments) -> str | None:
         meshes.append(replace(mesh, material=dull[0], materials=dull if mesh.materials is not None else None))
     dull, jumps = replace(scene, meshes=tuple(meshes)), []
     for shading in ("phong", "gouraud"):
-        frame = _draw_exactly(dull, _options_of(arguments) | {"shading": shading})
+        frame = _draw_exactly(dull, _options_of(chosen) | {"shading": shading})
         jumps.append(mach_bands(frame, dull).slope_jump)
     larger = f"slope jump: phong's {phong:.3g} is above gouraud's {gouraud:.3g}"
     without = f"without highlights they are {jumps[0]:.3g} and {jumps[1]:.3g}"

@@ -29,7 +29,7 @@ def add_flags(parser) -> None:
     add_messages(parser)
 
 
-def run(arguments, _messages) -> tuple[list, int]:
+def run(_request, _messages, *, shell) -> tuple[list, int]:
     """Print the script for a shell; RasterizerError where shtab isn't installed. Nothing else fails."""
     try:
         import shtab
@@ -45,5 +45,5 @@ def run(arguments, _messages) -> tuple[list, int]:
                 action.choices = metavar[1:-1].split(",")
             elif metavar in _FILES:
                 action.complete = shtab.FILE
-    print_text(shtab.complete(parser, arguments.shell) + "\n")
+    print_text(shtab.complete(parser, shell) + "\n")
     return [], 0

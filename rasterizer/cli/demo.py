@@ -1,5 +1,7 @@
 """`raster demo`: the model that comes with the package, drawn as `raster render` draws any other."""
 
+from dataclasses import replace
+
 from .flags import add_camera, add_loading, add_look, add_output
 
 IMPORTS = ("drawing",)
@@ -16,18 +18,18 @@ def add_flags(parser) -> None:
     parser.usage = "raster demo [-o OUT] [options]"
     parser.description = "Draw the model that comes with the package, so that there is a picture at once."
     parser.epilog = _EXAMPLES
-    parser.set_defaults(scale=None, models=(), input_format=None, n_process=None)
+    parser.set_defaults(models=())
     add_output(parser, "demo", _SIZE)
     add_camera(parser)
     add_loading(add_look(parser))
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages) -> tuple[list, int]:
     """Draw the model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..io.loader import demo_model
     from .render import run as render
 
-    arguments.models = [str(demo_model())]
-    found = render(arguments, messages)
-    messages.detail(f"the model is {arguments.models[0]}; raster render MODEL draws one of yours")
+    model = str(demo_model())
+    found = render(replace(request, models=(model,)), messages)
+    messages.detail(f"the model is {model}; raster render MODEL draws one of yours")
     return found

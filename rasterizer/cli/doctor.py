@@ -68,7 +68,7 @@ def add_flags(parser) -> None:
     add_messages(parser)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(_request, messages, *, clear, json) -> tuple[list, int]:
     """Say what is there, and remove kernels where that is asked for.
 
     Returns
@@ -79,7 +79,7 @@ def run(arguments, messages) -> tuple[list, int]:
     ------
     OutputError : kernels can't be removed
     """
-    cleared = _clear() if arguments.clear else None
+    cleared = _clear() if clear else None
     facts = {
         "version": __version__,
         "python": platform.python_version(),
@@ -96,7 +96,7 @@ def run(arguments, messages) -> tuple[list, int]:
     if cleared is not None:
         facts["cleared"] = cleared
     problems = _list_problems(facts)
-    if arguments.json:
+    if json:
         messages.record(facts | {"problems": problems})
     else:
         print_text(_text(facts))

@@ -2,7 +2,7 @@
 shadow, picture, speed.
 
 Every field of `Options` is a flag. Its name, its words and its default are those of the field; where it isn't given it
-is None in the arguments until `parse` fills it in.
+is None: the default is filled in where the Request is made.
 """
 
 import argparse

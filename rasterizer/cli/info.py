@@ -43,7 +43,13 @@ def add_flags(parser) -> None:
     parser.description, parser.epilog = _DESCRIPTION, _EXAMPLES
     add_models(parser)
     output = parser.add_argument_group("output")
-    output.add_argument("--formats", action=_ListFormats, nargs=0, help="list the formats that can be loaded, and exit")
+    output.add_argument(
+        "--formats",
+        action=_ListFormats,
+        nargs=0,
+        default=argparse.SUPPRESS,
+        help="list the formats that can be loaded, and exit",
+    )
     add_json(output, "print a line of JSON for each model")
     add_messages(output)
 
@@ -59,23 +65,23 @@ class _ListFormats(argparse.Action):
         parser.exit()
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages) -> tuple[list, int]:
     """Describe every model; the result is that of `drawing.draw_models`."""
     from .models import list_models
 
-    models = list_models(arguments)
-    failures = Failures(messages, arguments.json)
+    models = list_models(request)
+    failures = Failures(messages, request.is_json)
     for number, model in enumerate(models):
         with failures.caught(model):
-            facts = _describe(model, arguments, messages)
-            if arguments.json:
+            facts = _describe(model, request.look, messages)
+            if request.is_json:
                 messages.record(facts)
             else:
                 print_text(("\n" if number else "") + _text(facts))
     return failures, len(models)
 
 
-def _describe(model, arguments, messages) -> dict:
+def _describe(model, look, messages) -> dict:
     """Load a model, and return what is known of it: a record that JSON can say."""
     from ..analysis.mesh_topology import compute_topology
     from ..io.loader import load
@@ -84,21 +90,21 @@ def _describe(model, arguments, messages) -> dict:
     from .models import noted_warnings, source_of
 
     start = perf_counter()
-    source = source_of(model, arguments.input_format)
+    source = source_of(model, look.format)
     said, files_read = [], []
     with noted_warnings() as texts:
         scene = load(
             source,
-            format=arguments.input_format,
-            drop_bad_faces=arguments.drop_bad_faces,
+            format=look.format,
+            drop_bad_faces=look.drop_bad_faces,
             camera="file",
-            allow_outside=arguments.allow_outside,
+            allow_outside=look.allow_outside,
             log=said.append,
             files_read=files_read,
         )
     for text in said:
         messages.detail(text)
-    entry = formats.format_of(model, arguments.input_format)
+    entry = formats.format_of(model, look.format)
     points, faces = _gather(scene)
     topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces, scene.bounds)
     materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}.values()

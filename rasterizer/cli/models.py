@@ -13,33 +13,31 @@ from ..errors import ModelError, SceneError, told_of
 from ..io import formats
 from ..io.loader import SceneFile, read_source
 from ..io.model_file import noticing_progress
-from ..look import Look
-from ..options import Options
 from ..scene.scene import Scene
-from ..viewpoint import Viewpoint
 from .messages import STDIO, VERBOSE, Bar
+from .request import Request
 
 _LONG = 1.0  # seconds of reading a file, after which a bar is shown
 _UNTOLD_UP = ("obj", "stl", "ply", "off")  # formats that don't say which axis points upwards
 _MAX_LOOKED_AT = 50_000  # faces, when that is guessed: more make no other share of the area
 
 
-def list_models(arguments) -> list[str]:
+def list_models(request) -> list[str]:
     """List the models that are read, patterns replaced by the files that match, in order, and folders, with
     --recursive, by the models in them; a name that exists, or matches nothing, stays.
 
     Raises SceneError where stdin can't be one.
     """
     models = []
-    for word in arguments.models:
+    for word in request.models:
         is_pattern = glob.has_magic(word) and not os.path.exists(word)
         for model in (is_pattern and sorted(glob.glob(word, recursive=True))) or [word]:
-            is_folder = getattr(arguments, "recursive", False) and os.path.isdir(model)
+            is_folder = request.is_recursive and os.path.isdir(model)
             models += _walk(model) if is_folder else [model]
     if STDIO in models:
         if models.count(STDIO) > 1:
             raise SceneError("stdin (-) can be read once only")
-        if arguments.input_format is None:
+        if request.look.format is None:
             raise SceneError("a model from stdin needs --input-format")
         if sys.stdin is None or sys.stdin.isatty():
             raise SceneError("stdin is a terminal; pipe a model into it")
@@ -71,13 +69,11 @@ class Loaded(NamedTuple):
 
     scene: Scene
     warnings: list[str]  # that loading gave, which were said
-    options: Options  # the arguments', and a scene file's in place of defaults
-    framing: Viewpoint | None  # a scene file's, as `camera_of` takes it
-    look: Look  # the arguments', over a scene file's
+    request: Request  # over what a scene file says
 
 
-def load_scene(model, arguments, settings, messages, files_read=None, read=None) -> Loaded:
-    """Load a model or scene file and change it as the settings say; its warnings are said, and the paths of other files
+def load_scene(model, request, messages, files_read=None, read=None) -> Loaded:
+    """Load a model or scene file and change it as the request says; its warnings are said, and the paths of other files
     that were read are added to `files_read`. `read` is the model, SceneFile, where it has been read elsewhere.
 
     Raises
@@ -87,20 +83,17 @@ def load_scene(model, arguments, settings, messages, files_read=None, read=None)
     """
     with noted_warnings() as texts:
         with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show if bar.is_shown else None):
-            read = _read(model, arguments, settings.look, messages, files_read, read)
-        look, options = settings.look.over(read.look), settings.options
-        if read.options:
-            with told_of(f"{model}: options"):
-                own = {name: value for name, value in read.options.items() if name in settings.options_of_file}
-                options = replace(options, **own)
-        shading = options.shading if hasattr(arguments, "shading") else None
+            read = _read(model, request, messages, files_read, read)
+        with told_of(f"{model}: options"):
+            request = request.over(read)
+        shading = None if request.is_compared else request.options.shading
         with told_of(model):
-            scene = look.change(read.scene, shading, options.ground, settings.shadow_fields)
-        if settings.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
-            name = next(iter(settings.shadow_fields))
+            scene = request.look.change(read.scene, shading, request.options.ground, request.shadow_fields)
+        if request.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
+            name = next(iter(request.shadow_fields))
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
-    return Loaded(scene, texts, options, read.framing, look)
+    return Loaded(scene, texts, request)
 
 
 @contextmanager
@@ -115,17 +108,18 @@ def noted_warnings():
             texts.append(str(warning.message))
 
 
-def _read(model, arguments, look, messages, files_read, read) -> SceneFile:
+def _read(model, request, messages, files_read, read) -> SceneFile:
     """Read a model, unless `read` is it; messages are told of its camera and its upward axis."""
+    look, is_own = request.look, request.viewpoint.of_file == "file"
     if read is None:
-        source = source_of(model, arguments.input_format)
+        source = source_of(model, look.format)
         log = messages.detail if messages.level >= VERBOSE else None
         read = read_source(source, camera="file", **look.reading, log=log, files_read=files_read)
-    entry, scene = formats.find(arguments.input_format or Path(model).suffix), read.scene
+    entry, scene = formats.find(look.format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
-        is_dropped = arguments.up is not None and arguments.camera != "file"  # another side is meant
+        is_dropped = request.is_up_given and not is_own  # another side is meant
     else:
-        is_dropped = scene.camera is not None and arguments.camera != "file"
+        is_dropped = scene.camera is not None and not is_own
         if is_dropped:
             messages.notice(f"{model}: the file has a camera; the model is framed, --camera file looks through it")
         if entry is not None and entry.name in _UNTOLD_UP and look.up is None:

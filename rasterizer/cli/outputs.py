@@ -5,19 +5,19 @@ not at all, those of a picture together, and never in place of one that the run 
 import os
 import re
 import sys
-from argparse import Namespace
+from dataclasses import replace
 from itertools import chain, groupby
 from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
+from ..choices import ARRAY_SUFFIXES
 from ..errors import OutputError, SceneError
 from ..io import formats
 from ..io.files import identity_of, make_folder_of, refuse_inputs, write_all
-from .flags import EVERY
 from .messages import STDIO, write_stdout
 from .models import list_models
+from .request import seed_of, suffix_of
 
 _HOW_TO_DIFFER = (
     "give -o a template with {stem}, {view}, {ext} or {array}, or draw the folder above them with --recursive, which "
@@ -40,15 +40,15 @@ class Target(NamedTuple):
     seed: int | None = None  # of what is random about the view
 
 
-def plan_targets(arguments, check=None) -> list[list[Target]]:
+def plan_targets(request, check=None, n_frame=None) -> list[list[Target]]:
     """List the pictures of each model.
 
     Parameters
     ----------
-    arguments : those of the command; `default_name` is the template of a name without suffix, and `always_writes` says
-        whether there is an output where none is asked for
+    request : Request
     check : called with a path or -, and the arrays that are asked for or None; raises SceneError where they can't be
         written; None = `check_output`
+    n_frame : of a moving picture, each of which has a file where {frame} is in the name
 
     Returns
     -------
@@ -62,49 +62,27 @@ def plan_targets(arguments, check=None) -> list[list[Target]]:
         asked for
     ModelError : such a model, of a format that no model has
     """
-    models = list_models(arguments)
-    views = arguments.views or [None]
-    files = asked_files(arguments)
-    if files[0][0] is None and not arguments.always_writes:
+    models, views, files = list_models(request), request.views, request.files.asked
+    if files[0][0] is None and not request.files.always_writes:
         return [[Target(model, view, None) for view in views] for model in models]
-    frames = range(arguments.frames) if writes_frames(arguments) else [None]
-    seed = arguments.seed if RANDOM in arguments.lights and hasattr(arguments, "seed") else None  # of random lights
+    frames = range(n_frame) if n_frame is not None and writes_frames(request) else [None]
     plan = []
-    for model, name in zip(models, _default_names(arguments, models), strict=True):
+    for model, name in zip(models, _default_names(request, models), strict=True):
         of_files = []  # the template of each file, and which arrays it holds: one, where {array} is in it
         for output, arrays in files:
-            template = _template(output, name, arrays, arguments)
+            template = _template(output, name, arrays, request)
             parts = [(each,) for each in arrays] if arrays and has_field(template, "array") else [arrays]
             of_files += zip([template] * len(parts), parts, strict=True)
         targets = []
         for view in views:
-            seed_of_view = seed if seed_of(view) is None else seed_of(view)
+            seed = request.seed_of_lights if seed_of(view) is None else seed_of(view)
             for frame in frames:
                 for template, arrays in of_files:
-                    output = _fill(template, model, view, frame, arrays, arguments)
-                    targets.append(Target(model, view, output, frame, arrays, seed_of_view))
+                    output = _fill(template, model, view, frame, arrays, request)
+                    targets.append(Target(model, view, output, frame, arrays, seed))
         plan.append(targets)
-    _check_targets(list(chain.from_iterable(plan)), models, arguments, check or check_output)
+    _check_targets(list(chain.from_iterable(plan)), models, request, check or check_output)
     return plan
-
-
-def seed_of(view) -> int | None:
-    """Return the seed of a random view by its name; None of others."""
-    return int(view.rpartition("-")[2]) if view and view.startswith(f"{RANDOM}-") else None
-
-
-def asked_files(arguments) -> list[tuple[str | None, tuple[str, ...] | None]]:
-    """Return (output, arrays) for each -o, as `_template` takes both; SceneError where --array stands after the last
-    of several, or an output has none that needs some."""
-    files, every = getattr(arguments, "files", ()), expand_arrays(arguments.outputs)
-    if len(files) < 2:
-        return [(arguments.output, every)]
-    if sum(len(names) for _, names in files) < len(arguments.outputs or ()):
-        raise SceneError(f"with several -o, --array stands before its own; given one after -o {files[-1][0]}")
-    for output, names in files:
-        if not names and suffix_of(output) in ARRAY_SUFFIXES:
-            raise SceneError(f"with several -o, --array stands before its own; given none for -o {output}")
-    return [(output, expand_arrays(names)) for output, names in files]
 
 
 def has_field(template, name) -> bool:
@@ -123,47 +101,46 @@ def without(plan, is_left_out) -> tuple[list[list[Target]], int]:
     return [row for row in rest if row], sum(map(len, plan)) - sum(map(len, rest))
 
 
-def plan_sheet(arguments) -> list[list[Target]]:
+def plan_sheet(request) -> list[list[Target]]:
     """List the pictures of each model that one sheet shows: all have its output.
 
     Raises what `plan_targets` does; models that have one name are no fault here.
     """
-    models = list_models(arguments)
-    name = arguments.default_name if len(models) == 1 else "sheet"
-    views = arguments.views or [None]
-    template = _template(arguments.output, name, None, Namespace(**vars(arguments) | {"views": []}))
-    output = _fill(template, models[0], None, None, None, arguments)
-    plan = [[Target(model, view, output) for view in views] for model in models]
-    _check_targets(plan[0][:1], models, arguments, check_output)
+    models = list_models(request)
+    name = request.files.default_name if len(models) == 1 else "sheet"
+    template = _template(request.files.output, name, None, replace(request, views=(None,)))
+    output = _fill(template, models[0], None, None, None, request)
+    plan = [[Target(model, view, output) for view in request.views] for model in models]
+    _check_targets(plan[0][:1], models, request, check_output)
     return plan
 
 
-def writes_frames(arguments) -> bool:
+def writes_frames(request) -> bool:
     """Tell whether a command that makes moving pictures is to write a file for each frame: {frame} is in the name."""
-    return hasattr(arguments, "frames") and has_field(arguments.output, "frame")
+    return has_field(request.files.output, "frame")
 
 
-def _default_names(arguments, models) -> list[str]:
+def _default_names(request, models) -> list[str]:
     """Return names without a suffix: models that differ in their suffix alone get it, and what --recursive has found in
     folders below stays in folders of these names."""
     keys, suffixes = [], {}
     for model in models:
-        folder = _folder_below(model, arguments) if getattr(arguments, "recursive", False) else ""
+        folder = _folder_below(model, request.models) if request.is_recursive else ""
         keys.append((folder, Path(model).stem))
         suffixes.setdefault(keys[-1], []).append(Path(model).suffix.lower())
     found = []
     for key in keys:
         is_shared = len(suffixes[key]) > 1 and len(set(suffixes[key])) == len(suffixes[key])
         stem = "{stem}-{ext}" if is_shared else "{stem}"
-        name = arguments.default_name.replace("{stem}", stem)
+        name = request.files.default_name.replace("{stem}", stem)
         found.append(os.path.join(_escaped(key[0]), name) if key[0] else name)
     return found
 
 
-def _folder_below(model, arguments) -> str:
+def _folder_below(model, given) -> str:
     """Return where a model lies below the folder that was given; nothing where it lies in it, or was given itself."""
-    for folder in arguments.models:
-        if model not in arguments.models and os.path.isdir(folder):
+    for folder in given:
+        if model not in given and os.path.isdir(folder):
             below = os.path.relpath(os.path.dirname(model) or ".", folder)
             if not below.startswith(os.pardir):
                 return "" if below == os.curdir else below
@@ -175,7 +152,7 @@ def _escaped(text) -> str:
     return text.replace("{", "{{").replace("}", "}}")
 
 
-def _template(output, name, arrays, arguments) -> str:
+def _template(output, name, arrays, request) -> str:
     """Return an output of a model as a template with a suffix.
 
     Parameters
@@ -188,19 +165,19 @@ def _template(output, name, arrays, arguments) -> str:
         raise SceneError("-o needs a name; given nothing")
     if output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output)):
         return output
-    view = "-{view}" if len(arguments.views) > 1 else ""
-    suffix = arguments.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
+    view = "-{view}" if len(request.views) > 1 else ""
+    suffix = request.files.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
     return os.path.join("" if output is None else _escaped(output), name + view + suffix)
 
 
-def _fill(template, model, view, frame, arrays, arguments) -> str:
+def _fill(template, model, view, frame, arrays, request) -> str:
     """Put a model's and a view's name, the number of a frame, and the name of an array, into the template."""
     path = Path(model)
     is_stdin = model == STDIO
     values = {
         "stem": "stdin" if is_stdin else path.stem or "model",  # "." is no model, which is said when it is loaded
-        "ext": arguments.input_format if is_stdin else path.suffix.lstrip("."),
-        "view": view or ("eye" if arguments.eye else "view"),
+        "ext": request.look.format if is_stdin else path.suffix.lstrip("."),
+        "view": view or ("view" if request.viewpoint.eye is None else "eye"),
     }
     if frame is not None:
         values["frame"] = frame
@@ -223,7 +200,7 @@ def _fill(template, model, view, frame, arrays, arguments) -> str:
     return re.sub(r"\{\{|\}\}|\{[^{}]*\}|[{}]", replace, template)
 
 
-def _check_targets(targets, models, arguments, check) -> None:
+def _check_targets(targets, models, request, check) -> None:
     """Refuse what can't be written, before anything is drawn: see `plan_targets`."""
     checked, n_stdout = set(), 0
     for target in targets:
@@ -233,20 +210,17 @@ def _check_targets(targets, models, arguments, check) -> None:
             checked.add(kind)
             check(target.output, target.arrays)
     if not n_stdout:
-        _check_places(targets, models, arguments)
+        _check_places(targets, models, request)
     elif len(targets) > 1:
         raise SceneError(f"stdout takes one picture; {len(targets)} are asked for")
     elif sys.stdout is not None and sys.stdout.isatty():
         raise SceneError("stdout is a terminal; send it to a file or a program")
 
 
-def _check_places(targets, models, arguments) -> None:
+def _check_places(targets, models, request) -> None:
     """Refuse two pictures of one name, folders that can't be made, and outputs that are models, or other files that are
     named for reading."""
-    owners, paths = {}, [*models, *(given["texture"] for given in arguments.materials if given.get("texture"))]
-    if arguments.camera not in (None, "file", "frame"):
-        paths.append(arguments.camera)
-    read = {identity_of(path): path for path in paths}
+    owners, read = {}, {identity_of(path): path for path in (*models, *request.read)}
     read.pop(None, None)  # of what isn't there
     for target in targets:
         place = os.path.realpath(target.output)
@@ -261,39 +235,11 @@ def _check_places(targets, models, arguments) -> None:
         if not os.path.isdir(folder):
             raise OutputError(f"can't write {target.output}: {folder} is no folder")
         if read.get(identity) in models:  # a picture in the place of a model: that no model is read from it says more
-            formats.format_of(read[identity], arguments.input_format)
+            formats.format_of(read[identity], request.look.format)
         refuse_inputs([target.output], read)
 
 
 # --- pictures and arrays ----------------------------------------------------------------------------------------------
-
-
-def suffix_of(output) -> str:
-    """Return the suffix of an output, small letters without the point; "" where there is no output."""
-    return Path(output or "").suffix.lower().lstrip(".")
-
-
-def holds_arrays(arguments) -> bool:
-    """Tell whether arrays are written, and no picture."""
-    return bool(arguments.outputs) or suffix_of(arguments.output) in ARRAY_SUFFIXES
-
-
-def needed_outputs(arguments) -> tuple[str, ...]:
-    """Return the outputs of `Options` that the files need."""
-    names = expand_arrays(arguments.outputs)
-    if names is None:
-        return ("color",) if holds_arrays(arguments) else ("rgb",)
-    is_picture = any(not arrays for _, arrays in asked_files(arguments))
-    return names if "rgb" in names or not is_picture else ("rgb", *names)
-
-
-def expand_arrays(names) -> tuple[str, ...] | None:
-    """Return the arrays that are asked for, each once; None where none are named."""
-    if not names:
-        return None
-    names = (names,) if isinstance(names, str) else names
-    every = ("color", *BUFFERS)
-    return tuple(dict.fromkeys(name for given in names for name in (every if given == EVERY else (given,))))
 
 
 def check_output(output, array) -> None:
@@ -316,7 +262,7 @@ def _check_arrays(suffix, output, names) -> None:
     """Refuse what a file of arrays can't hold."""
     from ..io.array_files import check_arrays
 
-    names = expand_arrays(names) or ("color",)
+    names = names or ("color",)
     try:
         check_arrays(names, suffix)
     except (SceneError, OutputError) as fault:
@@ -329,19 +275,19 @@ def is_picture_of(suffix, arrays) -> bool:
     return tuple(arrays) == ("rgb",) and suffix not in (*ARRAY_SUFFIXES, "png", "")
 
 
-def check_scale(arguments) -> None:
+def check_scale(files) -> None:
     """Refuse a scale for anything but the depth in a PNG file, or one that is not above 0."""
-    if arguments.scale is None:
+    if files.scale is None:
         return
     has_png = False
-    for output, names in asked_files(arguments):
+    for output, names in files.asked:
         is_apart = has_field(output, "array")
         has_depth = "depth" in names if names and is_apart else names == ("depth",)
         has_png |= suffix_of(output) == "png" and has_depth
     if not has_png:
         raise SceneError("--scale is that of depth in a PNG file: it needs --array depth and -o NAME.png")
-    if not arguments.scale > 0:
-        raise SceneError(f"--scale must be a number above 0; given {arguments.scale:g}")
+    if not files.scale > 0:
+        raise SceneError(f"--scale must be a number above 0; given {files.scale:g}")
 
 
 def encode_picture(frame, output) -> bytes:

@@ -15,8 +15,9 @@ from .. import __version__
 from ..errors import SceneError
 
 # Each command is the module of this folder that has its name, imported when it is called: `add_flags(parser)` adds its
-# flags and says what its help says; `run(arguments, messages)` returns the failures, one error for each model that
-# failed, and the number of models; `IMPORTS`, where there is one, names other modules of this folder that it runs on.
+# flags and says what its help says; `run(request, messages, **own)`, which gets the flags of its own by their names,
+# returns the failures, one error for each model that failed, and the number of models; `IMPORTS`, where there is one,
+# names other modules of this folder that it runs on.
 COMMANDS = {
     "render": "draw models, one picture a file",
     "batch": "draw many models in several processes, or on many machines",
@@ -65,53 +66,7 @@ def parse(argv) -> argparse.Namespace:
         make_parser().parse_args(argv)  # help, or the version
     arguments = make_command_parser(argv[0]).parse_intermixed_args(argv[1:])
     arguments.command = argv[0]
-    _fill_in_defaults(arguments)
-    if hasattr(arguments, "seed"):
-        _take_seed(arguments)
     return arguments
-
-
-def _fill_in_defaults(arguments) -> None:
-    """Remember in `explicit` which fields of Options flags give, because a scene file's come before the defaults; fill
-    in those.
-
-    "outputs" stays None where it depends on what is written.
-    """
-    from dataclasses import fields
-
-    from ..options import Options
-
-    explicit, own_defaults = [], {"outputs": None, "size": getattr(arguments, "default_size", None)}
-    for field in fields(Options):
-        if getattr(arguments, field.name, None) is not None:
-            explicit.append(field.name)
-        elif field.name in own_defaults or field.name in arguments:
-            setattr(arguments, field.name, own_defaults.get(field.name, field.default))
-    arguments.explicit = frozenset(explicit)
-
-
-def _take_seed(arguments) -> None:
-    """Give random views their names; SceneError for a seed that is missing, or in vain."""
-    from ..choices import RANDOM
-
-    is_random = RANDOM in arguments.lights
-    for view in arguments.views:
-        is_random = is_random or view.startswith(RANDOM)
-    if is_random and arguments.seed is None:
-        raise SceneError("what is random needs --seed N, a whole number of at least 0")
-    if arguments.seed is not None and not is_random:
-        raise SceneError("--seed is that of random views and lights: --view random:N, --light random")
-    if RANDOM in arguments.lights and len(arguments.lights) > 1:
-        raise SceneError("--light random takes the place of all lights; given another --light beside it")
-    names, seed = [], arguments.seed
-    for word in arguments.views:
-        first, _, count = word.partition(":")
-        if first != RANDOM:
-            names.append(word)
-            continue
-        names += [f"{RANDOM}-{seed + k:04}" for k in range(int(count or 1))]
-        seed += int(count or 1)
-    arguments.views = names
 
 
 def _with_command(argv) -> list[str]:

@@ -23,7 +23,8 @@ from ..options import Options
 from .drawing import make_renderer
 from .messages import STDIO, Failures, Messages, Results, compilation_shown
 from .models import Loaded, load_scene
-from .outputs import Target, by_view, seed_of
+from .outputs import Target, by_view
+from .request import seed_of
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,13 @@ class Shot(RenderTask):
         return self.options
 
 
-def can_use_processes(arguments) -> bool:
+def can_use_processes(request) -> bool:
     """Tell whether other processes can draw: stdin and stdout are this one's."""
-    return STDIO not in (*arguments.models, arguments.output, *(output for output, _ in arguments.files))
+    return STDIO not in (*request.models, *(output for output, _ in request.files.asked))
 
 
 def draw_in_processes(
-    arguments, settings, messages, plan, draw, executor=None, existing="replace", manifest=None
+    request, messages, plan, draw, executor=None, existing="replace", manifest=None
 ) -> tuple[list, RenderSummary]:
     """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
 
@@ -57,15 +58,15 @@ def draw_in_processes(
     -------
     the failures, one error for each model that failed; and how many files were drawn, skipped or failed
     """
-    settings = settings._replace(options=replace(settings.options, threads=settings.options.threads or 1))
-    pool, reading = make_pool(executor, arguments.n_process), settings.look.reading | {"camera": "file"}
-    shots = [_shot_of(of_view, arguments, settings, reading) for targets in plan for of_view in by_view(targets)]
+    request = replace(request, options=replace(request.options, threads=request.options.threads or 1))
+    pool, reading = make_pool(executor, request.n_process), request.look.reading | {"camera": "file"}
+    shots = [_shot_of(of_view, request, reading) for targets in plan for of_view in by_view(targets)]
     if not pool.is_warm:
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
-    results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
-    failures, summary = Failures(messages, arguments.json), RenderSummary()
+    results = Results(messages, sum(map(len, plan)), is_told=not request.is_json)
+    failures, summary = Failures(messages, request.is_json), RenderSummary()
     told: dict[str, dict[str, Exception]] = {shot.source: {} for shot in shots}  # by the model and the text
-    draw = partial(draw_shots, draw, arguments, settings)
+    draw = partial(draw_shots, draw, request)
     with compilation_shown(messages), Batch(iter(shots), pool, existing, manifest, draw) as batch:
         try:
             for record in batch:
@@ -84,11 +85,11 @@ def draw_in_processes(
     return failures, summary
 
 
-def _shot_of(targets, arguments, settings, reading) -> Shot:
+def _shot_of(targets, request, reading) -> Shot:
     first = targets[0]
     view = first.view if seed_of(first.view) is None else RANDOM
     return Shot(
-        first.model, first.output, view, options=settings.options, load=reading, scale=arguments.scale,
+        first.model, first.output, view, options=request.options, load=reading, scale=request.files.scale,
         seed=first.seed, targets=tuple(targets),
     )  # fmt: skip
 
@@ -134,42 +135,42 @@ class HeldOutput:
         self.contents = contents
 
 
-def draw_shots(draw, arguments, settings, run: Run, shared, kept) -> list[Drawn] | None:
-    """Draw the pictures of a run as `draw_run` does, by the arguments of a command."""
+def draw_shots(draw, request, run: Run, shared, kept) -> list[Drawn] | None:
+    """Draw the pictures of a run as `draw_run` does, by the request of a command."""
     if not is_seen(run):
         return None
     drawn, made = [], ()
     # Who has sent the work has told that kernels are compiled.
     with noticing_compilation(lambda *_: None), ExitStack() as stack:
         for shot, _ in run.tasks:
-            start, messages, error, said = perf_counter(), HeldMessages(arguments.level), None, None
+            start, messages, error, said = perf_counter(), HeldMessages(request.level), None, None
             output, loaded = HeldOutput(messages.said), None
             with messages.shown_warnings():
                 try:
-                    loaded, files_read = _load(run, arguments, settings, messages, shared, kept)
+                    loaded, files_read = _load(run, request, messages, shared, kept)
                     made = made or _make(loaded, run.is_annotated, stack)
-                    frame = draw(shot.targets, made[0], loaded, arguments, settings, messages, output, start)
+                    frame = draw(shot.targets, made[0], loaded, request, messages, output, start)
                     said = made[1].annotate(frame) if run.is_annotated else None
                 except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
-                    at = f" at {arguments.size}" if isinstance(fault, MemoryError) else ""
+                    at = f" at {request.options.size}" if isinstance(fault, MemoryError) else ""
                     error = error_of(f"{run.name}{at}", fault)
                     if getattr(error, "is_internal", False):
                         messages.traceback(error.__cause__ or fault)
                     error = error.with_traceback(None)
-            of_model = ((), None) if loaded is None else (tuple(files_read), loaded.options)
+            of_model = ((), None) if loaded is None else (tuple(files_read), loaded.request.options)
             contents = {} if error else output.contents
             drawn.append(Drawn(contents, error, perf_counter() - start, None, (), *of_model, said, messages.said))
     return drawn
 
 
-def _load(run, arguments, settings, messages, shared, kept: dict[str, Any]) -> tuple[Loaded, list[str]]:
+def _load(run, request, messages, shared, kept: dict[str, Any]) -> tuple[Loaded, list[str]]:
     """Load the model of a run, unless it is the one that was drawn before; return it, and the files that it named."""
     key = id(shared) if run.path is None else (run.path, identify(run.path))
     if kept.get("key") != key:
         kept.clear()
         kept["key"], kept["shared"], files_read = key, shared, []
         try:
-            kept["loaded"] = load_scene(run.name, arguments, settings, messages, files_read, shared), files_read
+            kept["loaded"] = load_scene(run.name, request, messages, files_read, shared), files_read
         except RasterizerError as fault:
             kept["fault"] = fault.with_traceback(None)
     if "fault" in kept:  # it isn't read once more for each of its pictures
@@ -179,5 +180,5 @@ def _load(run, arguments, settings, messages, shared, kept: dict[str, Any]) -> t
 
 def _make(loaded, is_annotated, stack) -> tuple:
     """Make what draws a model, and what says of its pictures what a manifest holds, if there is one."""
-    renderer = stack.enter_context(make_renderer(loaded.scene, loaded.options))
-    return renderer, stack.enter_context(Annotator(loaded.scene, loaded.options)) if is_annotated else None
+    renderer = stack.enter_context(make_renderer(loaded.scene, loaded.request.options))
+    return renderer, stack.enter_context(Annotator(loaded.scene, loaded.request.options)) if is_annotated else None

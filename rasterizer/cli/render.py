@@ -44,52 +44,56 @@ def add_flags(parser) -> None:
     add_processes(add_look(parser))
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import draw_models, make_settings, plan_missing
+    from .drawing import draw_models, plan_missing
     from .outputs import check_scale
 
-    settings = make_settings(arguments)
-    check_scale(arguments)
-    if arguments.n_process is not None:
+    check_scale(request.files)
+    if request.n_process is not None:
         from .processes import can_use_processes, draw_in_processes
 
-        if can_use_processes(arguments):
-            plan, n_model = plan_missing(arguments, messages)
-            return draw_in_processes(arguments, settings, messages, plan, render_view)[0], n_model
-    return draw_models(arguments, settings, messages, _render_model)
+        if can_use_processes(request):
+            plan, n_model = plan_missing(request, messages)
+            return draw_in_processes(request, messages, plan, render_view)[0], n_model
+    return draw_models(request, messages, _render_model)
 
 
-def _render_model(targets, arguments, settings, messages, output) -> None:
+def _render_model(targets, request, messages, output) -> None:
     """Draw all views of one model."""
     from .drawing import make_renderer
     from .models import load_scene
     from .outputs import by_view
 
     start = perf_counter()
-    loaded = load_scene(targets[0].model, arguments, settings, messages, output.files_read)
-    with make_renderer(loaded.scene, loaded.options) as renderer:
+    loaded = load_scene(targets[0].model, request, messages, output.files_read)
+    with make_renderer(loaded.scene, loaded.request.options) as renderer:
         for of_view in by_view(targets):
-            render_view(of_view, renderer, loaded, arguments, settings, messages, output, start)
+            render_view(of_view, renderer, loaded, request, messages, output, start)
             start = perf_counter()
 
 
-def render_view(targets, renderer, loaded, arguments, settings, messages, output, start) -> "Frame":
-    """Draw one view of a model, Loaded, and write its files; `start` is when that was begun. Return the frame."""
-    from .drawing import camera_of, picture_warnings
+def render_view(targets, renderer, loaded, asked, messages, output, start) -> "Frame":
+    """Draw one view of a model, Loaded, and write its files; `start` is when that was begun. Return the frame.
+
+    `asked` is the Request of all models.
+    """
+    from .drawing import picture_warnings
     from .messages import STDIO, VERBOSE
     from .outputs import encode_target
 
-    model, options = targets[0].model, loaded.options
-    lights = _in_lights(renderer, targets[0], loaded, settings) if settings.has_random_lights else nullcontext(renderer)
+    model, request, lights = targets[0].model, loaded.request, nullcontext(renderer)
+    options = request.options
+    if request.seed_of_lights is not None:
+        lights = _in_lights(renderer, targets[0], loaded, asked.look.preset)
     with lights as lit:
-        camera = camera_of(settings, targets[0].view, loaded, lambda: lit.subject)
+        camera = request.camera_of(targets[0].view, loaded.scene, lambda: lit.subject)
         frame, scene = lit.render(camera), lit.scene
-    warnings = picture_warnings(frame, scene, arguments, camera, model)
+    warnings = picture_warnings(frame, scene, request, camera, model)
     messages.warn(*warnings)
     contents = {}
     for target in targets:
-        contents[target.output] = encode_target(frame, target, options.outputs, arguments.scale)
+        contents[target.output] = encode_target(frame, target, options.outputs, request.files.scale)
     output.write(contents)
     seconds = perf_counter() - start
     for target in targets:
@@ -99,22 +103,21 @@ def render_view(targets, renderer, loaded, arguments, settings, messages, output
             messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
             messages.detail(f"{model}: {describe_bounds(frame.stats)}")
             messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
-        if arguments.json:
+        if request.is_json:
             record = _record(target, frame, scene, seconds, loaded.warnings + warnings)
             messages.record(record, target.output == STDIO)
     return frame
 
 
 @contextmanager
-def _in_lights(renderer, target, loaded, settings):
-    """Yield another Renderer, which draws a view in random lights of its own."""
+def _in_lights(renderer, target, loaded, preset):
+    """Yield another Renderer, which draws a view in random lights of its own, and those of a preset that flags name."""
     from ..look import Look
     from ..scene.lights import random_lights
 
-    lights = random_lights(target.seed, up=loaded.scene.up)
-    look = Look(lights=lights, preset=settings.look.preset, shadows=loaded.look.shadows)
-    options = renderer.options
-    scene = look.change(loaded.scene, options.shading, options.ground, settings.shadow_fields)
+    lights, request, options = random_lights(target.seed, up=loaded.scene.up), loaded.request, renderer.options
+    look = Look(lights=lights, preset=preset, shadows=request.look.shadows)
+    scene = look.change(loaded.scene, options.shading, options.ground, request.shadow_fields)
     with renderer.in_lights(scene.lights) as lit:
         yield lit
 
@@ -141,7 +144,7 @@ def describe_bounds(stats) -> str:
 
 def _record(target, frame, scene, seconds, warnings) -> dict:
     """What --json says of a picture."""
-    from .outputs import seed_of
+    from .request import seed_of
 
     return {
         "status": "drawn",

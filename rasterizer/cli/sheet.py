@@ -6,6 +6,7 @@ A model that fails leaves its cells empty, and its label says so.
 """
 
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -46,7 +47,7 @@ def add_flags(parser) -> None:
     add_look(parser)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages, *, columns, rows, gap, has_labels) -> tuple[list, int]:
     """Lay all models on one sheet; parameters and errors are those of `drawing.draw_models`.
 
     Returns
@@ -55,17 +56,18 @@ def run(arguments, messages) -> tuple[list, int]:
     """
     import numpy as np
 
-    from .drawing import make_settings
-    from .outputs import Outputs, plan_sheet
+    from ..analysis.contact_sheet import sheet
+    from .outputs import Outputs, encode_sheet, plan_sheet
 
     start = perf_counter()
-    _check_grid(arguments)
-    if not arguments.views and not arguments.eye and arguments.azimuth is None and arguments.elevation is None:
-        n_model = len(plan_sheet(arguments))
-        arguments.views = list(_VIEWS) if n_model == 1 else []
-    settings = make_settings(arguments, but=("size",))  # its pictures are of one size, whatever a scene file says
-    plan = plan_sheet(arguments)
-    failures, names = Failures(messages, arguments.json), _short_names([targets[0].model for targets in plan])
+    _check_grid(columns, rows, gap)
+    request = replace(request, of_file=request.of_file - {"size"})  # its pictures are of one size
+    side, plan = request.viewpoint, plan_sheet(request)
+    is_framed = side.camera in (None, "frame") and side.view is side.eye is side.azimuth is side.elevation is None
+    if request.views == (None,) and is_framed and len(plan) == 1:
+        request = replace(request, views=_VIEWS)
+        plan = plan_sheet(request)
+    failures, names = Failures(messages, request.is_json), _short_names([targets[0].model for targets in plan])
     pictures, labels, records = [], [], []
     outputs = Outputs(plan)
     with compilation_shown(messages):
@@ -73,49 +75,56 @@ def run(arguments, messages) -> tuple[list, int]:
             for number, targets in enumerate(plan):
                 bar.show(number, len(plan), f"drawing {targets[0].model}")
                 n_failed = len(failures)
-                with failures.caught(targets[0].model, arguments.size, targets[0].output == STDIO):
-                    drawn, record = _draw(targets, arguments, settings, messages, outputs.files_read)
+                with failures.caught(targets[0].model, request.options.size, targets[0].output == STDIO):
+                    drawn, record = _draw(targets, request, messages, outputs.files_read)
                     pictures += drawn
                     records.append(record)
                 if len(failures) > n_failed:
-                    pictures += [np.zeros((*arguments.size[::-1], 4), np.uint8)] * len(targets)
+                    pictures += [np.zeros((*request.options.size[::-1], 4), np.uint8)] * len(targets)
                 labels += _labels(targets, names[number], len(plan) > 1, len(failures) > n_failed)
         if len(failures) < len(plan):
-            size, n_byte = _write(pictures, labels, plan, arguments, outputs)
-            results = Results(messages, 1, is_told=not arguments.json)
-            results.tell(plan[0][0].output, size, n_byte, perf_counter() - start)
-    if arguments.json and len(failures) < len(plan):
+            if columns is None and len(plan) > 1 and len(plan[0]) > 1:
+                columns = len(plan[0])
+            columns = columns if rows is None else -(-len(pictures) // rows)
+            width = request.options.size[0] + gap
+            labels = [_fitted(label, width) for label in labels] if has_labels else None
+            background = None if request.look.background == "transparent" else request.look.background
+            image = sheet(pictures, columns, gap, background, labels)
+            content = encode_sheet(image, plan[0][0].output)
+            outputs.write({plan[0][0].output: content})
+            results = Results(messages, 1, is_told=not request.is_json)
+            results.tell(plan[0][0].output, image.size, len(content), perf_counter() - start)
+    if request.is_json and len(failures) < len(plan):
         seconds = round(perf_counter() - start, 4)
         record = {"status": "drawn", "output": plan[0][0].output, "models": records, "seconds": seconds}
         messages.record(record, plan[0][0].output == STDIO)
     return failures, len(plan)
 
 
-def _check_grid(arguments) -> None:
+def _check_grid(columns, rows, gap) -> None:
     """Raise SceneError where rows and columns can't be."""
-    for name in ("columns", "rows"):
-        value = getattr(arguments, name)
+    for name, value in (("columns", columns), ("rows", rows)):
         if value is not None and value < 1:
             raise SceneError(f"--{name} must be at least 1; given {value}")
-    if arguments.columns is not None and arguments.rows is not None:
+    if None not in (columns, rows):
         raise SceneError("--columns and --rows: one of them says the other; given both")
-    if arguments.gap < 0:
-        raise SceneError(f"--gap must be at least 0; given {arguments.gap}")
+    if gap < 0:
+        raise SceneError(f"--gap must be at least 0; given {gap}")
 
 
-def _draw(targets, arguments, settings, messages, files_read) -> tuple[list, dict]:
+def _draw(targets, request, messages, files_read) -> tuple[list, dict]:
     """Draw all views of one model; return the pictures, and what --json says of them."""
-    from .drawing import camera_of, make_renderer, picture_warnings
+    from .drawing import make_renderer, picture_warnings
     from .models import load_scene
 
     model = targets[0].model
-    loaded = load_scene(model, arguments, settings, messages, files_read)
+    loaded = load_scene(model, request, messages, files_read)
     frames, warnings = [], []
-    with make_renderer(loaded.scene, loaded.options) as renderer:
+    with make_renderer(loaded.scene, loaded.request.options) as renderer:
         for target in targets:
-            camera = camera_of(settings, target.view, loaded, lambda: renderer.subject)
+            camera = loaded.request.camera_of(target.view, loaded.scene, lambda: renderer.subject)
             frames.append(renderer.render(camera))
-            warnings += picture_warnings(frames[-1], loaded.scene, arguments, camera, model)
+            warnings += picture_warnings(frames[-1], loaded.scene, request, camera, model)
     warnings = list(dict.fromkeys(warnings))
     messages.warn(*warnings)
     record = {
@@ -142,32 +151,6 @@ def _labels(targets, name, is_one_of_many, is_failed) -> list[str]:
         words += [target.view] if target.view and len(targets) > 1 else []
         found.append(" ".join(words or [name]) + (": failed" if is_failed else ""))
     return found
-
-
-def _write(pictures, labels, plan, arguments, outputs) -> tuple[tuple[int, int], int]:
-    """Lay out the sheet, and write it; return its size and the bytes of its file."""
-    from ..analysis.contact_sheet import sheet
-    from .outputs import encode_sheet
-
-    n, n_view = len(pictures), len(plan[0])
-    columns = arguments.columns
-    if arguments.rows is not None:
-        columns = -(-n // arguments.rows)
-    elif columns is None and len(plan) > 1 and n_view > 1:
-        columns = n_view
-    width = arguments.size[0] + arguments.gap
-    background = arguments.background
-    image = sheet(
-        pictures,
-        columns,
-        arguments.gap,
-        None if background in (None, "transparent") else background,
-        [_fitted(label, width) for label in labels] if arguments.has_labels else None,
-    )
-    output = plan[0][0].output
-    content = encode_sheet(image, output)
-    outputs.write({output: content})
-    return image.size, len(content)
 
 
 def _fitted(label, width) -> str:

@@ -7,6 +7,7 @@ load ─ cameras on a circle ─ one Renderer ─ frames ─┬─ a moving pict
 import math
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -58,24 +59,27 @@ def add_flags(parser) -> None:
     add_look(parser)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages, *, frames, seconds, fps, turn, loop) -> tuple[list, int]:
     """Turn every model; parameters, result and errors are those of `drawing.draw_models`."""
-    from .drawing import draw_models, make_settings
+    from ..io.animation import Timing
+    from .drawing import draw_models
     from .outputs import writes_frames
 
-    _fill_in_timing(arguments)
-    settings = make_settings(arguments)
+    frames, seconds = _work_out(frames, seconds, fps)
+    if not 0 <= loop <= 65535:
+        raise SceneError(f"--loop must be within 0..65535, 0 = again and again; given {loop}")
+    angles = [turn * k / frames for k in range(frames)]
 
     def check_animation(output, _) -> None:
-        _check_animation(output, arguments)
+        _check_animation(output, frames, seconds, fps)
 
-    check = None if writes_frames(arguments) else check_animation
-    return draw_models(arguments, settings, messages, _turn_model, check)
+    check = None if writes_frames(request) else check_animation
+    draw = partial(_turn_model, angles=angles, timing=Timing(seconds, loop))
+    return draw_models(request, messages, draw, check, frames)
 
 
-def _fill_in_timing(arguments) -> None:
-    """Work out the frames and the seconds of a round, of which --fps stands for one."""
-    frames, seconds, fps = arguments.frames, arguments.seconds, arguments.fps
+def _work_out(frames, seconds, fps) -> tuple[int, float]:
+    """Return the frames and the seconds of a round, of which --fps stands for one."""
     for name, value in (("seconds", seconds), ("fps", fps)):
         if value is not None and not 1e-3 <= value <= 1e6:
             raise SceneError(f"--{name} must be within 0.001..1000000; given {value:g}")
@@ -87,12 +91,10 @@ def _fill_in_timing(arguments) -> None:
         raise SceneError(f"--frames must be within 1..{_MAX_FRAMES}; given {frames}")
     if seconds is None:
         seconds = _SECONDS if fps is None else frames / fps
-    if not 0 <= arguments.loop <= 65535:
-        raise SceneError(f"--loop must be within 0..65535, 0 = again and again; given {arguments.loop}")
-    arguments.frames, arguments.seconds = frames, seconds
+    return frames, seconds
 
 
-def _check_animation(output, arguments) -> None:
+def _check_animation(output, frames, seconds, fps) -> None:
     """Refuse what is no moving picture, or can't be so fast, before anything is drawn."""
     from ..io.animation import animation_format
 
@@ -101,10 +103,9 @@ def _check_animation(output, arguments) -> None:
     except SceneError as error:
         raise SceneError(f"{output}: {error}; or a picture a frame, with {{frame}} in the name") from None
     try:
-        format.check_timing(arguments.frames, arguments.seconds)
+        format.check_timing(frames, seconds)
     except SceneError as error:
-        seconds = math.ceil(arguments.frames / format.max_fps)
-        slower = f"--seconds {seconds}" if arguments.fps is None else f"--fps {format.max_fps:g}"
+        slower = f"--seconds {math.ceil(frames / format.max_fps)}" if fps is None else f"--fps {format.max_fps:g}"
         raise SceneError(f"{error}: try {slower}, or -o {Path(output).stem}.webp") from None
 
 
@@ -113,16 +114,15 @@ def _suffix_of(output) -> str:
     return ".gif" if output == STDIO else Path(output).suffix
 
 
-def _cameras(arguments, settings, model, loaded, subject) -> list:
+def _cameras(angles, model, loaded, subject) -> list:
     """The cameras of a round; a full one ends a step before it would begin again. A model's own camera has a target in
     scene files alone; other formats know a direction."""
     from ..io import formats
 
-    angles = [arguments.turn * k / arguments.frames for k in range(arguments.frames)]
-    entry = formats.find(arguments.input_format or Path(model).suffix)
+    request = loaded.request
+    entry = formats.find(request.look.format or Path(model).suffix)
     has_target = entry is not None and entry.is_scene
-    viewpoint = settings.viewpoints[None].over(loaded.framing)
-    return viewpoint.cameras_round(angles, loaded.scene, loaded.options.size, subject, has_target=has_target)
+    return request.at(None).cameras_round(angles, loaded.scene, request.options.size, subject, has_target=has_target)
 
 
 class _Frames:
@@ -162,16 +162,16 @@ class _Frames:
             yield picture
 
 
-def _turn_model(targets, arguments, settings, messages, output) -> None:
+def _turn_model(targets, request, messages, output, angles, timing) -> None:
     """Turn one model."""
-    from ..io.animation import Timing, animation_format, encode_animation
+    from ..io.animation import animation_format, encode_animation
     from .drawing import make_renderer, picture_warnings
     from .models import load_scene
     from .outputs import encode_picture, writes_frames
 
     start, model = perf_counter(), targets[0].model
-    loaded = load_scene(model, arguments, settings, messages, output.files_read)
-    scene, options, is_apart = loaded.scene, loaded.options, writes_frames(arguments)
+    loaded = load_scene(model, request, messages, output.files_read)
+    scene, options, is_apart = loaded.scene, loaded.request.options, writes_frames(request)
     suffix = _suffix_of(targets[0].output)
     if scene.background is None and not (is_apart or animation_format(suffix).has_alpha):
         scene = replace(scene, background="white")
@@ -181,28 +181,28 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
         options = replace(options, ground=False)
         messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
     with make_renderer(scene, options) as renderer, closing(Bar(messages)) as bar:
-        cameras = _cameras(arguments, settings, model, loaded, lambda: renderer.subject)
+        cameras = _cameras(angles, model, loaded, lambda: renderer.subject)
         frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))
-        warnings = picture_warnings(frames.first, scene, arguments, cameras[0], model)
+        warnings = picture_warnings(frames.first, scene, request, cameras[0], model)
         messages.warn(*warnings)
         for target in targets:
             if is_apart:
                 content = encode_picture(frames.draw(target.frame), target.output)
             else:
-                content = encode_animation(frames, suffix, Timing(arguments.seconds, arguments.loop))
+                content = encode_animation(frames, suffix, timing)
             output.write({target.output: content})
             bar.close()
             output.results.tell(target.output, options.size, len(content), perf_counter() - start)
     seconds = perf_counter() - start
     messages.detail(f"{model}: {targets[-1].output}, {counted(len(cameras), 'frame')}, {seconds:.2f} s in all")
-    if arguments.json:
+    if request.is_json:
         record = {
             "status": "drawn",
             "model": model,
             "output": targets[0].output,
             "size": list(options.size),
             "frames": len(cameras),
-            "duration": arguments.seconds,
+            "duration": timing.seconds,
             "faces": scene.n_face,
             "coverage": frames.first.stats.coverage,
             "seconds": round(seconds, 4),

@@ -1,6 +1,7 @@
 """`raster view`: a page of one's own browser in which a model is turned, and its faces are picked."""
 
 import os
+from dataclasses import replace
 
 from ..errors import SceneError
 from . import values
@@ -26,7 +27,7 @@ def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster view MODEL [options]"
     parser.description = _DESCRIPTION
-    parser.set_defaults(outputs=None, output=None, default_size=None)
+    parser.set_defaults(default_size=_SIZE)
     add_models(parser)
     page = parser.add_argument_group("page", _PAGE)
     page.add_argument("--open", dest="is_opened", action="store_true", help="open the page in a browser")
@@ -38,7 +39,7 @@ def add_flags(parser) -> None:
     add_look(parser)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(request, messages, *, is_opened, is_once, port) -> tuple[list, int]:
     """Serve a model's page until it is closed, with --once, or until the program is interrupted.
 
     Returns
@@ -52,24 +53,22 @@ def run(arguments, messages) -> tuple[list, int]:
     OutputError : a port that can't be listened on
     """
     from ..viewer.server import Server
-    from .drawing import make_settings
     from .models import list_models
 
-    if not 0 <= arguments.port <= _MAX_PORT:
-        raise SceneError(f"--port must be within 0..{_MAX_PORT}; given {arguments.port}")
-    arguments.size = _SIZE
-    settings = make_settings(arguments, but=("size",))
-    (model, *others), (view, *other_views) = list_models(arguments), arguments.views or [None]
+    if not 0 <= port <= _MAX_PORT:
+        raise SceneError(f"--port must be within 0..{_MAX_PORT}; given {port}")
+    request = replace(request, of_file=request.of_file - {"size"})
+    (model, *others), (view, *other_views) = list_models(request), request.views
     if others or other_views:
         given = f"{1 + len(others)} models, {1 + len(other_views)} views"
         raise SceneError(f"view shows one model, from one side at first; given {given}")
-    session = _open_session(model, view, arguments, settings, messages)
-    server = Server(session, arguments.port, is_once=arguments.is_once, note=messages.warn)
+    session = _open_session(model, view, request, messages)
+    server = Server(session, port, is_once=is_once, note=messages.warn)
     try:
         print_text(f"{server.url}\n")
-        end = "close the page or press Ctrl-C" if arguments.is_once else "press Ctrl-C"
+        end = "close the page or press Ctrl-C" if is_once else "press Ctrl-C"
         messages.notice(f"{model} is shown at this address, to this machine alone; {end} to end")
-        if arguments.is_opened:
+        if is_opened:
             _open_browser(server.url, messages)
         server.serve()
     finally:
@@ -77,22 +76,23 @@ def run(arguments, messages) -> tuple[list, int]:
     return [], 1
 
 
-def _open_session(model, view, arguments, settings, messages):
+def _open_session(model, view, request, messages):
     """Load the model and draw it once, so that what is wrong is said here, and all kernels are compiled; return the
     Session."""
     from ..viewer.session import PAPER, Session
-    from .drawing import OPTIONS, camera_of, is_camera_given, picture_warnings
+    from .drawing import picture_warnings
     from .models import load_scene
 
-    loaded = load_scene(model, arguments, settings, messages)
-    scene, options = loaded.scene, {name: getattr(loaded.options, name) for name in OPTIONS - {"size", "outputs"}}
-    is_framed = scene.camera is None and loaded.framing is None and not is_camera_given(arguments)
-    camera = None if is_framed and arguments.zoom == 1.0 else camera_of(settings, view, loaded)
+    loaded = load_scene(model, request, messages)
+    scene, request = loaded.scene, loaded.request
+    options = {name: value for name, value in vars(request.options).items() if name not in ("size", "outputs")}
+    is_framed = scene.camera is None and request.framing is None and not request.is_side_given
+    camera = None if is_framed and request.viewpoint.zoom == 1.0 else request.camera_of(view, scene)
     session = Session(scene, camera=camera, title=os.path.basename(model), **options)
     with compilation_shown(messages):
         for is_rest in (False, True):
             session.answer({"size": list(_SIZE), "background": PAPER, "is_rest": is_rest, "events": []})
-    messages.warn(*picture_warnings(session.frame, scene, arguments, session.camera, model))
+    messages.warn(*picture_warnings(session.frame, scene, request, session.camera, model))
     return session
 
 

@@ -33,7 +33,7 @@ def add_flags(parser) -> None:
     add_messages(parser)
 
 
-def run(arguments, messages) -> tuple[list, int]:
+def run(_request, messages, *, into, cpu) -> tuple[list, int]:
     """Compile all kernels, on all cores, and put them into the store.
 
     Raises OutputError where there is no folder for them, and says why. Nothing else fails.
@@ -42,10 +42,10 @@ def run(arguments, messages) -> tuple[list, int]:
     from ..engine.recorded_kernels import list_all_kernels
 
     start = perf_counter()
-    if arguments.cpu is not None:  # processes that compile inherit it
-        features = fingerprint.features_of(arguments.cpu)
-        os.environ.update(NUMBA_CPU_NAME=arguments.cpu, NUMBA_CPU_FEATURES=features)
-    store = kernels.STORE if arguments.into is None else _store_in(arguments.into)
+    if cpu is not None:  # processes that compile inherit it
+        features = fingerprint.features_of(cpu)
+        os.environ.update(NUMBA_CPU_NAME=cpu, NUMBA_CPU_FEATURES=features)
+    store = kernels.STORE if into is None else _store_in(into)
     if store.own is None:
         reasons = "; ".join(store.reasons) or "there is no folder for them"
         raise OutputError(f"compiled kernels can't be kept: {reasons}; RASTER_STORE names another folder")

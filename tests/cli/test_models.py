@@ -11,14 +11,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, assert_refused, loaded, one_error, picture, raster
+from helpers.command import CUBE, assert_refused, loaded, one_error, picture, raster, request_of
 from helpers.model_bytes import rich_gltf
 from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli.drawing import camera_of, make_settings
-from rasterizer.cli.parser import parse
 from rasterizer.cli.values import MATERIAL_FIELDS
 
 LIFE = str(ROOT / "models" / "still_life.obj")
@@ -123,8 +121,8 @@ def test_materials_that_are_not_legal(capsys):
 
 
 def lights_of(*argv):
-    settings = make_settings(parse(["render", CUBE, *argv]))
-    return settings.look.change(rz.load(CUBE), shadow_fields=settings.shadow_fields).lights
+    request = request_of(CUBE, *argv)
+    return request.look.change(rz.load(CUBE), shadow_fields=request.shadow_fields).lights
 
 
 def shadows_of(*argv) -> list:
@@ -237,8 +235,7 @@ def test_a_camera_of_the_file_is_used_unless_a_flag_asks_for_another(folder):
 def test_zoom_of_a_calibrated_camera_keeps_the_middle():
     camera = rz.Camera.from_opencv([[80, 7, 40], [0, 90, 20], [0, 0, 1]], np.eye(3), [0, 0, 5], (100, 60))
     scene = rz.Scene(rz.load(CUBE).meshes, camera=camera)
-    found = loaded(CUBE, "--zoom", "2")._replace(scene=scene)
-    near = camera_of(make_settings(parse(["render", CUBE, "--zoom", "2"])), None, found)
+    near = request_of(CUBE, "--zoom", "2").camera_of(None, scene)
     wide, near = camera.projection((100, 60)), near.projection((100, 60))
     assert (near.scale_x, near.scale_y, near.skew) == (2 * wide.scale_x, 2 * wide.scale_y, 2 * 7)
     for middle, before, after in ((50, wide.center_x, near.center_x), (30, wide.center_y, near.center_y)):

@@ -108,3 +108,10 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
         ("--view front,side", "given 'front,side'"),
         ("--zoom -1", "--zoom must be above 0"),
     )], "sheet")  # fmt: skip
+
+
+def test_a_camera_of_a_file_makes_one_picture(folder):
+    (folder / "front.json").write_text('{"view": "front"}')
+    assert raster("sheet", CUBE, *SMALL, "--camera", "front.json", "--gap", "0", "--no-labels", "-o", "one.png") == 0
+    assert raster("render", CUBE, *SMALL, "--view", "front", "-o", "front.png") == 0
+    assert np.array_equal(picture("one.png"), picture("front.png"))

@@ -10,10 +10,10 @@ from PIL import Image
 
 from helpers.raster import ROOT
 from rasterizer.cli import main
-from rasterizer.cli.drawing import make_settings
 from rasterizer.cli.messages import Messages
 from rasterizer.cli.models import load_scene
 from rasterizer.cli.parser import parse
+from rasterizer.cli.request import make_request
 
 CUBE = str(ROOT / "models" / "cube.obj")
 GEAR = str(ROOT / "models" / "gear.stl")
@@ -46,8 +46,12 @@ def run(*argv) -> Code:
 
 def loaded(model, *argv):
     """What is loaded of a model with the flags of `raster render`."""
-    parsed = parse(["render", str(model), *argv])
-    return load_scene(str(model), parsed, make_settings(parsed), Messages())
+    return load_scene(str(model), request_of(str(model), *argv), Messages())
+
+
+def request_of(*argv, command="render"):
+    """What a command line asks for."""
+    return make_request(parse([command, *argv]))[0]
 
 
 def start(*argv, cwd=None, variables=(), **options):

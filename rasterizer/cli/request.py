@@ -1,0 +1,283 @@
+"""What a command line asks for: one Request, made once of the arguments, and handed to everything behind.
+
+arguments ─ make_request ─ Request, of all models ─ over(file) ─ Request of one model
+argparse                                            what a scene file says, where no flag does
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
+from ..errors import SceneError, told_of
+from ..io.loader import SceneFile
+from ..look import Look
+from ..options import Options
+from ..scene.camera import Camera
+from ..scene.color import linear_rgb
+from ..scene.lights import Shadow
+from ..scene.material import REFLECTION_MODELS
+from ..scene.scene import DepthCue, Scene
+from ..viewpoint import Viewpoint, check_words, words_given, zoomed
+from .flags import EVERY, UNSAID
+from .values import make_light
+
+_SIDE = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
+_LOOK = ("preset", "background", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
+         "allow_outside")  # fmt: skip
+_FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing")
+
+
+class Files(NamedTuple):
+    """What is written."""
+
+    asked: tuple[tuple[str | None, tuple[str, ...] | None], ...] = (
+        (None, None),
+    )  # of each -o its name, and its arrays
+    default_name: str = "{stem}"  # the template of a name without suffix, where none is asked for
+    default_suffix: str = ".png"
+    always_writes: bool = False  # also where none is asked for
+    scale: float | None = None  # of depth in PNG files
+    skip_existing: bool = False
+
+    @property
+    def output(self) -> str | None:
+        """The name behind the last -o."""
+        return self.asked[-1][0]
+
+    @property
+    def holds_arrays(self) -> bool:
+        """Whether arrays are written, and no picture alone."""
+        return any(arrays for _, arrays in self.asked) or suffix_of(self.output) in ARRAY_SUFFIXES
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The outputs of `Options` that the files need."""
+        names = tuple(dict.fromkeys(name for _, arrays in self.asked for name in arrays or ()))
+        if not names:
+            return ("color",) if self.holds_arrays else ("rgb",)
+        is_picture = any(not arrays for _, arrays in self.asked)
+        return names if "rgb" in names or not is_picture else ("rgb", *names)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """Hold what is asked for: of all models, or, once it is laid over what a scene file says, of one."""
+
+    models: tuple[str, ...] = ()  # files, patterns and folders
+    is_recursive: bool = False
+    options: Options
+    of_file: frozenset[str]  # names of the options that a scene file decides
+    look: Look
+    shadow_fields: Mapping[str, int]  # fields of Shadow to replace, of lights that cast one
+    is_compared: bool  # shading is what a command compares, not what it is told
+    viewpoint: Viewpoint  # but for the view
+    views: tuple[str | None, ...]  # names of views, and random-SEED; None = where the other words say
+    framing: Viewpoint | None = None  # that a scene file asks for
+    is_side_given: bool  # whether any flag but --zoom and --camera says where the picture is taken from, and how
+    is_up_given: bool
+    seed_of_lights: int | None  # of random lights, where they are asked for
+    read: tuple[str, ...]  # files that flags name, but for the models
+    files: Files
+    is_json: bool
+    level: int  # of messages
+    n_process: int | None
+
+    def over(self, file: SceneFile) -> "Request":
+        """Return what is asked for of a file: what it says itself, changed by what the flags say."""
+        if not file.options and file.look is file.framing is None:
+            return self
+        own = {name: value for name, value in file.options.items() if name in self.of_file}
+        options = replace(self.options, **own) if own else self.options
+        return replace(self, options=options, look=self.look.over(file.look), framing=file.framing)
+
+    def at(self, view: str | None) -> Viewpoint:
+        """Return where a view is taken from, by its name."""
+        viewpoint = self.viewpoint if view is None else replace(self.viewpoint, view=view)
+        return viewpoint.over(self.framing)
+
+    def camera_of(self, view: str | None, scene: Scene, subject: Callable[[], Any] | None = None) -> Camera:
+        """Make the camera for a view of a scene; `subject` is that of `Viewpoint.camera_of`."""
+        seed = seed_of(view)
+        if seed is not None:
+            return zoomed(Camera.random(scene, seed, size=self.options.size), self.viewpoint.zoom)
+        return self.at(view).camera_of(scene, self.options.size, subject)
+
+
+def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
+    """Make the Request of the arguments that argparse has found.
+
+    Returns
+    -------
+    the request; and the values of the flags that are the command's own
+
+    Raises
+    ------
+    SceneError : an argument that is wrong for every model
+    ModelError : a texture or a camera that can't be read
+    """
+    left = dict(vars(arguments))
+    take = left.pop
+    can_be_random, is_compared = "seed" in left, "shading" not in left
+    asked = _asked_files(take("files", ()), take("output", None), take("outputs", None))
+    files = Files(asked, **{name: left.pop(name) for name in _FILES if name in left})
+    size, names = take("default_size", None), {field.name for field in fields(Options)} & {*left, "outputs"}
+    given = {name: left.pop(name) for name in names if name in left}
+    given = {name: value for name, value in given.items() if value is not None}
+    default = {} if size is None else {"size": size}
+    options = Options(**default | given | {"outputs": files.needed})
+    # Which outputs there are, a scene file decides where a file of arrays is written.
+    of_file = names.difference(given, () if files.holds_arrays and not any(a for _, a in asked) else ("outputs",))
+    up, lights, materials = take("up", None), take("lights", []), take("materials", [])
+    is_random = can_be_random and RANDOM in lights
+    if is_random and len(lights) > 1:
+        raise SceneError("--light random takes the place of all lights; given another --light beside it")
+    side = {
+        name: take(name, default) for name, default in {**dict.fromkeys(_SIDE), "ortho": False, "zoom": 1.0}.items()
+    }
+    views, seed = _numbered_views(take("views", []), take("seed", None), is_random)
+    shadow_fields = {"size": take("shadow_size", None), "filter": take("shadow_filter", None)}
+    shadow_fields = {name: value for name, value in shadow_fields.items() if value is not None}
+    shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
+    has_shadows = take("shadows", False)
+    words = {name: left.pop(name) for name in _LOOK if name in left}
+    words |= {"format": take("input_format", None), "up": None if up == "auto" else up}
+    words |= {"shadows": shadow if has_shadows else False, "depth_cue": _depth_cue(take("depth_cue", UNSAID))}
+    words["lights"] = None if is_random else tuple(make_light(text, shadow) for text in lights) or None
+    request = Request(
+        models=tuple(take("models", ())),
+        is_recursive=take("recursive", False),
+        options=options,
+        of_file=frozenset(of_file),
+        look=_make_look(words, materials),
+        shadow_fields={} if has_shadows else shadow_fields,
+        is_compared=is_compared,
+        viewpoint=_make_viewpoint(side, views, up, options.size),
+        views=views,
+        is_side_given=bool(views != (None,) or up is not None or words_given({"view": None} | side)),
+        is_up_given=up is not None,
+        seed_of_lights=seed if is_random else None,
+        read=tuple(_files_named(materials, side["camera"])),
+        files=files,
+        is_json=take("json", False),
+        level=take("level", None),
+        n_process=take("n_process", None),
+    )
+    take("command", None)
+    return request, left
+
+
+# --- what is written --------------------------------------------------------------------------------------------------
+
+
+def suffix_of(output: str | None) -> str:
+    """Return the suffix of an output, small letters without the point; "" where there is no output."""
+    return Path(output or "").suffix.lower().lstrip(".")
+
+
+def _asked_files(files: Any, output: str | None, arrays: Any) -> tuple[Any, ...]:
+    """Return (output, arrays) for each -o; SceneError where --array stands after the last of several, or an output has
+    none that needs some."""
+    if len(files) < 2:
+        return ((output, _expanded(arrays)),)
+    if sum(len(names) for _, names in files) < len(arrays or ()):
+        raise SceneError(f"with several -o, --array stands before its own; given one after -o {files[-1][0]}")
+    for name, names in files:
+        if not names and suffix_of(name) in ARRAY_SUFFIXES:
+            raise SceneError(f"with several -o, --array stands before its own; given none for -o {name}")
+    return tuple((name, _expanded(names)) for name, names in files)
+
+
+def _expanded(names: Iterable[str] | None) -> tuple[str, ...] | None:
+    """Return the arrays that are asked for, each once; None where none are named."""
+    every = ("color", *BUFFERS)
+    return (
+        tuple(dict.fromkeys(name for given in names or () for name in (every if given == EVERY else (given,)))) or None
+    )
+
+
+def _files_named(materials: list[dict[str, Any]], camera: str | None) -> Iterable[str]:
+    """Yield the files that flags name for reading."""
+    for given in materials:
+        yield from (given[name] for name in ("texture", "metallic_roughness") if given.get(name))
+    if camera not in (None, "file", "frame"):
+        yield camera
+
+
+# --- how it looks, and where from -------------------------------------------------------------------------------------
+
+
+def _make_look(words: dict[str, Any], materials: list[dict[str, Any]]) -> Look:
+    """Make the Look; of materials the later fields count."""
+    if words.get("background") not in (None, "transparent"):
+        linear_rgb(words["background"], "--background")
+    material, reflection = {}, words.get("reflection")
+    for given in materials:
+        material |= given
+    for word, flag in ((reflection, "--reflection"), (material.get("reflection"), "--material: reflection")):
+        if word is not None and word not in REFLECTION_MODELS:
+            raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
+    if not material:
+        return Look(**words)
+    with told_of("--material"):
+        fields_of_material = Look(material=material, reflection=reflection).material
+    return Look(**words | {"material": fields_of_material})
+
+
+def _depth_cue(given: Any) -> Any:
+    """Return what Look takes for --depth-cue."""
+    if given is None or given == UNSAID:
+        return None if given == UNSAID else "none"
+    with told_of("--depth-cue"):
+        return DepthCue(**given)
+
+
+def seed_of(view: str | None) -> int | None:
+    """Return the seed of a random view by its name; None of others."""
+    return int(view.rpartition("-")[2]) if view and view.startswith(f"{RANDOM}-") else None
+
+
+def _numbered_views(words: Any, seed: int | None, has_random_lights: bool) -> tuple[tuple[str | None, ...], int | None]:
+    """Return the names of views, random ones with their seeds; SceneError for a seed that is missing, or in vain."""
+    is_random = has_random_lights or any(word.startswith(RANDOM) for word in words)
+    if is_random and seed is None:
+        raise SceneError("what is random needs --seed N, a whole number of at least 0")
+    if seed is not None and not is_random:
+        raise SceneError("--seed is that of random views and lights: --view random:N, --light random")
+    names, number = [], seed
+    for word in words:
+        first, _, count = word.partition(":")
+        if first != RANDOM:
+            names.append(word)
+            continue
+        names += [f"{RANDOM}-{number + k:04}" for k in range(int(count or 1))]
+        number += int(count or 1)
+    return tuple(names) or (None,), seed
+
+
+def _make_viewpoint(side: dict[str, Any], views: Any, up: str | None, size: tuple[int, int]) -> Viewpoint:
+    """Make the Viewpoint of all views; SceneError where no model could be looked at like this: something stands in for
+    the model."""
+    named = [view for view in views if seed_of(view) is None]
+    for view in named:
+        check_words(side | {"view": view}, "--")
+    if len(named) < len(views):
+        check_words(side | {"view": None}, "--")
+        given = ["camera"] * (side["camera"] not in (None, "frame")) + words_given(side | {"view": None})
+        if given:
+            raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
+    if side["camera"] in (None, "file", "frame"):
+        viewpoint = Viewpoint(**side)
+    else:
+        from ..io.camera_file import viewpoint_of  # only here: most pictures need no file
+
+        viewpoint = viewpoint_of(side)
+    if side["camera"] != "file" and (named != [None] or words_given(side | {"view": None})):
+        box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (side["eye"] or (0.0, 0.0, 0.0))
+        scene = SimpleNamespace(camera=None, bounds=box, up="y" if up in (None, "auto") else up)
+        viewpoint.camera_of(scene, size, lambda: box)
+    return viewpoint
