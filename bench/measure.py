@@ -57,7 +57,7 @@ def script(name, doc, add_arguments, measure_rows):
 
     def main(argv=None) -> int:
         args = make_parser().parse_args(argv)
-        machine, rows, table = Machine(), [], Table()
+        machine, code, rows, table = Machine(), code_hash(), [], Table()
         try:
             for row in measure_rows(args):
                 table.print(row)
@@ -66,7 +66,7 @@ def script(name, doc, add_arguments, measure_rows):
             print(f"not measured: {why}")
             return 1
         settings = {key: value for key, value in vars(args).items() if key != "json"}
-        record = {"bench": name, "machine": machine.finish(), "code": code_hash(), "settings": settings, "rows": rows}
+        record = {"bench": name, "machine": machine.finish(), "code": code, "settings": settings, "rows": rows}
         text = json.dumps(record, default=str)
         print(text)
         if args.json:

@@ -17,13 +17,13 @@ from pathlib import Path
 from time import perf_counter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
-from bench import paths, scenes, tables, whole
+from bench import scenes, tables, whole
 
 HERE = Path(__file__).parent
 QUICK = {"--frames": "3", "--seconds": "0.1", "--runs": "1", "--pairs": "1", "--rounds": "1", "--cold": "1"}
 SMALL = {
     "throughput": ["--models", "4"],
-    "paths": ["--scenes", "scan"],
+    "paths": ["--scenes", "scan", "packed entries"],
     "refinement": ["--quads", "4", "8", "16", "--finest", "32"],
     "hard_cases": ["--small"],
     "whole": ["--models", "teapot", "layers"],
@@ -40,7 +40,7 @@ def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
         "frame": ["frame.py", scan, *usual, "--seconds", "0.4"],
         "tolerance": ["tolerance.py", "--seconds", "1"],
         "throughput": ["throughput.py"],
-        "paths": ["paths.py", *paths.TOLD, "--scan", scan, "--scenes", paths.TOLD_SCENES, "--seconds", "0.5"],
+        "paths": ["paths.py", "--scan", scan],
         "choices": ["choices.py", "--seconds", "15", "--plot", "choices.png"],
         "refinement": ["refinement.py", "--seconds", "3"],
         "hard_cases": ["hard_cases.py"],
@@ -70,7 +70,7 @@ def main(argv=None) -> int:
         done = subprocess.run([sys.executable, str(HERE / command[0]), *command[1:], *kept])
         failed += [name] if done.returncode else []
     written = 0 if args.into != tables.RESULTS else tables.main([])
-    print(f"{(perf_counter() - start) / 60.0:.1f} minutes" + (f"; not measured: {', '.join(failed)}" if failed else ""))
+    print(f"{(perf_counter() - start) / 60.0:.1f} minutes" + (f"; failed: {', '.join(failed)}" if failed else ""))
     return int(bool(failed) or written)
 
 

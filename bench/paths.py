@@ -1,7 +1,7 @@
 """What does each path of the renderer earn? The frame with it and without it.
 
     python bench/paths.py --scan path/to/scan.obj
-    python bench/paths.py "packed entries" "common tint" --scenes dense,quads --threads 2
+    python bench/paths.py "packed entries" "spans in pieces" --scenes dense,quads --threads 2
 
 A path is anything that does, only faster, what the rest of the renderer could do as well: a special case, a cheaper
 representation, vector instructions by hand. To leave one out, a copy of the package gets a small edit. Two processes,
@@ -103,7 +103,7 @@ PATHS = (
     )),
 )
 # fmt: on
-# Those of the page's table, and the scenes there; each path takes half a minute, most of it for compiling.
+# What is measured where nothing else is asked for. A path takes half a minute, most of it for compiling.
 TOLD = (
     "packed entries",
     "planes",
@@ -137,10 +137,11 @@ WORKS = {
 def add_arguments(parser) -> None:
     """Describe the command line."""
     names = [path.name for path in PATHS]
-    parser.add_argument("paths", nargs="*", default=names, metavar="PATH", help=f"of {', '.join(names)}")
+    parser.add_argument("paths", nargs="*", default=TOLD, metavar="PATH",
+                        help=f"of {', '.join(names)} (default: {', '.join(TOLD)})")  # fmt: skip
     parser.add_argument("--scan", type=scenes.find_name, default="teapot", metavar="FILE", help="default: the teapot")
-    parser.add_argument("--scenes", default=",".join(WORKS), help="(default: %(default)s)")
-    measure.add_turns(parser, frames=20, seconds=1.0)
+    parser.add_argument("--scenes", default=TOLD_SCENES, help=f"of {','.join(WORKS)} (default: %(default)s)")
+    measure.add_turns(parser, frames=20, seconds=0.5)
 
 
 def leave_out(path: Variant, folder: Path) -> Path:
