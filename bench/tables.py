@@ -147,6 +147,9 @@ SENTENCES = (  # page, sentence, function that returns its figures
     (FRONT, "llvmpipe takes {} to {} times as long", lambda: span(column("peers", peer="llvmpipe"))),
     (BENCH, "would save {} to {} % of the time at most",
      lambda: span([100.0 * saved for saved in column("tolerance", "saved")], ".0f")),
+    (BENCH, "| {} to {} of f3d's time; {} with ten million triangles",
+     lambda: [*span([row["ratio"] for row in load("whole")["rows"] if row["model"] != "10m-stl"], ".2f"),
+              f"{column('whole', model='10m-stl')[0]:.1f}"]),
     (BENCH, "| {} to {} pictures a second on two cores", lambda: span(column("viewer", "per_second"), ".0f")),
 )  # fmt: skip
 SCAN = {"case": "stanford-bunny", "channels": "mono", "samples": 1}
