@@ -131,7 +131,7 @@ def cut(text: object, length: int = 200) -> str:
 
 def counted(n: int, noun: str) -> str:
     """Return a number with what is counted, as "1 face", "2 faces"."""
-    plural = {"mesh": "meshes", "vertex": "vertices"}.get(noun, f"{noun}s")
+    plural = {"mesh": "meshes", "vertex": "vertices", "property": "properties"}.get(noun, f"{noun}s")
     return f"{n} {noun if n == 1 else plural}"
 
 

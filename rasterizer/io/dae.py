@@ -38,6 +38,7 @@ from .other_formats import Graph, Pictures, beside, check_tree, member_of, unpac
 
 _SLOW = 6  # times as long as another mesh takes to be made: a primitive, or where it is shown
 _VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^>]*>([^<]*)")
+_NAN = re.compile(r"(?:^|\s)[-+]?nan(?!\S)", re.IGNORECASE)
 _CORNER = 32  # bytes that pycollada takes for a corner of a polygon before it has seen it
 _NODES = ("node", "visual_scene", "geometry", "controller")
 _PRIMITIVES = ("triangles", "polylist", "polygons")
@@ -132,6 +133,12 @@ def _document(model, text):
                     elif element.tag == self.tag("instance_node") and url[1:] not in ids:
                         above.remove(element)
                         self.errors.append(DaeBrokenRefError(f"Node {url} not found"))
+
+        def _loadGeometry(self):
+            for element in self.xmlnode.iter(self.tag("float_array")):  # of a NaN pycollada makes 0
+                if element.text and "nan" in element.text.lower():
+                    element.text = _NAN.sub(" inf", element.text)
+            super()._loadGeometry()
 
         def _loadEffects(self):
             for element in self.xmlnode.iterfind(f"{self.tag('library_effects')}/{self.tag('effect')}"):

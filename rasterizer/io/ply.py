@@ -62,6 +62,8 @@ def read_ply(model: ModelFile) -> Contents:
         raise model.error("no vertices")
     parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
     names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])[:MAX_PICTURES]]
+    if names and parts and "uv" not in parts[0]:
+        model.warn(f"texture '{cut(names[0], 80)}', but no texture coordinates: drawn without it")
     for part in parts:
         number = part.pop("picture", None)
         part |= _with_pictures(model, names, number) if "uv" in part and names else {}

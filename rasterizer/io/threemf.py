@@ -40,6 +40,7 @@ _WRAPS = ("repeat", "mirror", "clamp", "clamp")
 _NEAREST = 2
 _MULTIPLY = 1  # what lib3mf 2.5 returns, though its own list of names says 2
 _BASE, _TEXTURE, _COLORS, _COMPOSITE, _MULTI = 1, 2, 3, 4, 5  # lib3mf's types of properties
+_NO_RESOURCE = 32859  # lib3mf's number of this warning
 _NO_LOOK = 0  # lib3mf's number of no group
 
 
@@ -73,7 +74,10 @@ def read_3mf(model: ModelFile) -> Contents:
     else:
         loaded = get_wrapper().CreateModel()
         try:
-            loaded.QueryReader("3mf").ReadFromBuffer(packed(members))
+            reader = loaded.QueryReader("3mf")
+            reader.ReadFromBuffer(packed(members))
+            codes = [reader.GetWarning(k)[0] for k in range(reader.GetWarningCount())]
+            model.mend("property", "that refers to no resource: drawn grey", codes.count(_NO_RESOURCE))
             contents = _contents_of(model, loaded, members)
             return contents._replace(left_out=contents.left_out + beams)
         except Lib3MF.ELib3MFException as fault:
