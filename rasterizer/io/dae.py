@@ -37,7 +37,7 @@ from .model_file import (
 from .other_formats import Graph, Pictures, beside, check_tree, member_of, unpacked
 
 _SLOW = 6  # times as long as another mesh takes to be made: a primitive, or where it is shown
-_VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^>]*>([^<]*)")
+_VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^<>]*>([^<]*)")
 _NAN = re.compile(r"(?:^|\s)[-+]?nan(?!\S)", re.IGNORECASE)
 _CORNER = 32  # bytes that pycollada takes for a corner of a polygon before it has seen it
 _NODES = ("node", "visual_scene", "geometry", "controller")

@@ -28,7 +28,7 @@ from ..scene.material import Material
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
 
-_PICTURE = re.compile(rb"^comment\s+TextureFile[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
+_PICTURE = re.compile(rb"^comment\s+TextureFile[ \t](.*)$", re.MULTILINE)
 _DRAWN = ("vertex", "face", "tristrips")
 _INDICES = ("vertex_indices", "vertex_index")
 _COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
@@ -61,7 +61,9 @@ def read_ply(model: ModelFile) -> Contents:
     if "vertex" not in tables:
         raise model.error("no vertices")
     parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
-    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])[:MAX_PICTURES]]
+    names = [
+        name.decode("utf-8", "surrogateescape").strip() for name in _PICTURE.findall(model.data[:start])[:MAX_PICTURES]
+    ]
     if names and parts and "uv" not in parts[0]:
         model.warn(f"texture '{cut(names[0], 80)}', but no texture coordinates: drawn without it")
     for part in parts:

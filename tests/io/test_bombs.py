@@ -6,6 +6,7 @@ import json
 import struct
 import subprocess
 import sys
+import time
 import tracemalloc
 import warnings
 import zipfile
@@ -369,3 +370,18 @@ def test_files_whose_counts_are_others_are_drawn_or_refused_in_a_line():
     rows = assert_bounded("0-3000")
     n_drawn = sum(row["outcome"] == "drawn" for row in rows)
     assert len(rows) == 3000 and 300 < n_drawn < 2700, n_drawn
+
+
+@pytest.mark.parametrize(
+    ("format", "data"),
+    [
+        ("dae", b"<vcount "), ("ply", b"comment TextureFile\n"), ("ply", b"comment TextureFile x \n "), ("stl", b"end "),
+        ("stl", b"solid x\n"), ("off", b"#\n"), ("off", b"\n "), ("obj", b"# \\\n"), ("obj", b"\\ "),
+    ],
+)  # fmt: skip
+def test_words_of_a_format_by_the_hundred_thousand_take_no_square_of_their_number(format, data):
+    heads = {"dae": b"<COLLADA>", "ply": b"ply\n", "stl": b"solid\n", "off": b"", "obj": b""}
+    begin = time.perf_counter()
+    with pytest.raises(rz.ModelError):
+        rz.load(heads[format] + data * 100_000 + b"end_header\n", format=format)
+    assert time.perf_counter() - begin < 20.0  # a second alone
