@@ -17,7 +17,7 @@ import time
 import weakref
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from io import StringIO
 
 from .errors import RasterizerError
@@ -48,9 +48,14 @@ def start_processes(n: int, is_silent: bool = False) -> tuple[Executor, Future]:
         environment = {name: os.environ.get(name, "1") for name in _THREADS} | _SETTINGS
         with _starting, _streams_open(), _helpers_started(), _interrupts_held():
             executor = ProcessPoolExecutor(n, initializer=_begin, initargs=(os.getpid(), is_silent), env=environment)
-            first = executor.submit(os.getpid)
             _executors.add(executor)
-            _end_at_exit()
+            try:
+                first = executor.submit(os.getpid)
+                _end_at_exit()
+            except BaseException:  # an interrupt, too: loky doesn't know yet of the thread that it has begun
+                with suppress(RuntimeError):  # or it isn't begun
+                    end_processes(executor, is_at_work=True)
+                raise
     except (ImportError, OSError, RuntimeError, AssertionError) as fault:
         # There are no semaphores; the interpreter ends; this is a daemon of multiprocessing, which may start none.
         raise RasterizerError(f"no process can be started: {getattr(fault, 'strerror', None) or fault}") from fault
