@@ -1,12 +1,10 @@
 """Check the lists of the A-buffer: which samples have one, that they are sorted, and that their array grows."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from helpers import stages
-from helpers.arrays import differences
 from helpers.pairs import pairs
 from helpers.pinhole import QUAD, SHADINGS, octasphere, sheet_camera
 
@@ -14,12 +12,10 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.pipeline.a_buffer import (
     INVISIBLE,
-    Fragments,
     Room,
     gather_fragments,
     make_a_buffer,
     min_transmittance,
-    number_samples,
     sort_fragments,
 )
 from rasterizer.pipeline.cull import Band
@@ -27,47 +23,6 @@ from rasterizer.pipeline.gradients import IS_TRANSPARENT
 from rasterizer.pipeline.scan import make_deferred
 from rasterizer.pipeline.transform import compute_z
 from rasterizer.pipeline.visibility import make_extents
-
-
-def test_samples_in_the_extents_are_numbered_row_by_row():
-    extents, n_row = make_extents(20), 20
-    extents.left[:3], extents.right[:3] = (3, extents.left[1], 0), (7, extents.right[1], 2)  # nothing in rows 8 to 15
-    columns, first = np.empty(n_row, np.int64), np.empty(n_row + 1, np.int64)
-    assert number_samples(extents, columns, first) == 8 * 4 + 4 * 2
-    assert first.tolist() == [*range(0, 32, 4), *[32] * 8, 32, 34, 36, 38, 40]
-    assert [int(columns[row]) + left for row, left in ((0, 3), (7, 3), (16, 0), (19, 0))] == [0, 28, 32, 38]
-
-
-def test_room_grows_and_keeps_what_it_holds():
-    room = Room()
-    room.grow(3)
-    room.entries[:], room.before[:] = (1, 2, 3), (4, 5, 6)
-    entries = room.entries
-    room.grow(2)
-    assert room.entries is entries
-    room.grow(5)
-    assert [len(each) for each in (room.before, room.entries, room.sorted)] == [5, 5, 5]
-    assert room.entries[:3].tolist() == [1, 2, 3] and room.before[:3].tolist() == [4, 5, 6]
-
-
-def test_lists_are_sorted_in_whatever_order_they_are():
-    rng, lists = np.random.default_rng(3), []
-    for n in (0, 1, 2, 3, 24, 65, 1000):
-        up = np.arange(n)
-        lists += [up, up[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n, int), np.roll(up, n // 2)]
-        lists += [up ^ 1, rng.integers(0, 2**62, n)]
-    samples = np.repeat(np.arange(len(lists)), [len(each) for each in lists])
-    entries, order, n = np.concatenate(lists).astype(np.int64), rng.permutation(len(samples)), len(samples)
-    for dealt in (np.arange(n), order):
-        last, before = np.full(len(lists), -1, np.int32), np.empty(n, np.int32)
-        for k, sample in enumerate(samples[dealt]):
-            before[k], last[sample] = last[sample], k
-        starts, out = np.full(len(lists) + 1, 7), np.empty(n, np.int64)
-        fragments = Fragments(np.empty(0, np.int64), last, before, entries[dealt], np.array([n, 0]))
-        sort_fragments(fragments, starts, out)
-        assert starts.tolist() == [0, *np.cumsum([len(each) for each in lists])]
-        for k, each in enumerate(lists):
-            assert np.array_equal(out[starts[k] : starts[k + 1]], np.sort(each)), f"list {k}"
 
 
 def test_the_array_of_fragments_grows_up_to_a_limit():
@@ -269,18 +224,6 @@ def test_bands_and_threads_and_many_fragments():
             assert_same_bytes(renderer.render(), expected, f"three threads, time {turn}")
 
 
-def test_panes_that_cut_each_other_change_places():
-    """Two sheets cross in the middle column: each side has the order of its depths."""
-    meshes = [pane(5.0, paint(tuple(COLORS[k]), OPACITIES[k]), tilt) for k, tilt in ((0, -0.01), (1, 0.01))]
-    for order in ((0, 1), (1, 0)):
-        frame = show([meshes[k] for k in order])
-        premultiplied = frame.color * frame.alpha[..., None]
-        for columns, (front, behind) in ((slice(0, 32), (1, 0)), (slice(32, 64), (0, 1))):
-            expected = OPACITIES[front] * COLORS[front] + (1 - OPACITIES[front]) * OPACITIES[behind] * COLORS[behind]
-            off = np.abs(premultiplied[:, columns] - expected).max()
-            assert off < 1e-6, f"columns {columns}, order {order}: {off:.3g} > 1e-6"
-
-
 def test_a_thousand_layers_and_what_is_left_out_behind_them():
     """Fragments behind a transmittance of INVISIBLE may change a colour by 2 B t, alpha by t."""
     rng, size, brightest = np.random.default_rng(1), (24, 10), 3.0
@@ -302,20 +245,6 @@ def test_opacity_0_shows_nothing_and_1_hides_all():
         assert np.array_equal(with_clear.color, show([half], shading).color), shading
         hidden = show([half, pane(3.0, solid), pane(3.5, clear)], shading)
         assert np.abs(hidden.color - (0.3, 0.2, 0.1)).max() < 1e-6 and (hidden.alpha == 1).all(), shading
-
-
-def test_many_surfaces_that_are_not_there():
-    """Their material's opacity is 0, or their texture's alpha; the buffers show them, as every surface."""
-    size, back = (16, 12), Card(80.0, (0.2, 0.4, 0.6))
-    for clear in (paint((1, 1, 1), 0.0), paint((1, 1, 1), texture=rz.Texture(np.zeros((2, 2, 4))))):
-        mesh = mesh_of([Card(2.0 + 0.05 * k, (1, 1, 1), 0.0) for k in range(1000)], size)
-        mesh = replace(mesh, materials=None, face_material=None, material=clear, uv=np.zeros((mesh.n_vertex, 2)))
-        options = {"size": size, "camera": sheet_camera(size[1])}
-        frame = show([mesh, mesh_of([back], size)], outputs=("color", "rgb", "face", "depth"), **options)
-        assert np.abs(frame.color - (0.2, 0.4, 0.6)).max() < 1e-6 and not differences(frame.alpha, 1)
-        assert frame.face.max() < 2 and np.abs(frame.depth - 2.0).max() < 1e-6
-        alone = show([mesh], **options)
-        assert not differences(alone.rgba, 0) and alone.stats.covered == 0
 
 
 def test_the_opacity_of_next_to_nothing_keeps_its_digits():
@@ -348,51 +277,7 @@ def test_the_alpha_of_a_texture_multiplies_the_opacity():
         assert np.abs(twice - (1 - (1 - alpha) ** 2)).max() < 1e-6, f"{shading}, two behind each other"
 
 
-def test_layers_of_a_grey_scene_take_one_channel():
-    meshes = [pane(2.0, paint(0.9, 0.5)), pane(3.0, paint(0.4, 0.25))]
-    with rz.Renderer(rz.Scene(meshes, WHITE, CAMERA), SIZE, tolerance=0, samples=1) as renderer:
-        assert renderer.plan.channels == 1
-        frame = renderer.render()
-    assert np.abs(frame.color * frame.alpha[..., None] - (0.45 + 0.5 * 0.25 * 0.4)).max() < 1e-6
-
-
-def test_policies_for_bright_layers():
-    """`global` divides by the largest component of the picture, `local` by that of the pixel; both before the sRGB
-    curve."""
-    meshes = [pane(2.0, paint((3.0, 0.5, 0.25), 0.5)), pane(3.0, paint((1.0, 2.0, 0.5), 0.5))]
-    color = (0.5 * np.array((3.0, 0.5, 0.25)) + 0.25 * np.array((1.0, 2.0, 0.5))) / 0.75
-    for policy, x in (("clamp", np.minimum(color, 1)), ("global", color / color.max()), ("local", color / color.max())):
-        level = np.rint(255 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055))
-        for samples in (1, 4):
-            frame = show(meshes, color_range=policy, samples=samples)
-            assert np.abs(frame.color - color).max() < 1e-5, policy
-            assert (frame.rgb == level).all() and (frame.rgba[..., 3] == 191).all(), f"{policy}: {frame.rgba[0, 0]}"
-
-
-def test_what_is_covered_in_part_counts_by_its_samples():
-    """A pane that ends in the middle of column 32, with 2 x 2 samples: alpha is the mean of the samples' alphas."""
-    frame = show([quad(-32, -24, 32.5, 48, 2, paint((0.9, 0.3, 0.3), 0.6))], samples=4)
-    assert np.abs(frame.alpha[:, [31, 32, 33]] - (0.6, 0.3, 0)).max() < 1e-6
-    assert np.abs(frame.color[:, :33] - (0.9, 0.3, 0.3)).max() < 1e-6
-    assert not differences(frame.rgba[0, [31, 32, 33], 3], (153, 77, 0))
-
-
-def test_a_back_is_seen_through_the_front():
-    """A glass ball: two layers everywhere but at its outline; without its back one."""
-    glass = ball(paint((0.5, 0.6, 0.7), 0.4))
-    both, front = show([glass]).alpha, show([glass], cull="back").alpha
-    assert np.abs(both[front > 0] - (1 - 0.6**2)).max() < 1e-6 and np.abs(front[front > 0] - 0.4).max() < 1e-6
-    assert not differences(both > 0, front > 0) and (front > 0).sum() > 300
-
-
 # ---------------------------------------------------------------- opaque surfaces behind and beside
-
-
-def test_an_opaque_scene_plans_no_layers():
-    for meshes, is_layered in (([pane(2.0, paint(0.5))], False), ([pane(2.0, paint(0.5, 0.5))], True)):
-        with rz.Renderer(rz.Scene(meshes, WHITE, CAMERA), SIZE, samples=1) as renderer:
-            assert ("transparency" in renderer.plan.features) == is_layered
-    assert replace(paint(0.5), opacity=1.0).is_opaque and not replace(paint(0.5), opacity=0.999).is_opaque
 
 
 def test_a_pane_in_a_corner_leaves_all_other_pixels_bit_for_bit():
@@ -413,32 +298,7 @@ def test_a_pane_in_a_corner_leaves_all_other_pixels_bit_for_bit():
         assert_same_bytes(frame, expected, case, ~seen)
 
 
-def test_opaque_samples_behind_a_pane_are_shaded_as_without_it():
-    """The picture through a pane of one colour is a mix of two."""
-    opacity, color = 0.25, np.array((0.9, 0.2, 0.1))
-    meshes = [ball(LOOKS["plain"]), pane(90.0, paint(0.1))]
-    glass = quad(-10, -24, 25, 48, 2.0, paint(tuple(color / 0.2), opacity))
-    for shading, samples in PAIRS:
-        mixed = show(meshes, shading, LIT, samples=samples).color
-        mixed[:, 22:47] = opacity * color + (1 - opacity) * mixed[:, 22:47]
-        frame = show([*meshes, glass], shading, LIT, samples=samples)
-        off = np.abs(frame.color - mixed).max()
-        assert off < 1e-6 and (frame.alpha == 1).all(), f"{shading}, {samples} samples: {off:.3g} > 1e-6"
-
-
 # ---------------------------------------------------------------- against the reference
-
-
-def soup(seed, n=60):
-    """Triangles through each other, also large ones that cross the near plane, and slivers."""
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(n, 3, 3)) * (2, 2, 1) + (0, 0, -5)
-    points[: n // 6, 0] = rng.normal(size=(n // 6, 3)) * 3 + (0, 0, 2)  # behind the eye
-    points[n // 6 : n // 3, 2] = points[n // 6 : n // 3, :2].mean(axis=1) + 0.003 * rng.normal(size=(n // 6, 3))
-    looks = zip(COLORS, (*OPACITIES[:4], 1.0), strict=True)
-    materials = [rz.Material(diffuse=tuple(color), specular=0.2, opacity=opacity) for color, opacity in looks]
-    numbers = np.arange(n) % 5
-    return rz.Mesh(points.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3), materials=materials, face_material=numbers)
 
 
 def assert_matches_reference(scene, part, tolerances=(0,), **options):
@@ -450,13 +310,6 @@ def assert_matches_reference(scene, part, tolerances=(0,), **options):
         off = np.maximum(off, np.abs(frame.alpha - judge.alpha))
         found = (off > budget).mean()
         assert found < part, f"{options}: {found:.3g} of the pixels differ > {part}, by up to {off.max():.3g}"
-
-
-def test_a_soup_of_triangles_is_that_of_the_reference():
-    """But for the few samples where two surfaces are too near to each other for depths to tell."""
-    camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=70, near=0.5, far=20)
-    for seed, (shading, samples) in enumerate((("flat", 4), ("gouraud", 1), ("phong", 1))):
-        assert_matches_reference(rz.Scene([soup(seed + 3)], LIT, camera), 0.003, shading=shading, samples=samples)
 
 
 def mixed_scene(seed, n_layer):
@@ -478,14 +331,5 @@ def mixed_scene(seed, n_layer):
 @pytest.mark.parametrize("shading, samples, n_layer", [("flat", 1, 7), ("gouraud", 4, 7), ("phong", 1, 12)])
 def test_mixed_scenes_are_those_of_the_reference(shading, samples, n_layer):
     """But for the few samples next to where two surfaces cut, and the edges of texels and of toon bands."""
-    scene = mixed_scene(n_layer, n_layer)
-    assert_matches_reference(scene, 0.01, (0.0, 1 / 4096), shading=shading, samples=samples)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("samples", [1, 4])
-@pytest.mark.parametrize("n_layer", [1, 40])
-def test_mixed_scenes_of_any_number_of_layers_are_those_of_the_reference(shading, samples, n_layer):
     scene = mixed_scene(n_layer, n_layer)
     assert_matches_reference(scene, 0.01, (0.0, 1 / 4096), shading=shading, samples=samples)

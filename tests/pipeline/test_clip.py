@@ -4,8 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers.against_reference import EXACT, compare_with_reference
-from helpers.arrays import differences
+from helpers.against_reference import compare_with_reference
 from helpers.pinhole import SHADINGS, unit
 from helpers.stages import SERIAL, plain_screen
 from hypothesis import assume, example, given, settings
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.pipeline import clip as stage
-from rasterizer.pipeline.clip import MAX_CORNERS, N_CORNER_COLUMN, clip, find_nearest
+from rasterizer.pipeline.clip import MAX_CORNERS, N_CORNER_COLUMN, clip
 from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
@@ -39,34 +38,6 @@ def clip_shares(points, screen, faces=((0, 1, 2),)):
     parts, owners = parts[:n], owners[:n]
     of_eye = points[faces] * (1, 1, -1)  # across, upward, depth
     return np.linalg.solve(of_eye.swapaxes(1, 2)[owners], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), owners
-
-
-DEPTHS = {"one behind": (0.25, 2.0, 3.0), "two behind": (0.25, 0.75, 4.0), "on the plane": (0.25, 1.0, 3.0)}
-
-
-def test_keeps_the_part_between_near_and_far():
-    """The kept share of the area in closed form, and new vertices in the plane."""
-    for kind, turn, is_far, is_perspective in product(DEPTHS, range(3), (False, True), (True, False)):
-        case, plane = f"{kind}, {turn=}, {is_far=}, {is_perspective=}", FAR if is_far else NEAR
-        depth = np.roll(np.array(DEPTHS[kind]), turn)
-        depth = FAR + NEAR - depth if is_far else depth
-        points = np.stack([[-1.0, 2.0, 0.5], [0.5, -1.0, 2.0], -depth], axis=1)
-        screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR, scale=50.0)
-        clipped, _ = clip_mesh(points, [[0, 1, 2]], screen)
-        triangles, _ = clip_shares(points, screen)
-        beyond = (depth - plane) * (-1 if is_far else 1) < 0
-        # A corner of the triangle is cut off where its two edges meet the plane: at these shares of them.
-        alone = int(np.flatnonzero(beyond if beyond.sum() == 1 else ~beyond)[0])
-        corner = np.prod([(plane - depth[alone]) / (depth[k] - depth[alone]) for k in range(3) if k != alone])
-        error = abs(np.abs(np.linalg.det(triangles)).sum() - (1.0 - corner if beyond.sum() == 1 else corner))
-        assert error <= 1e-14, f"{case}: area off by {error:.3g} > 1e-14"
-        is_part = np.abs(np.linalg.det(triangles)) > 1e-12  # a vertex on the plane leaves a second part without area
-        assert is_part.sum() == {"one behind": 2, "two behind": 1, "on the plane": 1}[kind], case
-        assert len(triangles) - is_part.sum() == (kind == "on the plane"), case
-        assert np.abs(triangles.sum(axis=2) - 1).max() <= 1e-14, case
-        is_new = (np.abs(triangles) > 1e-12).sum(axis=2) > 1
-        assert is_new.any() and np.abs((triangles @ depth)[is_new] - plane).max() <= 1e-14 * FAR, case
-        assert (clipped.vertices.x[3:] != OUTSIDE).all() and clipped.n_clipped == 1, case
 
 
 number = st.one_of(st.floats(-8, 8), st.integers(-3, 3).map(float))
@@ -183,25 +154,6 @@ def test_what_is_not_finite_draws_nothing_and_disturbs_nothing():
             assert drawn == {0, 2} and clipped.n_clipped == 4, f"{bad}, {is_perspective=}: faces {drawn} drawn"
 
 
-def test_faces_keep_their_order_and_their_points():
-    rng = np.random.default_rng(6)
-    points = rng.uniform(-4, 4, (60, 3)) - (0, 0, 3)
-    faces = rng.integers(0, 60, (200, 3))
-    screen = plain_screen(True, (NEAR, FAR), far_clip=FAR, scale=30.0)
-    clipped, before = clip_mesh(points, faces, screen)
-    is_whole = (before.x[faces] != OUTSIDE).all(axis=1)
-    assert np.diff(clipped.faces.astype(int)).min() >= 0
-    assert clipped.n_clipped == (~is_whole).sum() > 20 and is_whole.sum() > 20
-    assert set(np.flatnonzero(is_whole)) <= set(clipped.faces)
-    is_part = ~is_whole[clipped.faces]
-    assert not differences(clipped.parts, np.flatnonzero(is_part))
-    rows, n_part = clipped.rows_of(np.ascontiguousarray(faces.T.astype(np.uint32)), 60), len(clipped.parts)
-    assert not differences(rows[:, ~is_part], faces[clipped.faces[~is_part]].T)
-    assert not differences(rows[:, is_part].T.ravel(), np.arange(60, 60 + 3 * n_part))
-    assert [a[:60].tobytes() for a in clipped.vertices[:5]] == [a.tobytes() for a in before[:5]]
-    assert [len(a) for a in clipped.vertices[:5]] == 5 * [60 + 3 * n_part]
-
-
 def test_new_vertices_have_what_is_linear_in_eye_space_where_they_are():
     """Positions that are clipped as values are where the new vertices lie; constants stay, and nothing leaves the range
     of a face; values come on both sides, from rows of their own."""
@@ -224,32 +176,6 @@ def test_new_vertices_have_what_is_linear_in_eye_space_where_they_are():
         assert (new[..., 4] == 1 / 3).all()
         assert (new >= of_faces.min(axis=1)[:, :, None]).all() and (new <= of_faces.max(axis=1)[:, :, None]).all()
         assert clipped.add_values(np.empty((1, 0, 0)), corner).shape == (1, 0, 0)
-
-
-def test_the_nearest_depth_that_is_seen():
-    """Against many points that fall into the picture: none is nearer, and one is nearly as near."""
-    rng = np.random.default_rng(10)
-    size, found = (40, 30), []
-    for is_perspective in (True, False):
-        for _ in range(40):
-            screen = plain_screen(is_perspective, (0.01, 100.0), scale=15.0, center=(20.0, 15.0))
-            points = rng.uniform(-4, 4, (9, 3)) - (0, 0, 3)
-            vertex = np.ascontiguousarray(np.arange(9, dtype=np.uint32).reshape(-1, 3).T)
-            nearest = find_nearest(points, vertex, screen, *size)
-            seen = []
-            for corners in points.reshape(3, 3, 3):
-                spots = rng.dirichlet((0.7, 0.7, 0.7), 3000) @ corners
-                w = -spots[:, 2] if is_perspective else np.ones(len(spots))
-                x, y = 20 + 15 * spots[:, 0] / w, 15 - 15 * spots[:, 1] / w
-                seen.append(-spots[(spots[:, 2] <= -0.01) & (x > 0) & (x < 40) & (y > 0) & (y < 30), 2])
-            seen = np.concatenate(seen)
-            if len(seen):
-                assert seen.min() >= nearest * (1 - 1e-12), f"{seen.min()} is seen, nearer than {nearest}"
-            if len(seen) > 300:
-                found.append(seen.min() - nearest)
-    assert len(found) > 20 and np.median(found) < 0.05, f"median {np.median(found)} > 0.05"
-    behind = np.ascontiguousarray(np.abs(rng.normal(size=(3, 3))))
-    assert find_nearest(behind, np.array([[0], [1], [2]], np.uint32), plain_screen(), *size) == np.inf
 
 
 # ---------------------------------------------------------------- in pictures
@@ -287,20 +213,6 @@ def test_of_two_equal_faces_the_lower_index_wins_however_they_are_listed_and_cli
     assert n_clipped > 60
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_clipped_faces_are_those_of_the_reference(shading):
-    rng, n_clipped = np.random.default_rng(12), 0
-    for cull in ("none", "back") * 4:
-        scene = random_scene(rng, 6, random_camera(rng))
-        for tolerance in (0.0, 1 / 4096):
-            options = {"shading": shading, "cull": cull, "tolerance": tolerance}
-            verdict, budget = compare_with_reference(scene, (24, 18), **options), EXACT
-            assert verdict.color <= max(tolerance, budget), f"colours differ by {verdict.color:.3g}, {tolerance=}"
-            assert verdict.depth <= 1e-6, f"depths differ by {verdict.depth:.3g} > 1e-6, {tolerance=}"
-        n_clipped += rz.render(scene, (24, 18), samples=1).stats.clipped
-    assert n_clipped > 20
-
-
 def test_clipped_faces_are_the_same_in_any_unit():
     """A scene whose lengths are 2^k times as long has the same picture, and depths 2^k times as deep, to the last bit;
     the reference agrees."""
@@ -319,48 +231,6 @@ def test_clipped_faces_are_the_same_in_any_unit():
         for frame, length in zip(frames, units, strict=True):
             assert (frame.face == frames[0].face).all() and (frame.color == frames[0].color).all(), (lens, length)
             assert (frame.depth == np.float32(length) * frames[0].depth).all(), (lens, length)
-
-
-def test_a_face_with_one_corner_very_far_away_is_not_seen_edge_on():
-    """Its determinant is small beside its furthest corner's length, not beside the product of all three."""
-    for ratio in (1e6, 1e7, 5e7):
-        points = np.array([[-1, -1, -1], [2, -1, -1.5], [0.1 * ratio, 0.6 * ratio, -ratio]])
-        mesh = rz.Mesh(np.concatenate([points, points[:1] + (0, 0, 1.5)]), [[0, 1, 2], [1, 3, 2]])
-        camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), near=0.1)
-        scene = rz.Scene([mesh], [rz.DirectionalLight((-0.3, -0.5, -0.8))], camera)
-        compare_with_reference(scene, (24, 18), shading="phong", tolerance=0)
-
-
-def test_what_a_far_plane_cuts_off_does_not_push_the_near_plane_away():
-    """A floor below the eye and a speck 10^8 away: with a far plane the floor is seen from where it comes into the
-    picture."""
-    floor = [[-50, -1, -50], [50, -1, -50], [50, -1, 50], [-50, -1, 50]]
-    speck = [[0, 0, -1e8], [1e6, 0, -1e8], [0, 1e6, -1e8]]
-    meshes = [rz.Mesh(floor, [[0, 3, 2, 1]]), rz.Mesh(speck, [[0, 1, 2]])]
-    nearest = []
-    for far in (None, 40.0):
-        camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=60, far=far)
-        scene = rz.Scene(meshes, [rz.DirectionalLight((-0.3, -0.5, -0.8))], camera)
-        compare_with_reference(scene, (24, 18), shading="phong", tolerance=0)
-        nearest.append(rz.render(scene, (24, 18), outputs=("depth",)).depth[-1].min())
-    assert nearest[0] > 95 or np.isinf(nearest[0]), (
-        "a near plane at 2^-20 of the speck's depth leaves this of the floor"
-    )
-    assert nearest[1] == pytest.approx(18 / 17 * np.sqrt(3), rel=1e-4)
-
-
-def test_the_scene_s_box_decides_how_near_the_fitted_near_plane_is():
-    """Triangles up to 10^7 times as far away at one corner as at another: the reference and the renderer clip them
-    alike."""
-    rng = np.random.default_rng(1)
-    for _ in range(10):
-        depth = 10.0 ** rng.uniform(0, 7, (12, 1))
-        points = np.concatenate([rng.uniform(-1, 1, (12, 2)), -np.ones((12, 1))], axis=1) * depth
-        mesh = rz.Mesh(points, np.arange(12).reshape(-1, 3))
-        scene = rz.Scene(
-            [mesh], [rz.DirectionalLight((-0.3, -0.5, -0.8))], rz.Camera.perspective((0, 0, 0), (0, 0, -1))
-        )
-        compare_with_reference(scene, (24, 18), shading="flat", tolerance=0)
 
 
 @pytest.mark.parametrize("seeds", [(*range(12), 121, 1315, 1475), pytest.param(range(400), marks=pytest.mark.nightly)])

@@ -1,7 +1,5 @@
 """Check how intensities become pixels: the box filter, backgrounds, ranges, and the clean-up."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 from helpers.arrays import differences
@@ -13,7 +11,6 @@ from rasterizer.pipeline.resolve import (
     BUCKET_SHIFT,
     LEVEL_TABLE,
     MIN_VALUE,
-    RANGE_CLAMP,
     RANGE_GLOBAL,
     RANGE_LOCAL,
     encode_picture,
@@ -21,7 +18,6 @@ from rasterizer.pipeline.resolve import (
     resolve,
     srgb_thresholds,
 )
-from rasterizer.pipeline.visibility import CLEAR, PADDING
 from rasterizer.pipeline.workspace import make_picture
 from rasterizer.scene.color import srgb_from_linear
 
@@ -80,22 +76,6 @@ def test_pixels_are_means_of_their_covered_samples(factor, n_channel, background
     assert (rgba[:8, :, :3] == blank).all(), "rows in which nothing is drawn"
 
 
-def test_bytes_alone_are_the_same_as_with_colors_and_both_leave_the_band_clear():
-    for factor, n_channel in product((1, 2, 3), (1, 3)):
-        covered, radiance = random_band(5, n_channel, (18 * factor, (2 * BATCH_SIZE + 45) * factor), factor)
-        for background in (None, (0.2, 0.2, 0.2), (0.2, 0.5, 0.05)):
-            is_grey = n_channel == 1 and (background is None or len(set(background)) == 1)
-            how, case = encoding(background=background, is_grey=is_grey), f"{factor=} {n_channel=} {background=}"
-            found = [run(covered, radiance, how, factor, with_color=with_color) for with_color in (True, False)]
-            (_, both, _, n_both), (_, alone, _, n_alone) = found
-            assert (both == alone).all(), f"{case}: {(both != alone).sum()} bytes differ"
-            assert n_both == n_alone == covered.sum(), f"{case}: {n_both}, {n_alone}"
-            for _, _, workspace, _ in found:
-                visibility = workspace.visibility
-                assert (visibility.entries == CLEAR).all(), f"{case}: entries are left"
-                assert (visibility.left == 1 << 30).all() and (visibility.right == -1).all(), f"{case}: extents"
-
-
 def test_every_pixel_of_the_band_is_written():
     """Whatever stood in the picture's memory before, also where nothing is drawn."""
     covered = np.zeros((24, 60), bool)
@@ -109,15 +89,6 @@ def test_every_pixel_of_the_band_is_written():
         )
         assert not differences(picture.rgba[~covered], 0) and np.count_nonzero(picture.rgba[covered] == 77) == 0
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
-
-
-def test_a_grey_picture_has_three_equal_channels():
-    covered, radiance = random_band(6, 1, (20, 300), 1)
-    grey = run(covered, radiance, encoding(is_grey=True))[1]
-    assert not differences(grey, run(covered, radiance, encoding())[1])
-    assert not differences(grey[..., 0], grey[..., 1])
-    assert not differences(grey[..., 0], grey[..., 2])
-    assert np.ptp(grey[..., 0]) == 255
 
 
 def test_policies_bring_colors_into_range():
@@ -140,34 +111,6 @@ def test_policies_bring_colors_into_range():
         again = np.zeros_like(clamped.rgba)
         encode_picture(clamped.color, clamped.alpha, how, again)
         assert not differences(again.view(np.uint8).reshape(global_bytes.shape), global_bytes)
-
-
-def test_what_lanes_wrote_behind_a_row_is_cleaned():
-    """Lanes read and write back up to PADDING samples behind the extent that they have noted."""
-    covered = np.zeros((9, 40), bool)
-    covered[2, 3:10] = covered[8, 39] = True
-    workspace = fill(covered, np.ones((1, 9, 40)))
-    entries = workspace.visibility.entries.reshape(9, workspace.visibility.pitch)
-    assert workspace.visibility.pitch >= 40 + PADDING
-    entries[2, 10 : 10 + PADDING] = entries[8, 40 : 40 + PADDING] = 7
-    picture = make_picture((40, 9), True)
-    resolve(workspace.visibility, workspace.radiance, None, (0, 9), make_grid(1), encoding(), workspace.pixels, picture)
-    assert not differences(entries, CLEAR)
-
-
-def test_other_rows_and_columns_of_the_picture_are_left_alone():
-    covered = np.zeros((16, 40), bool)
-    covered[3:6, 10:20] = True
-    picture, rgba, _, n_covered = run(covered, np.full((1, 16, 40), 0.5), encoding(), height=30, y_start=9)
-    shown = np.zeros((30, 40), bool)
-    shown[12:15, 10:20] = True
-    assert n_covered == 30 and not differences(picture.alpha, shown)
-    assert not differences(rgba[..., 3] == 255, shown) and not differences(picture.color[..., 0] == 0.5, shown)
-    filled, rgba, _, _ = run(covered, np.full((1, 16, 40), 0.5), encoding(background=(1, 0, 0)), height=30, y_start=9)
-    assert not differences(rgba[9:25, :, 3], 255) and not differences(rgba[:9], 0) and not differences(rgba[25:], 0)
-    assert not differences(
-        filled.color[~shown & (np.arange(30) >= 9)[:, None] & (np.arange(30) < 25)[:, None]], (1, 0, 0)
-    )
 
 
 # ---------------------------------------------------------------- encode
@@ -205,33 +148,8 @@ def test_every_float_at_a_threshold_is_rounded_to_the_nearest_level():
             assert not differences(rgba[..., 3], 255)
 
 
-def test_every_threshold_is_the_least_float_of_its_level():
-    threshold = srgb_thresholds()
-    assert not differences(levels(threshold), np.arange(1, 256))
-    below = np.nextafter(threshold, np.float32(0))
-    assert not differences(levels(below), np.arange(255))
-
-
-def test_no_bucket_holds_two_thresholds():
-    starts = bucket_starts()
-    inside = np.searchsorted(srgb_thresholds(), np.append(starts[1:], np.float32(1)), "left")
-    inside -= np.searchsorted(srgb_thresholds(), starts, "right")
-    assert inside.max() == 1 and starts[0] == MIN_VALUE < srgb_thresholds()[0]
-
-
 def test_what_is_out_of_range_or_no_number():
     values = np.array([[-1.0, -1e-30, 1.0000001, 2.0, 1e30, np.inf, -np.inf, np.nan]])
     _, rgba, _, _ = run(np.ones(values.shape, bool), np.stack([values] * 3), encoding())
     assert rgba[0, :, 0].tolist() == [0, 0, 255, 255, 255, 255, 0, 0]
     assert not differences(rgba[..., :3], rgba[..., :1].repeat(3, axis=-1))
-
-
-def test_a_blank_pixel_has_the_bytes_of_the_background():
-    """With alpha 255; without a background it is transparent black."""
-    behind = (0.2, 0.5, 1.5)
-    assert encoding().blank == 0
-    for policy, scale in ((RANGE_CLAMP, 1.0), (RANGE_LOCAL, 1.0), (RANGE_GLOBAL, 0.5)):
-        how = encoding(policy, behind, scale)
-        color, rgba = np.array(behind, np.float32).reshape(1, 1, 3), np.empty((1, 1), np.uint32)
-        encode_picture(color, np.ones((1, 1), np.float32), how, rgba)
-        assert how.blank == rgba[0, 0] and how.blank >> 24 == 255

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -81,20 +80,6 @@ def test_boxes_of_any_bits_are_merged_as_plain_python_does(data, start, n_row, m
     word = data.draw(st.tuples(whole, whole, whole))
     edges = [0] * 9 if is_open else data.draw(st.lists(edge, min_size=9, max_size=9))
     assert_same(entries, start, n_row, word, edges, mask)
-
-
-def test_the_nearer_entry_stays_at_equal_depth_the_earlier_and_a_sample_on_an_edge_is_inside():
-    mask = -(1 << 25)
-    for level in (0, 1, 2**25 - 1):  # payloads differ, depths are equal: nothing is written
-        entries = [(7 << 25) + level] * (PITCH * ROWS)
-        assert assert_same(entries, 0, ROWS, ((7 << 25), 0, 0), [0] * 9, mask) == 0
-        assert assert_same(entries, 0, ROWS, ((7 << 25) - 1, 0, 0), [0] * 9, mask) == LANES * ROWS
-    entries = list(range(10**6, 10**6 + PITCH * ROWS))
-    for e in range(3):
-        for value, expected in ((0, LANES * ROWS), (-1, 0)):
-            edges = [5, 0, 0] * 3
-            edges[3 * e] = value
-            assert assert_same(entries, 4, ROWS, (1, 0, 0), edges, -1) == expected, f"edge {e} is {value}"
 
 
 @kernel
@@ -218,19 +203,3 @@ def test_planes_are_those_of_plain_python(form, way):
                 assert same.all(), f"{n} samples, row {row}: {found[~same][:4]} != {expected[row][~same][:4]}"
                 array[left : left + -(-n // LANES) * LANES] = 7
         assert (out == before[0]).all() and (behind == before[1]).all(), f"{n} samples: wrote beyond them"
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant(way):
-    """NaN and infinite planes and weights leave no range: what is compared with NaN is false."""
-    numbers = np.zeros(32, np.float32)
-    numbers[4:8] = (np.nan, np.inf, -np.inf, 1e38)
-    numbers[16:20], numbers[20:24] = (0.25, 0.25, 0.25, 0.5), (0.75, 0.75, 0.25, 0.5)
-    entries = np.full(8, 1 << ID_BIT | IS_WEIGHTED, np.int64)
-    out = np.zeros(4 * NEXT + 8, np.float32)
-    out[4 * NEXT :] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
-    places = tuple(np.int64(place) for place in (0, 4 * NEXT, 0))
-    WAYS[way](VALUES, entries, group_of(numbers, 4), (np.int64(0), np.int64(0)), out, places, out.copy())
-    found = out[: 4 * NEXT].reshape(4, NEXT)[:, :8]
-    assert not differences(found[0], 0.25) and not differences(found[2], 0.25) and not differences(found[3], 0.5)
-    assert found[1].tolist() == [0.75, 0.75, 0.25, 0.25, 0.75, 0.75, 0.75, 0.75]

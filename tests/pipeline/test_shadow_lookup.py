@@ -112,35 +112,6 @@ class Points:
             yield rows
 
 
-@pytest.mark.parametrize(
-    "kind, texels, taps",
-    [
-        ("directional", 64, 1),
-        ("directional", 512, 5),
-        ("point", 100, 3),
-        ("cube", 1024, 1),
-        ("cube", 100, 3),
-        ("spot", 512, 5),
-    ],
-)
-def test_float32_decides_as_float64_does_but_next_to_edges(kind, texels, taps):
-    rng = np.random.default_rng([KINDS.index(kind), texels, taps])
-    n_sure = n_lit = 0
-    for distance in (3.0, 20.0):
-        points = Points(rng, random_scene(rng, kind, texels, taps), distance)
-        if not np.isfinite(points.shift):
-            continue
-        exact = points.lit(True, points.rows)
-        is_sure = points.n_dot_l > 0.02  # where there is less light, slopes are too steep for float32's normals
-        for rows in points.moved(points.shift):
-            is_sure &= points.lit(True, rows) == exact
-        found = points.lit(False, points.rows_single)
-        wrong = (np.abs(found - exact) > 1e-6) & is_sure
-        assert not wrong.any(), f"{wrong.sum()} of {is_sure.sum()} points further than {points.shift:.2g} from an edge"
-        n_sure, n_lit = n_sure + is_sure.sum(), n_lit + (exact[is_sure] == 1).sum()
-    assert n_sure > 0.6 * N_POINT and 0.1 * n_sure < n_lit < 0.97 * n_sure, f"{n_sure} points, {n_lit} lit"
-
-
 def reach_of(block, from_light):
     """Twice as far as texels of the filter reach, where a point of (3,) or points of (3, n) lie."""
     away = np.linalg.norm(from_light, axis=0) if block[lookup.IS_PERSPECTIVE] else 1.0

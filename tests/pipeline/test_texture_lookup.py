@@ -11,7 +11,6 @@ from helpers.pairs import pairs
 from rasterizer.compiler.kernels import kernel
 from rasterizer.engine.texture_tables import make_textures
 from rasterizer.pipeline import texcoords as b
-from rasterizer.pipeline import texture_lookup as texel_blend
 from rasterizer.pipeline import textures as laying
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texcoords import compute_texcoords
@@ -162,72 +161,7 @@ def test_colours_are_within_their_bound(filter):
             assert worst <= 1.0, f"{kind} {size} {wrap}: {worst:.3f} > 1 times the bound"
 
 
-@pytest.mark.parametrize(
-    "filter, kind, wrap",
-    [("bilinear", "noise", "repeat"), ("bilinear", "checkerboard", "clamp"), ("trilinear", "checkerboard", "mirror")],
-)
-def test_the_bound_holds_where_texture_coordinates_err(filter, kind, wrap):
-    """Climb: move exact coordinates by up to the error, where the difference is largest go on from there."""
-    rng = np.random.default_rng(7)
-    texture, packed = textures_of(image_of(kind, (24, 18), rng), filter, wrap)
-    errors, worst = np.array([3e-4, 7e-4]), 0.0
-    for _ in range(6):
-        samples = random_samples(packed, rng, reach=np.array([[5.0], [4.0]]))
-        found = samples.found(packed)
-        bounds, best = samples.bounds(packed, errors), np.zeros((2, samples.n))
-        highest = np.zeros(samples.n)
-        for step in range(40):
-            way = rng.choice([-1.0, 0.0, 1.0], (2, samples.n)) * (1.0 if step < 20 else rng.uniform())
-            moved = np.clip(best + way * errors[:, None], -errors[:, None], errors[:, None])
-            off = np.abs(found - samples.expected(texture, moved)).max(axis=0)
-            best, highest = np.where(off > highest, moved, best), np.maximum(off, highest)
-        worst = max(worst, (highest / bounds).max())
-    assert 0.5 < worst <= 1.0, f"{worst:.3f} of the bound"
-
-
-def test_mip_levels_lose_no_more_than_they_are_said_to():
-    """Of slopes of one axis, whose squares are exact but for rounding, up to the coarsest level and beyond."""
-    rng = np.random.default_rng(12)
-    for width in (2, 64, 16384):
-        _, packed = textures_of(np.zeros((1, width, 3)))
-        coarsest, worst = packed.sizes[0, 2] - 1, 0.0
-        for _ in range(60):
-            slopes = np.float32(2.0 ** rng.uniform(-1, coarsest + 1, BATCH_SIZE))
-            batch = b.make_lookup_batch()
-            rows = batch.reshape(-1, BATCH_SIZE)
-            rows[int(b.INV_W) // BATCH_SIZE], rows[int(b.S_DX) // BATCH_SIZE] = 1.0, slopes
-            look_up(batch, BATCH_SIZE, packed, 0)
-            found = rows[int(b.MIP_LEVEL) // BATCH_SIZE].astype(float)
-            worst = max(worst, abs(found - np.clip(np.log2(slopes.astype(float)), 0, coarsest)).max())
-        assert worst <= laying.LEVEL_ERROR, f"{width}: {worst:.3g} > {laying.LEVEL_ERROR:.3g}"
-
-
-def test_the_bound_is_infinite_where_coordinates_err_too_much():
-    for filter in ("bilinear", "trilinear"):
-        _, packed = textures_of(np.eye(8), filter)
-        for error in (np.inf, np.nan):
-            for pair in ((error, 0.0), (0.0, error)):
-                found = laying.texture_error(packed, 0, *pair, 0.0)
-                assert found == np.inf, f"{filter}, {pair}: {found}"
-
-
 # ---------------------------------------------------------------- what must hold exactly
-
-
-@pytest.mark.parametrize("filter", FILTERS)
-def test_a_constant_texture_is_constant_and_nothing_leaves_the_range_of_the_texels(filter):
-    """Black and white, opaque and clear: neither is passed by a rounding error."""
-    rng = np.random.default_rng(3)
-    for value in (0.0, 1.0, 0.2, 200.0):
-        _, packed = textures_of(np.broadcast_to([value, value, value, 1.0], (6, 9, 4)), filter)
-        for _ in range(3):
-            found = random_samples(packed, rng).found(packed)
-            assert (found[3] == 1.0).all(), f"alpha {found[3].min()} != 1"
-            assert (found[:3] == np.float32(value)).all(), f"{found[:3].min()}..{found[:3].max()} != {value}"
-    _, packed = textures_of(image_of("checkerboard", (12, 7), rng), filter)
-    for _ in range(10):
-        found = random_samples(packed, rng).found(packed)
-        assert found.min() >= 0.0 and found.max() <= 1.0, f"{found.min()}..{found.max()} leaves 0..1"
 
 
 @pytest.mark.parametrize("filter", FILTERS)
@@ -276,69 +210,3 @@ def test_a_sample_does_not_depend_on_its_neighbours():
             assert (out[:, -(-n // LANES) * LANES :] == 7).all() and (out[:, :n] != 7).all(), f"{filter}, {n} samples"
             found.append(out[:, :n].tobytes())
         assert found[0] == found[1], f"{filter}, {n} samples: without the compiler, something else is found"
-
-
-# ---------------------------------------------------------------- texel blend
-
-# Compare the loops that read texels with plain Python: what is spelled out for the compiler, and what stands in for
-# it.
-
-
-FETCH, BLEND, MIX = range(3)
-OUT = 12 * BATCH_SIZE
-
-
-@kernel
-def read(form, texels, batch, rows, n, out):
-    """Call one of the three loops from a kernel."""
-    if form == FETCH:
-        texel_blend.fetch_texels(texels, batch, (rows[0],), n, out)
-    elif form == BLEND:
-        texel_blend.blend_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), n, out)
-    else:
-        texel_blend.blend_mip_levels(texels, batch, rows, n, out)
-
-
-WAYS = {"vectors": read, "plain": getattr(read, "py_func", read)}
-ROWS = tuple(k * BATCH_SIZE for k in range(9))
-
-
-def a_batch(rng, n_texel):
-    """A batch with texels of two mip levels, how far samples lie behind them, and shares; and room for what is read."""
-    batch = np.full(16 * BATCH_SIZE, 7, np.float32)
-    rows = batch.reshape(16, -1)
-    for level in (0, 4):
-        rows.view(np.int32)[level : level + 2] = rng.integers(0, n_texel - 1, (2, BATCH_SIZE))
-        rows[level + 2 : level + 4] = rng.uniform(0, 1, (2, BATCH_SIZE))
-    rows[8] = rng.uniform(0, 1, BATCH_SIZE)
-    rows[2:4, :4], rows[8, :9] = [[0, 0, 1, 1], [0, 1, 0, 1]], 0
-    return batch
-
-
-def mixed(a, b, share):
-    return a + share * (b - a)
-
-
-def mean_plainly(texels, rows):
-    """Means (4, n) of four texels; `rows` are top, bottom, right and down."""
-    (top, bottom), (right, down) = rows[:2].view(np.int32), rows[2:4, :, None]
-    left, others = (mixed(texels[top + k], texels[bottom + k], down) for k in (0, 1))
-    return mixed(left, others, right).T
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_texels_are_read_and_blended_as_plain_python_does(way):
-    """Nothing is written beyond the next multiple of four."""
-    for n in (0, 1, 3, 4, 5, 64, 255):
-        rng = np.random.default_rng(n)
-        texels, given = rng.uniform(0, 300, (500, 4)).astype(np.float32), a_batch(rng, 500)
-        rows = given.reshape(16, -1)
-        finer, coarser = mean_plainly(texels, rows[:4]), mean_plainly(texels, rows[4:8])
-        expected = {FETCH: texels[rows.view(np.int32)[0]].T, BLEND: finer, MIX: mixed(finer, coarser, rows[8])}
-        for form, colors in expected.items():
-            batch = given.copy()
-            WAYS[way](form, texels.ravel(), batch, ROWS, n, OUT)
-            out = batch.reshape(16, -1)[12:]
-            assert out[:, :n].tobytes() == colors[:, :n].tobytes(), f"loop {form}, {n} samples"
-            out[:, : -(-n // 4) * 4] = 7
-            assert batch.tobytes() == given.tobytes(), f"loop {form}, {n} samples: wrote beyond the next four"

@@ -6,16 +6,13 @@ from helpers.arrays import differences
 
 from rasterizer.cores import Workers
 from rasterizer.engine.texture_tables import make_textures
-from rasterizer.pipeline import textures as laying
 from rasterizer.pipeline.textures import (
     WRAP_CLAMP,
     WRAP_MIRROR,
     WRAP_REPEAT,
     first_texel,
-    texcoord_error,
     texcoord_references,
 )
-from rasterizer.reference.textures import sample_texture
 from rasterizer.scene.texture import Texture
 
 SIZES = ((1, 1), (1, 9), (9, 1), (2, 3), (16, 16), (37, 5), (5, 640))
@@ -62,13 +59,6 @@ def test_levels_are_those_of_the_texture_however_it_is_given(n_channel):
             assert not differences(found, expected), f"{width} x {height}"
 
 
-def test_materials_that_share_a_texture_have_it_once():
-    one, two = (Texture(np.full((4, 4, 3), k, np.uint8)) for k in range(2))
-    laid = make_textures([one, None, two, one], n_texcoord=4)
-    assert laid.of_materials.tolist() == [0, -1, 1, 0] and len(laid.sizes) == 2 and laid.texcoord == 8
-    assert make_textures([None, None]) is None
-
-
 def test_mip_levels_of_any_size_do_not_overlap():
     """Each begins behind the one before, up to the largest texture."""
     for width, height in [*SIZES, (16384, 16384), (16384, 1), (1, 16384), (8193, 3), (2, 16383), (12345, 678)]:
@@ -80,58 +70,6 @@ def test_mip_levels_of_any_size_do_not_overlap():
             assert room >= need, f"{width} x {height}, level {level}: {room} < {need}"
         assert first[0] == 0
         assert first[-1] <= 4 / 3 * width * height + 6 * (width + height) + 8 * n_level + 1 < 2**31
-
-
-def test_the_largest_steps_are_found():
-    """Inside the picture, and across its border where it repeats; on any number of threads."""
-    run = Workers(2).map
-    rng = np.random.default_rng(2)
-    for k in range(16):
-        repeats = bool(k & 1), bool(k & 2)
-        picture = np.float32(rng.uniform(0, 1, (*rng.integers(1, 6, 2), 4)))
-        height, width = picture.shape[:2]
-        level = np.zeros((height + 2, width + 2, 4), np.float32)
-
-        def write(first, end, picture=picture, level=level):
-            level[first + 1 : end + 1, 1:-1] = picture[first:end]
-
-        d_s, d_t = laying.fill_level(level, [WRAP_REPEAT if each else WRAP_MIRROR for each in repeats], write, run)
-        for found, axis, is_repeated in ((d_s, 1, repeats[0]), (d_t, 0, repeats[1])):
-            wide = np.concatenate([picture, picture.take([0], axis)], axis) if is_repeated else picture
-            expected = np.abs(np.diff(wide, axis=axis)).max(initial=0.0)
-            assert found == expected, f"{width} x {height}, axis {axis}, repeated: {is_repeated}"
-
-
-@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
-def test_levels_differ_by_no_more_than_the_bound(wrap):
-    """At a fine grid of points, between all levels; smooth pictures, where the range says nothing, as well as noise."""
-    rng = np.random.default_rng(3)
-    for width, height in [(16, 16), (5, 7), (33, 2), (3, 3), (13, 1), (1, 6)]:
-        x = np.linspace(0, 1, width)[None, :, None]
-        y = np.linspace(0, 1, height)[:, None, None]
-        smooth = np.concatenate([0.3 * x + 0 * y, 0.2 * y + 0 * x, 0.1 * x + 0.1 * y, 1 - 0.1 * x * y], axis=2)
-        for image in (rng.uniform(0, 1, (height, width, 4)), smooth):
-            texture = Texture(image, "trilinear", wrap)
-            u, v = np.meshgrid(np.linspace(-0.3, 1.3, 8 * width + 3), np.linspace(-0.3, 1.3, 8 * height + 3))
-            uv, shown = np.stack([u.ravel(), v.ravel()], axis=1), []
-            for level in range(len(texture.pyramid)):
-                steps = np.zeros((len(uv), 2, 2))
-                steps[:, 0, 0] = 2.0**level / width
-                shown.append(sample_texture(texture, uv, steps))
-            worst = max(np.abs(a - b).max() for a, b in zip(shown[:-1], shown[1:], strict=True))
-            bound = make_textures([texture]).errors[0, laying.OF_LEVEL] + 1e-7
-            assert worst <= bound, f"{width} x {height}: {worst:.3g} > {bound:.3g}"
-
-
-def test_what_textures_need_does_not_depend_on_their_neighbours():
-    rng = np.random.default_rng(4)
-    every = [Texture(rng.uniform(0, 2, (n, n + 1, 3)), filter) for n, filter in ((3, "nearest"), (8, "trilinear"))]
-    together = make_textures(every)
-    for k, texture in enumerate(every):
-        alone, first = make_textures([texture]), together.first_texels[k]
-        assert not differences(alone.texels, together.texels[4 * first :][: len(alone.texels)])
-        assert not differences(alone.errors[0], together.errors[k])
-        assert not differences(alone.sizes[0], together.sizes[k])
 
 
 # ---------------------------------------------------------------- texture planes
@@ -152,30 +90,3 @@ def test_references_are_near_and_exactly_what_their_number_says(wrap):
             assert abs(reference - nearest) <= period * 2.0**-12, f"{reference} for {texcoord}"
             off = whole / 2.0**11 - reference / period
             assert (off if wrap == WRAP_CLAMP else off % 1.0) == 0.0, f"{whole} for {reference}"
-
-
-def test_a_reference_is_a_number_whatever_the_texcoord_is():
-    for texcoord in (np.nan, np.inf, -np.inf, 1e300):
-        for wrap in (WRAP_REPEAT, WRAP_MIRROR, WRAP_CLAMP):
-            found = u_ref, t_ref, number = texcoord_references((texcoord, 0.4), (wrap, wrap))
-            assert 0.0 <= u_ref <= 2.0 and abs(t_ref - 0.4) < 0.01 and 0 <= number < 2**24, f"{texcoord}: {found}"
-
-
-def test_quotients_of_planes_are_within_their_error():
-    """Of planes that err as far as they may, each way, and with the roundings of the look-up."""
-    rng = np.random.default_rng(2)
-    n, size = 20000, np.float32(37)
-    inv_w = rng.uniform(0.1, 4, n)
-    offset = rng.uniform(-50, 50, n)
-    numerator = offset * inv_w
-    worst = 0.0
-    for e_s, e_d in ((0.0, 0.0), (1e-6, 0.0), (0.0, 1e-7), (1e-5, 3e-7)):
-        s = np.float32(numerator + e_s * rng.choice([-1, 1], n))
-        d = np.float32(inv_w + e_d * rng.choice([-1, 1], n))
-        w = np.float32(1) / d
-        found = (s * w) * (np.float32(1) / size)
-        off = abs(found * 37.0 - offset)
-        rounded = 2.0**-24 * abs(s), 2.0**-24 * d  # the planes are float32
-        bound = texcoord_error(e_s + rounded[0], e_d + rounded[1], d - e_d - rounded[1], abs(offset))
-        worst = max(worst, (off / bound).max())
-    assert 0.3 < worst <= 1.0, f"{worst:.3f} of the bound"

@@ -1,8 +1,6 @@
 """Textures at the texture coordinates of exact records."""
 
 import numpy as np
-import pytest
-from helpers.arrays import differences
 
 import rasterizer as rz
 from rasterizer.pipeline.texcoords import fixed_point
@@ -24,42 +22,6 @@ def wall(texture, repeats=7.0, **material) -> rz.Scene:
 
 def drawn(scene, **options):
     return rz.render(scene, SIZE, **{"samples": 1, "threads": 1, "shading": "phong"} | options)
-
-
-@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
-def test_exact_records_are_looked_up_within_their_bound(filter):
-    """Those of large triangles, of texels that are not blended, and of alpha: as exactly as with tolerance 0."""
-    clear = np.concatenate([NOISE, NOISE[..., :1]], axis=2)
-    for wrap, shading in zip(("repeat", "clamp", "mirror"), ("phong", "flat", "gouraud"), strict=True):
-        for image in (NOISE, clear):
-            scene = wall(rz.Texture(image, filter=filter, wrap=wrap))
-            found, exact = drawn(scene, shading=shading), drawn(scene, shading=shading, tolerance=0.0)
-            error = np.abs(found.color - exact.color).max()
-            assert "0 by planes" in str(found.stats.plan) and exact.color.max() > 0.3
-            assert error < 1e-6, f"{wrap}, {shading}: {error:.3g} > 1e-6"
-
-
-@pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_the_bytes_are_those_of_any_band_and_any_neighbour(shading):
-    """A sample's look-up doesn't depend on where its batch begins, or on what else the picture shows."""
-    scene = wall(rz.Texture(NOISE, filter="trilinear"))
-    alone = drawn(scene, shading=shading)
-    assert not differences(alone.color, drawn(scene, shading=shading, threads=3).color)
-    card = rz.Mesh([[-0.1, -1, 1], [0.4, -1, 1], [0.2, 1, 1]], [[0, 1, 2]])
-    beside = drawn(
-        rz.Scene([*scene.meshes, card], scene.lights, scene.camera), shading=shading, outputs=("color", "face")
-    )
-    is_wall = beside.face < 2
-    assert 0.5 < is_wall.mean() < 1.0 and not differences(alone.color[is_wall], beside.color[is_wall])
-
-
-def test_a_fraction_of_a_picture_is_rounded_up_and_stays_below_1():
-    x = np.concatenate(
-        [np.random.default_rng(1).random(1000), [0.0, 2.0**-33, 1.0 - 2.0**-33, np.nextafter(1, 0), 1.0]]
-    )
-    bits = np.array([np.int64(fixed_point(each)) % 2**32 for each in x.tolist()])
-    is_up = (bits >= x * 2.0**32) & (bits < x * 2.0**32 + 1.0)
-    assert not differences(is_up | (x > 1.0 - 2.0**-32) & (bits == 2**32 - 1), True)
 
 
 def test_the_border_of_two_texels_belongs_to_the_second_one():

@@ -12,7 +12,7 @@ from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
-from rasterizer.cores import MIN_PART, Workers
+from rasterizer.cores import Workers
 from rasterizer.engine.draw import choose_band_rows
 
 SIZE = (103, 157)  # no multiple of anything
@@ -71,27 +71,6 @@ def test_a_neighbour_does_not_change_a_bit(shading):
         assert is_same.sum() > 1000 and (accompanied.face >= n_face).sum() > 10
         n_different = (alone.color[is_same] != accompanied.color[is_same]).sum()
         assert n_different == 0, f"{n_different} values differ, {n_face} faces, {len(lights)} lights, {tolerance=}"
-
-
-def test_many_vertices_are_divided_among_threads():
-    """Enough vertices and faces that every stage has parts to divide."""
-    vertices, faces = torus(331, 211)
-    assert len(vertices) > 2 * MIN_PART
-    scene = rz.Scene([rz.Mesh(vertices, faces)], COLORED, CAMERA)
-    assert_same("a torus", scene, threads=(1, 5), shading="gouraud", samples=1)
-
-
-def test_ranges_are_whole_and_in_order():
-    for n_thread in (1, 2, 3, 8):
-        workers = Workers(n_thread)
-        for n in (0, 1, MIN_PART - 1, MIN_PART * 3 + 7, 10 * MIN_PART * n_thread):
-            ranges = workers.ranges(n)
-            starts, ends = zip(*ranges, strict=True)
-            assert (starts[0], ends[-1]) == (0, n) and starts[1:] == ends[:-1], f"{n} on {n_thread} threads: {ranges}"
-            least = min(end - start for start, end in ranges)
-            assert len(ranges) == 1 or least >= MIN_PART, f"{least} items are a part of {n}"
-            assert len(ranges) <= 4 * n_thread and (n < 2 * MIN_PART or n_thread == 1 or len(ranges) > 1)
-        workers.close()
 
 
 @pytest.mark.parametrize("n_thread", [1, 2, 5])
@@ -157,23 +136,3 @@ def test_threads_end_when_their_workers_do():
     while threading.active_count() > before and time.monotonic() < end:
         time.sleep(0.01)
     assert threading.active_count() == before
-
-
-def test_what_was_drawn_is_not_kept_by_threads_that_wait():
-    class Picture:
-        living = 0
-
-        def __init__(self):
-            Picture.living += 1
-
-        def __del__(self):
-            Picture.living -= 1
-
-    workers, picture = Workers(3), Picture()
-    workers.map(lambda item, picture=picture: picture and item, range(20))
-    del picture
-    end = time.monotonic() + 5
-    while Picture.living and time.monotonic() < end:
-        time.sleep(0.01)
-    workers.close()
-    assert Picture.living == 0

@@ -1,30 +1,17 @@
 """Check where the transform stage puts vertices, and which of them it leaves to the clip stage."""
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
 from helpers.arrays import differences
-from helpers.pairs import pairs
 from helpers.pixels import project
 from helpers.stages import SERIAL, plain_screen, screen_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer import reference
-from rasterizer.cores import Workers
 from rasterizer.pipeline.transform import (
-    DEPTH_BITS,
-    DEPTH_MARGIN,
-    DEPTH_SPAN,
     LIMIT_PX,
-    MIN_VERTICES,
     OUTSIDE,
     POSITION_BOUND,
-    Vertices,
     transform,
-    transform_range,
 )
 
 
@@ -90,93 +77,6 @@ def test_marks_what_can_not_be_placed(is_perspective):
     assert here.x[2] == 2**28 and here.y[2] == 2**28 and here.x[3] == -(2**28)
 
 
-def test_without_a_far_plane_nothing_is_too_far():
-    here, n_outside = place([(0, 0, -1e300), (0, 0, -200)], plain_screen(depths=(1.0, 100.0)))
-    assert n_outside == 0 and not differences(here.x, 0)
-
-
-@pytest.mark.parametrize("is_perspective", [True, False])
-def test_depths_fill_the_buffer_and_leave_room_at_both_ends(is_perspective):
-    assert DEPTH_MARGIN + DEPTH_SPAN + DEPTH_MARGIN == 2**DEPTH_BITS
-    for depths in [(1.0, 100.0), (0.999999, 1.000001), (1e-6, 1.0), (1e6, 1e6 + 1), (3e-5, 7e4)]:
-        near, far = depths
-        points = np.zeros((1001, 3))
-        points[:, 2] = -np.linspace(near, far, 1001)
-        points[-1, 2] = -far
-        z = place(points, plain_screen(is_perspective, depths))[0].z
-        # z = offset + scale·(1/w): with 1/near much larger than the range of 1/w, its rounding is magnified.
-        given = (1 / near, 1 / far) if is_perspective else depths
-        slack = 4 * 2.0**-52 * max(map(abs, given)) / abs(given[1] - given[0]) * DEPTH_SPAN
-        off = max(abs(z[0] - DEPTH_MARGIN), abs(z[-1] - DEPTH_MARGIN - DEPTH_SPAN))
-        assert off <= slack < DEPTH_MARGIN / 2, f"{depths}: {off} > {slack} units"
-        assert (np.diff(z) > 0).all(), f"{depths}: not ascending"
-
-
-def test_what_is_nearer_than_the_depths_that_are_seen_lies_before_the_buffer():
-    """A triangle that reaches the picture from the side needs depths there, but no room for them."""
-    seen = plain_screen(depths=(4.0, 8.0))._replace(near=1.0)
-    here, n_outside = place([(0, 0, -1), (0, 0, -4), (0, 0, -8), (0, 0, -0.9)], seen)
-    assert n_outside == 1 and here.x[3] == OUTSIDE
-    assert np.abs(here.z[:3] - DEPTH_MARGIN - np.array([-6.0, 0.0, 1.0]) * DEPTH_SPAN).max() <= 2.0**-10
-
-
-def test_one_depth_alone_lies_inside_the_buffer():
-    for is_perspective in (True, False):
-        z = place([(0.3, 0.2, -5.0)], plain_screen(is_perspective, (5.0, 5.0)))[0].z
-        assert z == DEPTH_MARGIN
-
-
-coordinate = st.floats(-50, 50)
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.tuples(coordinate, coordinate, st.floats(1, 90)), min_size=2, max_size=2), st.booleans())
-def test_depth_is_affine_on_the_screen(ends, is_perspective):
-    """The point that is seen midway between two others has the mean of their z, in rational numbers."""
-    screen = plain_screen(is_perspective)
-    (xa, ya, wa), (xb, yb, wb) = ends
-    # Midway on the screen is at the share wa/(wa + wb) of the way in space.
-    t = Fraction(wa) / (Fraction(wa) + Fraction(wb)) if is_perspective else Fraction(1, 2)
-    middle = [float(Fraction(p) + t * (Fraction(q) - Fraction(p))) for p, q in ((xa, xb), (ya, yb), (wa, wb))]
-    z = place([(xa, ya, -wa), (xb, yb, -wb), (*middle[:2], -middle[2])], screen)[0].z
-    assert abs(z[2] - (z[0] + z[1]) / 2) <= 2.0**-12, "a 4096th of a step of the z-buffer"
-
-
-def test_the_unit_of_length_does_not_change_a_bit():
-    size = (203, 157)
-    for camera, power in pairs(camera=CAMERAS[:2], power=(-40, -3, 20, 40)):
-        view, scale = camera.view(), 2.0**power
-        points = view.eye + 4.0 * view.forward + np.random.default_rng(2).uniform(-2, 2, (300, 3))
-        screen = screen_of(view, camera.projection(size), (0.5, 20.0), 20.0)
-        larger = screen_of(
-            view._replace(eye=view.eye * scale), camera.projection(size), (0.5 * scale, 20.0 * scale), 20.0 * scale
-        )
-        (here, n_here), (there, n_there) = place(points, screen), place(points * scale, larger)
-        assert n_here == n_there
-        for name in here._fields[:5]:
-            same = (getattr(here, name) == getattr(there, name)).all()
-            assert same, f"{name} differs at a scale of 2^{power}, seen from {view.eye}"
-
-
-def test_threads_and_compilation_do_not_change_a_bit():
-    rng = np.random.default_rng(3)
-    points = rng.uniform(-20, 20, (3 * MIN_VERTICES + 77, 3))
-    screen = plain_screen(depths=(1.0, 15.0), far_clip=15.0, scale=30.0, center=(20.5, 10.25))
-    serial, n_outside = place(points, screen)
-    for n_thread in (2, 3):
-        workers = Workers(n_thread)
-        assert len(workers.ranges(len(points), MIN_VERTICES)) > 1
-        parallel, n_parallel = place(points, screen, workers)
-        workers.close()
-        assert n_parallel == n_outside > 100
-        assert [(a, b) for a, b in zip(serial[:5], parallel, strict=False) if a.tobytes() != b.tobytes()] == []
-    n = 500
-    plain = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), *np.empty((3, n)), serial.pixel)
-    n_plain = transform_range.py_func(points[:n].reshape(-1), 0, n, screen, plain)
-    assert n_plain == (serial.x[:n] == OUTSIDE).sum()
-    assert [(a, b) for a, b in zip(serial[:5], plain, strict=False) if a[:n].tobytes() != b.tobytes()] == []
-
-
 # ---------------------------------------------------------------- what rounding does to all that is interpolated
 
 
@@ -222,20 +122,3 @@ def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
         assert off <= 1e-6, f"a sample is {off:.3g} outside what lies within {bound} px of it > 1e-6"
         n_sample += len(rows)
     assert n_sample > 10
-
-
-def test_the_reference_can_leave_the_rounding_of_vertices_out():
-    """Without it a plane of colours is exact; with it, it is off by what colours change within the bound."""
-    vertices = np.array([(-1.3, -1.1, 0), (1.7, -0.9, 0.5), (0.1, 1.2, -0.4)])
-    mesh = rz.Mesh(vertices, [[0, 1, 2]], colors=np.eye(3), material=rz.Material(ambient=1.0))
-    camera, size = rz.Camera.perspective((0, 0, 3)), (32, 24)
-    scene, view = rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), camera.view()
-    corners = (vertices - view.eye) @ np.stack([view.right, view.up, view.forward]).T
-    j, i = np.mgrid[:24, :32] + 0.5
-    expected = unrounded_values(corners, np.eye(3), camera.projection(size), np.stack([i, j], axis=-1))
-    whole, rounded = (reference.render(scene, size, shading="phong", rounded=flag) for flag in (False, True))
-    inside = (whole.face == 0) & (expected > 1e-3).all(axis=-1)
-    assert inside.sum() > 200 and not differences(whole.face, rounded.face)
-    off, moved = (np.abs(found.color - expected)[inside].max() for found in (whole, rounded))
-    assert off < 1e-12, f"off by {off:.3g} > 1e-12 without rounding"
-    assert 1e-6 < moved < 1e-3, f"rounding moved a colour by {moved:.3g}"
