@@ -8,15 +8,11 @@ import pytest
 from helpers.against_reference import EXACT, NORMAL, compare_with_reference
 from helpers.arrays import differences
 from helpers.pinhole import SHADINGS
-from helpers.stages import screen_of
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.engine.depth_range import MIN_EXTENT, NEAREST, depths_of_boxes, fit_depth_range
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
 
 LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8))
 BOUNDS = np.array([[[-1.0, -1, -1], [1, 1, 1]], [[2.0, 0, 0], [3, 1, 1]]])
@@ -53,30 +49,6 @@ def test_near_and_far_that_are_given_count(make):
     assert fitted(make((0, 0, 5), near=50.0)) == (50.0, 50.0, np.inf)
     if make == rz.Camera.perspective:  # what a far plane cuts off does not push the near one away
         assert fitted(make((0, 0, 0), (0, 0, -1), far=0.1))[0] == pytest.approx(0.1 * NEAREST)
-
-
-positions = st.tuples(*[st.floats(-20, 20)] * 3)
-
-
-@settings(max_examples=50, deadline=None)
-@given(positions, positions, st.booleans(), st.floats(-6, 6))
-def test_depths_in_the_range_fit_the_entries(eye, target, is_perspective, exponent):
-    """Every vertex beyond the near plane gets a z within the bits for it, at any scale, with some room."""
-    assume(np.linalg.norm(np.subtract(eye, target)) >= 1e-3)
-    scale = 10.0**exponent
-    eye, target = (tuple(scale * c for c in place) for place in (eye, target))
-    lens = {"fov": 45} if is_perspective else {"height": scale}
-    camera = rz.Camera(position=eye, target=target, **lens)
-    view = camera.view()
-    (near, far), _ = fit_depth_range(camera, depths_of_boxes(view, BOUNDS * scale))
-    screen = screen_of(view, camera.projection((64, 48)), (near, far))
-    corners = (BOUNDS * scale).reshape(-1, 3)
-    depth = (corners - view.eye) @ view.forward
-    depth = depth[depth >= near]
-    assert depth.max(initial=0) <= far and (near > 0 if is_perspective else near >= 0)
-    z = screen.z_offset + screen.z_scale * (1 / depth if is_perspective else depth)
-    least, most = DEPTH_MARGIN - 64, 2.0**DEPTH_BITS - DEPTH_MARGIN + 64
-    assert z.min(initial=most) >= least and z.max(initial=least) <= most
 
 
 def test_scenes_without_depth_are_drawn():
@@ -131,16 +103,6 @@ def draw_scaled(scale):
     faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
     scene = rz.Scene([rz.Mesh(scale * corners, faces, crease_angle=0)], LIGHTS)
     return rz.render(scene, (64, 48), outputs=("color", "face"), tolerance=0, samples=1)
-
-
-def test_the_unit_of_a_scene_changes_nothing():
-    """A power of two is exact: the same picture, but for lights, whose rounding differs with the way they are taken."""
-    usual = draw_scaled(1.0)
-    for power in (-479, -300, -100, 100, 300, 330):
-        scaled = draw_scaled(2.0**power)
-        assert (usual.face == scaled.face).all() and (usual.alpha == scaled.alpha).all(), f"2^{power}"
-        error = np.abs(usual.color - scaled.color).max()
-        assert error <= 1e-6, f"2^{power}: {error:.3g} > 1e-6"
 
 
 def test_what_is_too_small_for_float64_is_refused():

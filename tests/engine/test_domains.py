@@ -13,18 +13,13 @@ import numpy as np
 import pytest
 from helpers.against_reference import depth_resolution
 from helpers.arrays import differences
-from helpers.campaign import exact_of
-from helpers.campaign_scenes import make_case
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render import describe_bounds
-from rasterizer.engine import domains
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.domains import EXACT
-from rasterizer.engine.plan import make_plan
-from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.prepared import PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
@@ -202,39 +197,6 @@ def test_the_stated_bound_holds_in_hard_scenes(scenes):
             assert_bounded(name, scene, **{"shading": "phong" if is_of_normals else shading} | more)
 
 
-@pytest.mark.parametrize("model", ["phong", "blinn", "toon"])
-def test_a_light_parallel_to_a_wall_gives_one_answer_at_every_angle(model):
-    """N·L = 0 but for rounding: no highlight, in no sample, type, method and renderer."""
-    material = rz.Material(diffuse=0.3, specular=0.8, shininess=4, reflection=model)
-    choices = cycle([(shading, tolerance) for shading in SHADINGS for tolerance in (0.0, DEFAULT)])
-    for degrees in range(0, 91, 2):
-        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-        way = turn @ (np.cos(0.7), np.sin(0.7), 0.0)
-        camera = rz.Camera.perspective(2.5 * turn[:, 2] + 1.5 * way, fov=50)
-        scene = rz.Scene([rz.Mesh(SQUARE @ turn.T, QUAD, material=material)], rz.DirectionalLight(way), camera)
-        shading, tolerance = next(choices)
-        frame = rz.render(scene, SMALL, shading=shading, tolerance=tolerance, threads=1, samples=1)
-        assert frame.color.max() < 1e-6, f"{degrees} degrees, {shading}, {tolerance}: {frame.color.max()}"
-        assert frame.alpha.max() == 1.0, f"{degrees} degrees: the wall isn't seen"
-        if degrees % 18 == 0:
-            assert reference.render(scene, SMALL, shading=shading).color.max() < 1e-15
-    assert rz.render(scene, SMALL, samples=1).stats.steps[0].near < 1e-5
-
-
-def test_lights_far_away_give_what_a_directional_light_gives():
-    way, mesh = np.array([0.48, 0.6, 0.64]), rz.Mesh(*BALL, crease_angle=180)
-    for distance, shading in zip((1e6, 2e19, 1e25, 1e60), cycle(SHADINGS)):
-        for tolerance in (0.0, DEFAULT):
-            pictures = [
-                rz.render(rz.Scene([mesh], light, FRONT), SMALL, shading=shading, tolerance=tolerance, samples=1).color
-                for light in (rz.PointLight(distance * way, 0.8), rz.DirectionalLight(-way, 0.8))
-            ]
-            error, most = np.abs(pictures[0] - pictures[1]).max(), 5 / distance + max(2 * tolerance, 1e-7)
-            assert pictures[1].max() > 0.4, "both lights may have gone out"
-            assert error <= most, f"{distance}, {shading}, {tolerance:.2g}: {error:.3g} > {most:.3g}"
-
-
 def test_alphas_of_what_is_nearly_clear_have_their_digits():
     for name, scene, _ in nearly_clear():
         frame, expected = rz.render(scene, SMALL, samples=1), reference.render(scene, SMALL)
@@ -255,21 +217,6 @@ def test_floors_of_any_size_are_lit_from_the_side_that_is_seen():
         scene = rz.Scene(rz.Mesh(corners, faces, material=rz.Material(specular=0)), rz.DirectionalLight(-up), camera)
         frame = rz.render(scene, SMALL, shading="flat", outputs=("color", "face"), samples=1)
         assert (frame.color[frame.face >= 0] >= 0.5).all(), f"floor {k} of {size:.3g} units is lit from below"
-
-
-def test_amplifying_lights_at_a_distance_do_not_need_float64():
-    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them; nothing does where they
-    move with the camera."""
-    mesh = rz.Mesh(*BALL, crease_angle=180)
-    for attached, dtype, place in (
-        ("world", "float32", (0.5, 1.0, 3.0)),
-        ("camera", "float64", (0.5, 1.0, 1.0)),
-        ("camera", "float64", (0.0, 0.0, -1.9999)),  # next to the ball
-    ):
-        scene = rz.Scene([mesh], rz.PointLight(place, 2.0, (0, 0, 1), attached, amplify=True), FRONT)
-        for shading in SHADINGS:
-            found = assert_bounded(f"{attached}, {place}", scene, shading=shading).stats.plan
-            assert found.dtype == dtype, f"{attached}, {place}, {shading}: {found.dtype}, {found.reasons}"
 
 
 # ---------------------------------------------------------------- steps, words, and what can't be drawn
@@ -379,66 +326,3 @@ def test_usual_scenes_are_lit_in_float32():
             rows = drawing.plan.of_materials
             assert not rows.is_double.any(), f"{name}, {shading}: {rows.reasons}"
             assert bound == DEFAULT and (rows.shares <= 1 / 2).all(), f"{name}, {shading}: {bound}, {rows.shares}"
-
-
-def test_nearly_all_scenes_of_the_campaign_state_a_bound():
-    """At tolerance 0: 1e-6, or 2e-5 with textures, for 95 of 100. At their own one it is that, or as with 0."""
-    n_case, n_unstated = 0, 0
-    for index in range(200):
-        case = make_case(8, index)
-        if len(case.scene.lights) > 400:
-            continue
-        for tolerance in (0.0, case.options["tolerance"]):
-            _, bound, _ = see(case.scene, **case.options | {"tolerance": tolerance, "size": case.size})
-            least = exact_of(case)
-            assert bound in (None, least, max(tolerance, least)), f"{index}: {bound}, {tolerance}"
-            n_case, n_unstated = n_case + (tolerance == 0), n_unstated + (tolerance == 0 and bound is None)
-    assert n_unstated <= 0.05 * n_case, f"{n_unstated} of {n_case} scenes state nothing"
-
-
-# ---------------------------------------------------------------- how near lights are
-
-
-def test_a_clearance_is_no_longer_than_the_distance_of_the_surface():
-    rng, vertices, faces = np.random.default_rng(5), *octasphere(3)
-    mesh = rz.Mesh(vertices, faces)
-    places = rng.normal(size=(40, 3)) * rng.choice([0.2, 1.0, 4.0], (40, 1))
-    lights = [*(rz.PointLight(place) for place in places), rz.DirectionalLight((0, 0, -1))]
-    carried = rz.PointLight((0, 0, 0), attached="camera")
-    tables = SceneTables(rz.Scene(mesh, [*lights, carried]), Options())
-    found = domains.measure_clearances(tables)[0]
-    weights = rng.dirichlet(np.ones(3), (len(faces), 30))
-    surface = np.einsum("fkc,fcx->fkx", weights, vertices[faces]).reshape(-1, 3)
-    true = np.linalg.norm(surface[:, None] - places, axis=2).min(axis=0)
-    assert (found[:-2] <= true).all() and (found[:-2] >= 0.5 * true - 0.2).all()
-    assert found[-2:].tolist() == [np.inf, 0.0]
-    view = rz.Camera.perspective((0, 0, 5)).view()
-    plan = make_plan(tables, Options(), found[None])
-    screen, _ = screen_of(
-        rz.Camera.perspective((0, 0, 5)), view, (64, 48), gather_geometry([mesh], True), tables.bounds
-    )
-    nearness = domains.measure_reach(plan, view, screen).nearness[0]
-    assert nearness[-2] == 0.0 and nearness[-1] == pytest.approx(np.hypot(6, np.sqrt(2)) / 4)
-    assert (nearness <= 1 / domains.NEAREST).all()
-
-
-def test_roundings_grow_with_what_magnifies_them():
-    """The exponent, the brightness, the nearness of the light, the slope of its cone."""
-
-    def count(light, x=0.0, **look):
-        tables = SceneTables(rz.Scene(rz.Mesh(*BALL, material=rz.Material(**look)), [light]), Options())
-        clearances = domains.measure_clearances(tables)
-        bounds = domains.bound_intensities(tables, clearances, True)
-        return (bounds.roundings + x * bounds.by_nearness.sum(axis=1))[0]
-
-    sun, lamp = rz.DirectionalLight((0, 0, -1)), rz.PointLight((0, 0, 3))
-    rows = (
-        [count(sun, shininess=n) for n in (1, 10, 100, 1e4, 1e6)],
-        [count(rz.DirectionalLight((0, 0, -1), i)) for i in (0.1, 1, 10)],
-        [count(lamp, x) for x in (0.0, 1.0, 10.0, 1000.0)],
-        [count(rz.SpotLight((0, 0, 3), (0, 0, -1), 1.0, inner, 40), 4.0) for inner in (0, 30, 39)],
-        [count(sun, reflection="cook-torrance", roughness=r) for r in (1.0, 0.5, 0.1)],
-        [count(sun, reflection="oren-nayar", roughness=r) for r in (0.0, 0.3, 1.0)],
-    )
-    for row in rows:
-        assert row == sorted(row) and 0 < row[0] < row[-1], row

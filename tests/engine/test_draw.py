@@ -5,41 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.stages import SERIAL, drawables_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows, cull, list_bands
-from rasterizer.options import MAX_PIXELS
+from rasterizer.engine.draw import cull
 from rasterizer.pipeline.visibility import MAX_RECORDS
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.integers(1, MAX_PIXELS), st.integers(1, MAX_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
-def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
-    width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
-    rows = choose_band_rows(width, height, n_thread, factor)
-    assert rows % factor == 0 and factor <= rows <= height
-    assert rows * width <= max(BAND_ENTRIES, 8 * width)
-    if n_thread > 1:
-        assert rows <= max(16, -(-height // (2 * n_thread)))
-
-
-def test_bands_of_usual_pictures():
-    for given_, rows in (
-        ((640, 480, 1, 1), 204), ((640, 480, 2, 1), 120), ((16384, 16384, 1, 1), 8), ((16384, 4, 8, 4), 4),
-        ((MAX_PIXELS, MAX_PIXELS, 64, 4), 8),
-    ):  # fmt: skip
-        assert choose_band_rows(*given_) == rows, f"{given_}: {choose_band_rows(*given_)} != {rows}"
-
-
-def test_busy_bands_come_first():
-    starts = np.cumsum([0, 0, 3, 9, 3, 0])
-    lists = SimpleNamespace(faces=np.arange(starts[-1], dtype=np.uint32), starts=starts)
-    for rows, expected in (((0, 50), [20, 10, 30, 0, 40]), ((15, 31), [20, 15, 30])):
-        assert [band.y_start for band in list_bands(lists, 10, rows)] == expected
-    (band,) = list_bands(lists, 10, (25, 27))
-    assert (band.y_start, band.y_end, band.faces.tolist()) == (25, 27, list(range(3, 12)))
 
 
 def test_too_many_triangles_for_a_band_make_it_lower():

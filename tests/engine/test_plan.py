@@ -6,20 +6,16 @@ import numpy as np
 import pytest
 from helpers.against_reference import EXACT as EXACTLY
 from helpers.against_reference import assert_matches_reference
-from helpers.arrays import differences
 from helpers.pinhole import SHADINGS, octasphere
-from helpers.stages import screen_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.depth_range import scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.uniforms import make_coding
 from rasterizer.options import DEFAULT_TOLERANCE, Options
-from rasterizer.pipeline.gradients import EXACT, HAS_COLORS, IN_ENTRIES, IN_PLANES
-from rasterizer.pipeline.visibility import LEVEL_MASK
+from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES
 
 BALL = octasphere(1)
 CLAY = (0.8, 0.4, 0.2)
@@ -46,11 +42,6 @@ def plan_of(scene, **options):
     """The plan of a scene."""
     options = Options(**options)
     return make_plan(SceneTables(scene, options), options)
-
-
-def screen_for(camera, depth_range):
-    """The screen of a small picture whose z-buffer spans a range of depths."""
-    return screen_of(camera.view(), camera.projection((64, 48)), depth_range)
 
 
 # ---------------------------------------------------------------- one channel or three
@@ -106,14 +97,6 @@ def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
             assert_matches_reference(grey, (48, 20), budget, shading=shading, tolerance=tolerance, ignored=0.01)
 
 
-def test_tints_that_differ_by_rounding_are_one():
-    for k in range(1, 40):
-        materials = [rz.Material(diffuse=tuple(c * k / 7 for c in CLAY), specular=tuple(c / k for c in CLAY))]
-        assert plan_of(scene_of([DULL_CLAY, *materials], GREY_LIGHTS)).n_channel == 1, f"k = {k}"
-    off = rz.Material(diffuse=(0.8, 0.4, 0.2 * (1 + 1e-9)), specular=0)
-    assert plan_of(scene_of([DULL_CLAY, off], GREY_LIGHTS)).n_channel == 3
-
-
 palette = st.sampled_from([(0.0,) * 3, (0.5,) * 3, (0.2,) * 3, CLAY, (0.4, 0.2, 0.1), (0, 0.3, 0), (0.1, 0.2, 0.8)])
 one_material = st.builds(
     lambda a, d, s, e: rz.Material(ambient=a, diffuse=d, specular=s, emissive=e),
@@ -142,45 +125,6 @@ def test_no_intensity_leaves_the_tint_that_is_found(materials, colors, ambient):
             np.array(getattr(m, n)) for m in materials for n in ("ambient", "diffuse", "specular", "emissive")
         ]
         assert any(np.ptp(color) > 0 for color in [*everything, *map(np.array, colors), np.array(ambient)])
-
-
-def test_each_material_has_the_channels_that_it_needs():
-    """One of the tint that most have; what else has one channel, and another tint, has three beside them."""
-    blue = rz.Material(diffuse=(0.2, 0.4, 0.8), specular=0)
-    for materials, tint, colored in (
-        ([GREY, DULL_CLAY], (1, 1, 1), [False, True]),
-        ([DULL_CLAY, GREY], (1, 0.5, 0.25), [False, True]),
-        ([GREY, DULL_CLAY, TINTED], (1, 0.5, 0.25), [True, False, False]),
-        ([GLOSSY_CLAY, blue], (0.25, 0.5, 1), [True, False]),
-        ([GLOSSY_CLAY, GREY, rz.Material(diffuse=0.3)], (1, 1, 1), [True, False, False]),
-        ([GLOSSY_CLAY], (1, 1, 1), [True]),
-    ):
-        scene = scene_of(materials, GREY_LIGHTS)
-        found = plan_of(scene)
-        assert found.tint == pytest.approx(tint, abs=1e-7) and found.n_channel == 3
-        assert found.of_materials.is_colored.tolist() == colored
-        assert [bool(needs & HAS_COLORS) for needs in found.of_materials.features] == colored
-        for shading, tolerance in (("gouraud", 0), ("phong", DEFAULT_TOLERANCE)):
-            budget = max(EXACTLY, tolerance)
-            assert_matches_reference(scene, (48, 20), budget, shading=shading, tolerance=tolerance, ignored=0.01)
-
-
-def test_float64_of_one_material_leaves_the_others_their_way():
-    """Reasons of a scene are those of all; a material's own are its own."""
-    toon, mirror = rz.Material(reflection="toon"), rz.Material(specular=0.5, shininess=200_000)
-    scene = scene_of([GREY, toon, mirror], GREY_LIGHTS)
-    for shading in SHADINGS:
-        found = plan_of(scene, shading=shading)
-        assert found.of_materials.is_double.tolist() == [False, True, True] and found.dtype == np.float32
-        way = IN_PLANES if shading == "phong" else IN_ENTRIES
-        assert found.of_materials.paths.tolist() == [way, EXACT, EXACT]
-        assert [dtype.name for dtype in found.of_materials.dtypes] == ["float32", "float64"]
-        none, of_toon, of_mirror = found.of_materials.reasons
-        assert none == () and "toon" in of_toon[0] and "rounding" in of_mirror[0]
-        exact = plan_of(scene, shading=shading, tolerance=0)
-        assert not differences(exact.of_materials.is_double, True)
-        assert [r for r in exact.of_materials.reasons if "tolerance 0" not in r] == []
-        assert [dtype.name for dtype in exact.of_materials.dtypes] == ["float64"]
 
 
 # ---------------------------------------------------------------- number formats and ways
@@ -216,19 +160,6 @@ PLANS = {  # name: (material, lights, tolerance, dtype, way when interpolated, w
 }
 
 
-def test_the_cheapest_way_inside_the_tolerance():
-    for name, (material, lights, tolerance, dtype, interpolated, lit) in PLANS.items():
-        for shading in SHADINGS:
-            found, case = plan_of(scene_of([material], lights), shading=shading, tolerance=tolerance), (name, shading)
-            (way,), rows = found.of_materials.paths, found.of_materials
-            assert found.dtype == dtype, f"{case}: {found.dtype}, {rows.reasons}"
-            assert way == (lit if shading == "phong" else interpolated), f"{case}: way {way}"
-            assert bool(rows.reasons[0]) == (dtype == np.float64), f"{case}: {rows.reasons}"
-            assert found.is_lit_per_sample == (shading == "phong")
-            assert way == EXACT or found.level_scale * found.bound <= LEVEL_MASK, case
-            assert dtype == np.float64 or rows.shares.max() <= 1 / 2, case
-
-
 def test_no_intensity_is_above_the_bound():
     cases = [(name, shading) for name, shading in zip(PLANS, cycle(SHADINGS)) if name != "dark"]
     for name, shading in [*cases, ("default", "phong"), ("amplified ten times", "flat")]:
@@ -249,21 +180,6 @@ def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
     assert found.of_materials.dtypes == (np.float32,), "the plan of the scene is another"
 
 
-def test_entries_accept_what_is_left_of_the_tolerance():
-    """The rounding of the lighting and that of the levels have to share."""
-    camera = rz.Camera.perspective((0, 0, 5))
-    screen = screen_for(camera, (1.0, 9.0))
-    found = plan_of(scene_of([GREY], GREY_LIGHTS), shading="gouraud")
-    coding = make_coding(found)._replace(depths=scale_depths(screen))
-    assert coding.limits[0] == pytest.approx(DEFAULT_TOLERANCE * (1 - found.of_materials.shares.max()))
-    assert not coding.needs_distance
-    for w in (1.0, 3.7, 9.0):
-        z = screen.z_offset + screen.z_scale / w
-        assert coding.depths.inv_w_offset + coding.depths.inv_w_scale * z == pytest.approx(1 / w, rel=1e-12)
-        ratio = coding.depths.ratio_offset + coding.depths.ratio_scale * z
-        assert ratio == pytest.approx(1.0 / w, rel=1e-4) and ratio <= 1.0 + 1e-4, "r = w_0/w"
-
-
 def test_texture_coordinates_of_alpha_and_of_texels_that_are_not_blended_stand_in_no_planes():
     """An error of alpha weights all behind it, and next to a border the nearest texel may be another."""
     image = np.full((4, 4, 4), 90, np.uint8)
@@ -275,9 +191,3 @@ def test_texture_coordinates_of_alpha_and_of_texels_that_are_not_blended_stand_i
     assert make_coding(found).textures is not None
     found = plan_of(scene_of(looks[:2], GREY_LIGHTS, uv=BALL[0][:, :2]))
     assert make_coding(found).textures is None
-
-
-def test_distances_are_carried_for_lights_that_have_a_place():
-    for lights, needs in ((GREY_LIGHTS, True), (GREY_LIGHTS[:2], False)):
-        found = plan_of(scene_of([GREY], lights), shading="phong")
-        assert make_coding(found).needs_distance == needs

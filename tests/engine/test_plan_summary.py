@@ -18,30 +18,6 @@ def plan_of(mesh=BALL, lights=(LIGHT,), **options):
     return frame.stats.plan
 
 
-def test_a_plan_tells_the_way_that_triangles_took():
-    ways = ("entries", "planes", "exact")
-    for options, way, taken in (
-        ({"shading": "gouraud"}, "one intensity in each visibility entry", "entries"),
-        ({"shading": "phong"}, "planes of the normals", "planes"),
-        ({"shading": "gouraud", "tolerance": 0}, "exact records", "exact"),
-    ):
-        plan = plan_of(**options)
-        assert plan.path == way and plan.shading == options["shading"] and plan.channels == 1, plan
-        # What the cheapest way won't do for takes a dearer one.
-        assert getattr(plan.paths, taken) > 10 and not any(getattr(plan.paths, w) for w in ways[: ways.index(taken)]), (
-            plan
-        )
-        assert plan.dtype == ("float64" if options.get("tolerance") == 0 else "float32")
-        assert way in repr(plan) and f"{getattr(plan.paths, taken)} by" in repr(plan), plan
-
-
-def test_lights_of_two_colors_take_planes_of_three_channels():
-    lights = (LIGHT, rz.PointLight((2, 2, 2), (0.5, 0.2, 0.1)))
-    plan = plan_of(lights=lights, shading="gouraud")
-    assert plan.channels == 3 and plan.path == "planes of the intensities"
-    assert plan.paths.entries == 0 and plan.paths.planes > 20, plan
-
-
 def test_a_plan_names_the_features_that_a_scene_uses():
     image = np.full((2, 2, 3), 0.5)
     material = rz.Material(reflection="cook-torrance", texture=rz.Texture(image), opacity=0.5)
@@ -59,12 +35,6 @@ def test_a_renderer_tells_its_plan_before_and_after_a_picture():
         frame = renderer.render()
         assert renderer.plan == frame.stats.plan and renderer.plan.paths is not None
     assert pickle.loads(pickle.dumps(frame.stats.plan)) == frame.stats.plan
-
-
-def test_a_view_that_needs_float64_says_so():
-    """A light in the very surface: its clearance is 0 in every view."""
-    plan = plan_of(lights=(rz.PointLight((0, 0, 1.0), 1.0, (0, 0, 1)),), shading="phong")
-    assert plan.dtype == "float64" and plan.reasons == ("rounding beyond half of the tolerance",), plan
 
 
 def test_a_plan_counts_the_lights():

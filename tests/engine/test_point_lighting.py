@@ -1,17 +1,12 @@
 """Check the illumination equation at points: closed forms, the judge, the renderer's own values, and the border."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
-from helpers.pinhole import octasphere
 
 import rasterizer as rz
 from rasterizer.errors import SceneError
-from rasterizer.reference import light as reference_light
-from rasterizer.reference.surface import gather
 
 UP = (0.0, 0.0, 1.0)
 WHITE = rz.Material(diffuse=1.0, ambient=1.0, specular=0.0)
@@ -50,59 +45,6 @@ def test_closed_forms():
         assert np.abs(found - expected[:, None]).max() < 1e-15, form
     colored = rz.illuminate((0, 0, 0), UP, rz.Material(diffuse=(0.9, 0.3, 0.1), specular=0), sun, toward_viewer=UP)
     assert colored == pytest.approx((0.9, 0.3, 0.1), abs=1e-16), "digits beyond float32 are lost"
-
-
-def test_where_the_highlight_is_brightest():
-    """Phong's and Blinn's peaks lie in the mirror direction; Cook-Torrance's moves beyond it, the further the more
-    light grazes.
-
-    Torrance & Sparrow 1967, J. Opt. Soc. Am. 57(9), 1105-1114: "off-specular peaks in the directional distribution".
-    """
-    view = np.radians(np.linspace(0, 89.9, 1800))
-    viewers = np.stack([np.sin(view), 0 * view, np.cos(view)], axis=1)
-    beyond = {0.0: (-0.1, 0.1), 30.0: (1.0, 90.0), 60.0: (5.0, 90.0), 75.0: (10.0, 90.0)}
-    for name, incidence in product(("phong", "blinn", "cook-torrance"), beyond):
-        material = rz.Material(diffuse=0, ambient=0, specular=1, shininess=60, reflection=name, roughness=0.2)
-        a = np.radians(incidence)
-        sun = rz.DirectionalLight((np.sin(a), 0, -np.cos(a)))
-        # An eye in the origin sees a point at -V from the direction V.
-        found = rz.illuminate(-viewers, UP, material, sun, (0, 0, 0))[:, 0]
-        off = np.degrees(view[found.argmax()]) - incidence
-        least, most = beyond[incidence] if name == "cook-torrance" else (-0.05, 0.05)
-        assert least <= off <= most, f"{name}, light at {incidence}°: the peak lies {off:.2f}° beyond the mirror"
-
-
-def judged(points, normals, material, camera, spectral=None):
-    """The same by the judge."""
-    corners, faces = octasphere(0)
-    scene = rz.Scene([rz.Mesh(corners, faces, material=material)], LIGHTS, camera)
-    surface = gather(scene)
-    lighting = reference_light.make_lighting(
-        scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral
-    )
-    points = reference_light.Points(points, normals, np.zeros(len(points), int))
-    return sum(reference_light.light_points(points, lighting))
-
-
-@pytest.mark.parametrize(
-    "name", ["phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon", "colored", "brushed"]
-)
-def test_it_agrees_with_the_judge(name):
-    others = {
-        "colored": rz.Material(specular=0.5, reflection="blinn", normalized=True, fresnel=(0.9, 0.5, 0.2)),
-        "brushed": rz.Material(specular=0.2, reflection="cook-torrance", roughness=(0.2, 0.6), tangent=(1, 2, 3)),
-    }
-    material = others.get(name) or rz.Material(diffuse=(0.5, 0.3, 0.1), specular=0.4, reflection=name)
-    points, normals = np.random.default_rng(3).normal(size=(2, 300, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    for make, spectral in ((rz.Camera.perspective, None), (rz.Camera.orthographic, 40), (rz.Camera.orthographic, None)):
-        camera = make((1, 2, 5))
-        found = rz.illuminate(points, normals, material, LIGHTS, camera, spectral=spectral)
-        expected = judged(points, normals, material, camera, spectral)
-        error, most = np.abs(found - expected).max(), 3e-8 * max(1, expected.max())
-        # Squared exponents leave out what is below 2^-28, of each light.
-        assert error < most, f"{make.__name__}, {spectral} samples: {error:.3g} > {most:.3g}"
-        assert not differences(np.isfinite(found), True) and found.max() > 0.1
 
 
 def test_shapes_viewers_and_sides():

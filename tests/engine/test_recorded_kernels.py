@@ -35,14 +35,6 @@ def test_a_default_picture_takes_few_kernels():
     assert "phong_shading.shade_lit" in listed and len(listed) <= 12
 
 
-def test_the_recorded_picture_that_is_most_like_another_one_counts():
-    glass = rz.load(MODELS / "glass.obj")
-    options = rz.Options(shading="phong", samples=16)
-    listed = {kernels.title_of(function) for function, _ in list_kernels(glass, options)}
-    assert {"phong_shading.shade_lit", "a_buffer.composite", "resolve.resolve"} <= listed
-    assert not {"shade.shade_interpolated", "buffers.write_mask"} & listed
-
-
 def test_no_kernel_of_the_package_is_forgotten():
     """Whatever a kernel is for, warming up compiles it: a wheel that holds the store draws without the compiler."""
     left_out = ("rasterizer.__main__", "rasterizer.viewer.widget")  # a program; a module that needs an extra

@@ -1,23 +1,16 @@
 """Check shadow maps: against rays in random scenes of separate solids, their texels against rational numbers, which
 are drawn, and which are kept."""
 
-from copy import copy
 from dataclasses import replace
-from fractions import Fraction
-from itertools import cycle
 
 import numpy as np
 import pytest
-from helpers.arrays import deviations, differences
-from helpers.bodies import random_scene
-from helpers.pinhole import QUAD, octasphere, unit
+from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
 from rasterizer.cores import Workers
-from rasterizer.engine.plan import make_plan
-from rasterizer.engine.points import gather_geometry, gather_inner_sides, list_opaque_fans
-from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.shadow_maps import Casters, Shadows, draw_maps, gather_casters, plan_maps
+from rasterizer.engine.points import gather_geometry
+from rasterizer.engine.shadow_maps import draw_maps, gather_casters, plan_maps
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View
@@ -35,29 +28,6 @@ def drawn_map(light, meshes, view=VIEW, inner_sides=None):
     casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None, inner_sides)
     planned = plan_maps(light, view, casters)
     return planned and draw_maps(planned, casters, DOUBLE, WorkspacePool(), Workers(1))
-
-
-def test_inner_sides_of_closed_bodies_change_no_texel():
-    """Also of bodies that are inside out, torn, or hollow; a light within the box of one draws all of it."""
-    n_inner = 0
-    for seed in range(40):
-        rng, meshes = np.random.default_rng(seed), random_scene(seed).meshes
-        sides = gather_inner_sides(meshes, list_opaque_fans(meshes))
-        n_inner += np.count_nonzero(sides)
-        box = np.array([mesh.bounds for mesh in meshes])
-        middle, extent = box.mean(axis=(0, 1)), np.ptp(box.reshape(-1, 3), axis=0).max()
-        place = middle + unit(rng.normal(size=3)) * extent * rng.choice([0.1, 0.6, 1.0, 3.0])
-        shadow = rz.Shadow(size=int(rng.choice([16, 50, 128])), filter=int(rng.choice([1, 5])))
-        toward = middle - place
-        for light in (
-            rz.PointLight(place, shadow=shadow),
-            rz.SpotLight(place, direction=toward, shadow=shadow),
-            rz.DirectionalLight(toward, shadow=shadow),
-        ):
-            every, some = drawn_map(light, meshes), drawn_map(light, meshes, inner_sides=sides)
-            texels = slice(lookup.HEADER, None)
-            assert not differences(some.block[texels], every.block[texels]), f"scene {seed}, {light!r}"
-    assert n_inner > 500
 
 
 # ---------------------------------------------------------------- against rays
@@ -232,97 +202,7 @@ def test_every_pixel_of_many_scenes_is_dark_where_rays_find_something_in_the_way
         check_scene(kind, seed, (64, 48))
 
 
-# ---------------------------------------------------------------- what a map holds
-
-RANGE = (-40.0, 40.0)  # of what casts shadows along the light's direction, scene units
-
-
-def gentle_triangle(rng):
-    """Three corners in a square of 2 x 2 before the light, which is far above: large or small, sloped a little."""
-    side = 2.0 ** rng.uniform(-3, 0)
-    corners = rng.uniform(-1, 1, (3, 2)) * side + rng.uniform(side - 1, 1 - side, 2)
-    slopes = rng.normal(size=2) * 2.0 ** rng.uniform(-10, 0)
-    return np.column_stack([corners, corners @ slopes + rng.uniform(-30, 30)])
-
-
-def worst_error(corners, light, size, rng):
-    """The largest error of some texels of a map that a triangle alone casts into, over what its header says.
-
-    The map is fitted to 2 x 2 x RANGE.
-    """
-    box = np.array([[(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in RANGE]])
-    casters = Casters(gather_geometry(rz.Scene(rz.Mesh(corners, [[0, 1, 2]])).meshes, False), box, box[:, [0, 7]], None)
-    planned = plan_maps(light, View(np.zeros(3), *np.eye(3)), casters)
-    found = draw_maps(planned, casters, DOUBLE, WorkspacePool(), Workers(1))
-    row = found.block[lookup.MAPS : lookup.MAPS + lookup.N_MAP_COLUMN]
-    texels = found.block[lookup.HEADER :].reshape(size, size)
-    is_perspective = isinstance(light, rz.SpotLight)
-    right, up, forward = (row[start : start + 3] for start in (lookup.RIGHT, lookup.UP, lookup.FORWARD))
-    away = corners - found.origin
-    depth = away @ forward
-    x = row[lookup.CENTER_X] + row[lookup.SCALE_X] * (away @ right) / (depth if is_perspective else 1.0)
-    y = row[lookup.CENTER_Y] - row[lookup.SCALE_Y] * (away @ up) / (depth if is_perspective else 1.0)
-    values = [1 / Fraction(d) if is_perspective else -Fraction(d) for d in depth.tolist()]
-    points = [(int(a), int(b)) for a, b in zip(np.rint(256 * x), np.rint(256 * y), strict=True)]
-    rows, columns = np.nonzero(np.isfinite(texels))
-    if not len(rows):
-        return 0.0
-    chosen = np.unique([*rng.integers(0, len(rows), 40), 0, len(rows) - 1, columns.argmin(), columns.argmax()])
-    worst = Fraction(0)
-    for i, j in zip(columns[chosen].tolist(), rows[chosen].tolist(), strict=True):
-        expected = plane_at(points, values, 256 * i + 128, 256 * j + 128)
-        worst = max(worst, abs(Fraction(float(texels[j, i])) - expected))
-    # A texel is rounded in float64, and so are its corners.
-    return float(worst - Fraction(2) ** -50 * max(map(abs, values))) / row[lookup.ROUNDING]
-
-
-def plane_at(points, values, x, y):
-    """The plane through three points with values, at (x, y), all in rational numbers."""
-    (ax, ay), (bx, by), (cx, cy) = points
-    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-    b = Fraction((x - ax) * (cy - ay) - (y - ay) * (cx - ax), area)
-    c = Fraction((y - ay) * (bx - ax) - (x - ax) * (by - ay), area)
-    return values[0] + b * (values[1] - values[0]) + c * (values[2] - values[0])
-
-
-def test_texels_err_by_no_more_than_their_map_says():
-    """Whatever size, slope and place; and what it says is no more than a few times what is met."""
-    for size, kind in zip((16, 100, 512, 1024), cycle(("directional", "spot"))):
-        rng, shadow = np.random.default_rng(size), rz.Shadow(size)
-        light = {
-            "directional": rz.DirectionalLight((0.0, 0.0, -1.0), shadow=shadow),
-            "spot": rz.SpotLight((0.0, 0.0, 60.0), (0.0, 0.0, -1.0), outer=20.0, inner=10.0, shadow=shadow),
-        }[kind]
-        worst = max(worst_error(gentle_triangle(rng), light, size, rng) for _ in range(20))
-        assert worst <= 1, f"{kind}, {size} texels: {worst} > 1 times the rounding that the header says"
-        least = 0.1 if size > 500 else 0.02  # in small maps, what slivers would err by is most of it
-        assert worst > least, f"{kind}, {size} texels: the header says {1 / worst:.0f} times what is met"
-
-
 # ---------------------------------------------------------------- which maps are drawn, and kept
-
-FLOOR = rz.Mesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], QUAD)
-BALL = rz.Mesh(octasphere(2)[0] * 0.4 + (0, 0, 0.5), octasphere(2)[1])
-
-
-def layers_of(light):
-    """The layers of the maps that are drawn of a light, -1 for a map that isn't; None for none."""
-    found = drawn_map(light, [FLOOR, BALL])
-    if found is None:
-        return None
-    rows = range(int(found.block[lookup.N_MAP]))
-    return [int(found.block[lookup.MAPS + lookup.N_MAP_COLUMN * k + lookup.LAYER]) for k in rows]
-
-
-def test_maps_that_matter_to_nothing_are_not_drawn():
-    lamp = rz.PointLight((0, 0, 1), shadow=rz.Shadow(32))
-    assert layers_of(lamp) == [0, 1, 2, 3, -1, 4], "nothing lies above the lamp"
-    assert layers_of(replace(lamp, position=(0, 0, 9), range=2.0)) is None, "out of its range"
-    spot = rz.SpotLight((0, 0, 5), (0, 0, 1), outer=40, shadow=rz.Shadow(32))
-    assert layers_of(spot) is None, "it looks away"
-    assert layers_of(replace(spot, direction=(0, 0, -1))) == [0]
-    wide = rz.SpotLight((0, 0, 0.5), (1, 0, 0), outer=70, shadow=rz.Shadow(32))
-    assert layers_of(wide)[1] == -1, "behind a wide spot light"
 
 
 def test_too_many_maps_are_refused():
@@ -334,35 +214,3 @@ def test_too_many_maps_are_refused():
     for lights in ([lamps[0]], [sun, lamps[1]]):  # the lamp of 6 * 6688^2 texels would have room alone
         with pytest.raises(rz.SceneError, match="may have 268435456 texels; .*smaller shadow size, or fewer cells"):
             rz.render(rz.Scene([room], lights), 16, shading="phong", samples=1)
-
-
-def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
-    """A material that one view needs float64 for, and the next one not, counts in the next one."""
-    mesh = rz.Mesh(*octasphere(2), crease_angle=180)
-    carried = rz.DirectionalLight((0.1, 0, -1), attached="camera", shadow=rz.Shadow(64, 5))
-    scene = rz.Scene([mesh], [rz.DirectionalLight((0, 0, -1), shadow=rz.Shadow(64)), carried])
-    plan = make_plan(SceneTables(scene, rz.Options(shading="phong")), rz.Options(shading="phong"))
-    shadows = Shadows(gather_geometry(scene.meshes, False), mesh.bounds[None], plan)
-    rows = plan.of_materials
-    turned = plan._replace(of_materials=rows._replace(normal_limits=8 * rows.normal_limits))
-
-    def draw(plan, view=VIEW):
-        return shadows.draw(plan, view, np.dtype(np.float32), WorkspacePool(), Workers(1))
-
-    first, moving = draw(plan)
-    own, texels = float(first.block[lookup.NORMAL_ERROR]), first.block[lookup.HEADER :].tobytes()
-    assert moving.block[lookup.NORMAL_ERROR] == pytest.approx(5 * own), "over half of five texels, not of one"
-    assert draw(turned)[0] is first and first.block[lookup.NORMAL_ERROR] > 2 * own > 0
-    assert draw(plan)[0] is first and first.block[lookup.NORMAL_ERROR] == own
-    nearer = draw(plan, VIEW._replace(eye=0.5 * VIEW.eye))[1]
-    assert nearer is moving, "rays that the camera carries are the same wherever it stands"
-    elsewhere = View(np.array([3.0, 0, 4]), *np.eye(3)[[1, 2, 0]])
-    again, moved = draw(plan, elsewhere)
-    assert again is first and again.block[lookup.HEADER :].tobytes() == texels
-    assert not deviations(again.block[lookup.ORIGIN : lookup.ORIGIN + 3], again.origin - elsewhere.eye, atol=1e-06)
-    assert moved is not moving, "a light that moves with the camera sees something else"
-    tables = copy(plan.tables)
-    tables.is_lit = np.zeros_like(plan.tables.is_lit)
-    dull = plan._replace(tables=tables)
-    shadows = Shadows(gather_geometry(scene.meshes, False), mesh.bounds[None], dull)
-    assert draw(dull) == [None, None], "nothing reflects them"

@@ -10,7 +10,6 @@ from helpers.pinhole import QUAD, SHADINGS, octasphere, torus, unit
 from numpy.lib.stride_tricks import sliding_window_view
 
 import rasterizer as rz
-from rasterizer import reference
 from rasterizer.engine.lights import entry_of
 from rasterizer.engine.shadow_maps import choose_views, corners_of
 from rasterizer.scene.lights import Shadow
@@ -179,98 +178,6 @@ def test_a_convex_model_casts_no_shadow_on_itself():
     check_convex(choices[::2], (64, 48))  # every second one: each map and each model is among them
 
 
-@pytest.mark.nightly
-def test_a_convex_model_casts_no_shadow_on_itself_in_any_combination():
-    more = [{"shading": shading, "tolerance": tolerance} for shading in SHADINGS for tolerance in TOLERANCES]
-    check_convex(product(CONVEX, ("directional", "point"), MAPS, more), (240, 180))
-
-
-def test_neither_scale_nor_place_make_acne():
-    more, kinds = in_turns(), cycle(KINDS)
-    for scale, shift in ((1e-3, 0), (1e4, 0), (1, 1e5), (1e-2, 100)):
-        center = np.full(3, float(shift))
-        camera = rz.Camera.perspective(center + scale * np.array((1.5, 2, 4)), center, fov=40)
-        for vertices, faces in ((PLANE, QUAD), octasphere(2), (box((0, 0, 0), (1, 1, 1)), BOX_FACES)):
-            model = rz.Mesh(scale * vertices + center, faces, material=SHINY)
-            assert_all_lit(
-                (f"{kind}, {e} degrees, scale {scale}, shift {shift}",
-                 ([model], make_light(kind, e, a, 4 * scale, center, Shadow(128)), camera, (40, 30)), more())
-                for (e, a), kind in zip(((7, 20), (50, 130), (85, 260)), kinds, strict=False)
-            )  # fmt: skip
-
-
-def test_a_plane_seen_at_a_low_angle_is_lit_everywhere():
-    """The picture's own vertices are rounded, which tilts it most where it is seen edge-on."""
-    plane, tolerances = rz.Mesh(PLANE, QUAD, material=SHINY), cycle(TOLERANCES)
-    for texels, y in product((16, 2048), (-6, -2, 1)):
-        camera = rz.Camera.perspective((0.3, y, 0.15), (0, 0, 0), up=(0, 0, 1), fov=25)
-        assert_all_lit(
-            (f"{kind}, {e} degrees, {texels} texels, from y = {y}",
-             ([plane], make_light(kind, e, 20, shadow=Shadow(texels)), camera, (80, 60)),
-             {"tolerance": next(tolerances)})
-            for e, kind in ((89, "directional"), (89, "point"), (90, "point"), (90, "directional"), (90, "point"))
-        )  # fmt: skip
-
-
-def test_many_coplanar_triangles_are_lit_everywhere():
-    """A tilted plane of small triangles, whose normals differ by rounding."""
-    x, y = (v.ravel() / 10 - 1 for v in np.meshgrid(np.arange(21), np.arange(21)))
-    corner = np.arange(441).reshape(21, 21)
-    faces = np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]], axis=-1).reshape(-1, 4)
-    plane = rz.Mesh(np.stack([x, y, 0.3 * x - 0.7 * y + 0.2], axis=1), faces, material=SHINY)
-    camera, more = rz.Camera.perspective((0.5, -1, 5), (0, 0, 0), fov=35), in_turns()
-    assert_all_lit(
-        (f"{kind}, {e} degrees, {n} texels",
-         ([plane], make_light(kind, e, 200, shadow=Shadow(n)), camera, (80, 60)), more())
-        for kind in KINDS for e in (25, 80) for n in (32, 1024)
-    )  # fmt: skip
-
-
-def test_a_bowl_is_dark_only_where_its_rim_hides_the_light():
-    """The lower half of a sphere, seen from above: a point p is lit where the chord p + t·L, t = -2 p·L, ends above the
-    rim."""
-    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), up=(0, 1, 0), height=FLOOR_HEIGHT / 2)
-    points = floor_points()[..., :2] / 2
-    square = (points**2).sum(axis=-1)
-    inside = np.concatenate([points, -np.sqrt(np.maximum(1 - square, 0))[..., None]], axis=-1)
-    tolerances = cycle(TOLERANCES)
-    for n_around, n_down, elevation in ((32, 12, 15), (96, 32, 15), (96, 32, 50), (32, 12, 85), (96, 32, 85)):
-        down = np.pi / 2 * (1 + np.arange(n_down + 1) / n_down)
-        around = 2 * np.pi * np.arange(n_around) / n_around
-        vertices = np.array([(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t in down for p in around])
-        index = np.arange(len(vertices)).reshape(n_down + 1, n_around)
-        following = np.roll(index, -1, axis=1)
-        quads = np.stack([index[:-1], following[:-1], following[1:], index[1:]], axis=-1).reshape(-1, 4)
-        bowl = rz.Mesh(vertices, quads, normals=-vertices, material=MATTE)
-        light = make_light("directional", elevation, 20, shadow=Shadow(512))
-        frame, bare = draw_both([bowl], light, camera, FLOOR_SIZE, tolerance=next(tolerances))
-        toward = -np.array(light.direction)
-        is_lit = (inside - 2 * (inside @ toward)[..., None] * toward)[..., 2] > 0
-        is_sure = (square < 0.95) & ~is_at_edge(is_lit, 2)
-        case, is_dark = f"{n_around} x {n_down}, {elevation} degrees", is_changed(frame, bare)
-        n = (is_dark & is_lit & is_sure).sum()
-        assert n == 0, f"{case}: {n} lit pixels are dark"
-        missed = ((bare.color > frame.color)[..., 0] < (~is_lit & (bare.color[..., 0] > 0.15))) & is_sure
-        n, most = missed.sum(), 0.02 * is_sure.sum()  # the lift lets a little in next to the rim
-        assert n <= most, f"{case}: {n} dark pixels are lit > {most:.0f}"
-
-
-def test_a_torus_hides_what_rays_find_hidden():
-    """Away from edges and from grazing light, where the judge's polygons throw shadows on their own smooth
-    neighbours."""
-    model = rz.Mesh(*torus(40, 24), material=MATTE)
-    camera, size = rz.Camera.perspective((1.5, 2, 4), fov=40), (64, 48)
-    light = make_light("point", 15, 130)
-    expected = reference.render(rz.Scene([model], (rz.AmbientLight(AMBIENT), light), camera), size, shading="phong")
-    for tolerance in TOLERANCES:
-        frame, bare = draw_both([model], light, camera, size, tolerance=tolerance)
-        is_dark = is_changed(frame, bare)
-        is_hidden_there = np.abs(expected.color - bare.color).max(axis=-1) > 1e-3
-        is_sure = (lit := bare.color[..., 0] - AMBIENT * 0.7) > 0.15 * lit.max()
-        wrong = (is_dark != is_hidden_there) & is_sure & ~is_at_edge(is_hidden_there)
-        assert (is_dark & is_sure).sum() > 8 and not wrong.any(), f"tolerance {tolerance:.2g}: {wrong.sum()} pixels"
-
-
 # ── edges ───────────────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -437,36 +344,6 @@ def test_a_light_of_the_camera_goes_with_it(kind, tolerance):
     assert is_changed(of_camera, bare).sum() > 50
     differs = np.abs(of_camera.color - of_world.color).max(axis=-1) > 1e-5  # at edges a rounding decides
     assert differs.sum() < 6, f"{differs.sum()} pixels > 5"
-
-
-def test_lights_that_see_nothing_or_stand_in_the_way():
-    """Away from the scene; on a surface, in a corner, inside a closed box; edge-on to a lone sheet; all casters at one
-    depth."""
-    meshes, more = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=MATTE)], in_turns()
-    lights = [
-        rz.SpotLight((0, 0, 3), (0, 0, 1), 0.8, outer=40, shadow=SMALL),
-        rz.PointLight((0, 0, 0), 0.8, shadow=SMALL),
-        rz.PointLight((-3.2, -2.4, 0), 0.8, shadow=SMALL),
-        rz.PointLight(tuple(floating_quad()[0]), 0.8, shadow=SMALL),
-        rz.DirectionalLight((1, 0, 0), 0.8, shadow=SMALL),
-        rz.DirectionalLight((0, 0, 1), 0.8, shadow=SMALL),
-        rz.AreaLight((-1, -1, 0), (2, 0, 0), (0, 2, 0), 0.8, (2, 2), shadow=SMALL),
-    ]
-    for light in lights * 2:
-        frame, bare = draw_both(meshes, light, ABOVE, (80, 60), **more())
-        assert np.isfinite(frame.color).all() and (frame.color <= bare.color).all(), light
-    lone = (rz.DirectionalLight((0, 0, -1), 0.8, shadow=SMALL), rz.PointLight((0, 0, 2), 0.8, shadow=SMALL))
-    assert_all_lit(
-        (repr(light), ([floor_mesh()], light, ABOVE, (80, 60)), more())
-        for light in (*lights[4:6], *lone) for _ in range(3)
-    )  # fmt: skip
-    room = rz.Mesh(box((-0.5, -0.5, 0.1), (0.5, 0.5, 1)), BOX_FACES, material=MATTE)
-    for tolerance in TOLERANCES:  # a light inside a closed box reaches nothing outside
-        light = rz.PointLight((0.1, 0.2, 0.6), 0.8, shadow=SMALL)
-        frame, bare = draw_both([floor_mesh(), room], light, ABOVE, FLOOR_SIZE, tolerance=tolerance)
-        is_floor = frame.face < 2
-        most = np.abs(frame.color[is_floor] - AMBIENT * 0.7).max()
-        assert (bare.color[is_floor] > AMBIENT * 0.7).all() and most < 1e-6, f"{most:.3g} > 1e-6 leaks out of the box"
 
 
 # ── the same bytes ──────────────────────────────────────────────────────────────────────────────────────
