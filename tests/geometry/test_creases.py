@@ -6,11 +6,10 @@ from itertools import product
 import numpy as np
 import pytest
 from helpers.arrays import deviations, differences
-from helpers.solids import check_split, cone, corner_normals, cube, sphere
+from helpers.solids import corner_normals, cube, sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rasterizer.cores import Workers
 from rasterizer.geometry.normals import polygon_normals, split_creases
 
 
@@ -31,26 +30,6 @@ def test_one_face_wound_badly_keeps_the_average_and_turns_it():
     assert not deviations(np.delete(bad, 100, axis=0), np.delete(good, 100, axis=0), rtol=0, atol=1e-14)
 
 
-def test_faces_without_area_join_and_add_nothing():
-    vertices, faces = cube()
-    vertices = np.vstack([vertices, [[0, 0, 1]], [[5, 5, 5]], [[6, 6, 6]]])
-    flat = [(1, 8, 7), (0, 0, 3), (9, 9, 10), (10, 10, 10)]
-    split = split_creases(vertices, np.vstack([flat, faces]), 30)
-    check_split(vertices, np.vstack([flat, faces]), split)
-    assert len(split.source) == 24 + 3
-    assert not differences(corner_normals(split)[4:], corner_normals(split_creases(*cube(), 30)))
-    assert np.all(np.linalg.norm(split.normals[split.source < 8], axis=1) == 1)
-    assert not differences(split.normals[split.source >= 8], 0)
-
-
-def test_coordinates_that_are_not_usable_stay_where_they_are():
-    for value in (np.nan, np.inf, 1e200):
-        vertices, faces = cube()
-        vertices[7] = value
-        assert np.isfinite(split_creases(vertices, faces, 30).normals).all(), value
-        assert np.isfinite(face_normals(vertices, faces)).all(), value
-
-
 def test_smoothing_groups_rule_over_angles():
     vertices, faces = cube()
     assert len(split_creases(vertices, faces, 30, smoothing=np.full(12, 4)).source) == 8
@@ -58,15 +37,6 @@ def test_smoothing_groups_rule_over_angles():
     assert len(split_creases(vertices, faces, 180, smoothing=np.zeros(12, int)).source) == 36
     by_side = np.repeat(np.arange(1, 7), 2)
     assert len(split_creases(vertices, faces, 180, smoothing=by_side).source) == 24
-
-
-def test_polygons_of_any_shape():
-    # an arrow head, concave at vertex 2: the fan from vertex 0 has one triangle turned over
-    vertices = np.array([[0, 0, 0], [4, 0, 0], [1, 1, 0], [0, 4, 0], [9, 9, 9]], dtype=float)
-    faces = np.array([[1, 2, 3], [1, 3, 0], [4, 4, 0]])
-    assert not differences(face_normals(vertices, faces)[:2, 2], [-1, 1])
-    normals = polygon_normals(vertices, faces, [1, 1, 3])
-    assert not differences(normals, [[0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, 0]])
 
 
 # ------------------------------------------------------------------------- numbers
@@ -97,59 +67,6 @@ def test_scale_and_offset_change_nothing(exponent, shift, seed):
 
 
 # ----------------------------------------------------------------- size and border
-def test_an_apex_of_many_faces_is_one_vertex():
-    """In a time that grows with their number: all pairs of so many take minutes."""
-    vertices, faces = cone(100_000, 0.01)
-    order = np.random.default_rng(1).permutation(len(faces))
-    assert len(split_creases(vertices, faces[order], 30).source) == len(vertices)
-
-
-def test_a_smooth_mesh_keeps_its_vertices():
-    vertices, faces = sphere(60)
-    split = split_creases(vertices, faces, 30)
-    check_split(vertices, faces, split)
-    assert len(split.source) == len(vertices)
-    assert np.einsum("ij,ij->i", split.normals, vertices[split.source]).min() > 0.99
-
-
-def test_the_number_of_threads_changes_nothing():
-    """On meshes that take several parts: broken pieces, side by side and faces in any order."""
-    rng = np.random.default_rng(2)
-    pieces, n_vertex = 3000, 12
-    vertices = np.where(rng.random((pieces, 1, 1)) < 0.5, rng.normal(size=(pieces, n_vertex, 3)), 0.0)
-    vertices += rng.integers(-2, 3, vertices.shape)
-    faces = rng.integers(0, n_vertex, (pieces, 24, 3)) + n_vertex * np.arange(pieces)[:, None, None]
-    vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)
-    for order in (slice(None), rng.permutation(len(faces))):
-        alone = split_creases(vertices, faces[order], 60)
-        for n_thread in (1, 2, 3):
-            split = split_creases(vertices, faces[order], 60, workers=Workers(n_thread))
-            assert not any(differences(a, b) for a, b in zip(split, alone, strict=True)), n_thread
-
-
-def test_meshes_side_by_side_are_split_as_each_alone():
-    """Broken ones, and fans of more corners than are measured together, with and without area."""
-    rng, n_vertex = np.random.default_rng(4), 9
-    meshes = [(rng.integers(-2, 3, (n_vertex, 3)).astype(float), rng.integers(0, n_vertex, (k % 30 + 1, 3)))
-              for k in range(120)]  # fmt: skip
-    apex = np.repeat([(0, 1, 2)], 200, axis=0)
-    for k, n in ((10, 300), (40, 127), (41, 129), (70, 128)):
-        vertices, faces = cone(n, 1.0)
-        meshes[k] = vertices, rng.permutation(np.concatenate([faces, faces[:, [0, 1, 1]], apex]))
-    splits = [split_creases(*mesh, 40) for mesh in meshes]
-    first_vertex = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
-    first_split = np.cumsum([0] + [len(split.source) for split in splits])
-    joined = split_creases(
-        np.concatenate([vertices for vertices, _ in meshes]),
-        np.concatenate([faces + first for (_, faces), first in zip(meshes, first_vertex, strict=False)]), 40,
-    )  # fmt: skip
-    assert not differences(joined.normals, np.concatenate([split.normals for split in splits]))
-    for k, split in enumerate(splits):
-        here = slice(first_split[k], first_split[k + 1])
-        assert not differences(joined.source[here], split.source + first_vertex[k]), k
-    assert not differences(
-        joined.faces, np.concatenate([split.faces + first for split, first in zip(splits, first_split, strict=False)])
-    )
 
 
 def test_nothing_given_is_changed_and_any_layout_is_taken():
@@ -168,13 +85,6 @@ def test_nothing_given_is_changed_and_any_layout_is_taken():
     frozen.flags.writeable = False
     split_creases(frozen, faces, 30)
     assert vertices.flags.writeable and faces.flags.writeable and base.normals.flags.writeable
-
-
-def test_empty_meshes():
-    for vertices in (np.zeros((0, 3)), np.zeros((2, 3))):
-        split = split_creases(vertices, np.zeros((0, 3), int), 30)
-        assert split.faces.shape == (0, 3) and split.source.shape == (0,) and split.normals.shape == (0, 3)
-        assert face_normals(vertices, np.zeros((0, 3), int)).shape == (0, 3)
 
 
 def test_an_edge_of_many_faces_is_no_part_of_a_surface():

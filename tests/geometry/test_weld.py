@@ -11,11 +11,9 @@ from helpers.model_bytes import gltf_with, threemf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rasterizer.cores import Workers
 from rasterizer.engine.points import smooth_part
 from rasterizer.errors import ModelError
-from rasterizer.geometry.equal_rows import find_equal_rows
-from rasterizer.geometry.weld import FEW, unique_rows, weld_triangles
+from rasterizer.geometry.weld import unique_rows
 from rasterizer.io.loader import load
 
 
@@ -44,37 +42,6 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
         assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
         assert not differences(case[first][inverse], case)
         assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.uint32, np.int64])
-def test_rows_of_whole_numbers_are_told_apart(dtype):
-    """Few, which are sorted, and many; up to the largest that are."""
-    for n_row in (500, FEW + 500):
-        rows = np.random.default_rng(n_row).integers(0, 9, (n_row, 3), dtype)
-        rows += dtype(min(2**53 - 9, np.iinfo(dtype).max - 9))
-        first, inverse = unique_rows(rows)
-        _, expected = np.unique(rows, axis=0, return_index=True)
-        assert not differences(first, np.sort(expected)) and not differences(rows[first][inverse], rows), n_row
-
-
-@pytest.mark.parametrize("n_thread", [1, 2, 3])
-def test_equal_rows_are_found_alike_on_any_number_of_threads(n_thread):
-    """Parts of 2^16 rows, dealt from several ranges; all rows equal, none, and a few numbers over and over."""
-    generator = np.random.default_rng(n_thread)
-    with Workers(n_thread) as workers:
-        for n_row, n_value in ((1, 1), (70_001, 1), (300_000, 40), (300_000, 2**31)):
-            rows = generator.integers(0, n_value, (n_row, 2)).astype(np.float32)
-            values, first, inverse = find_equal_rows(rows, workers)
-            assert not differences(values, rows)
-            _, expected = np.unique(rows, axis=0, return_index=True)
-            assert not differences(first, np.sort(expected)) and not differences(rows[first][inverse], rows)
-
-
-def test_triangles_share_vertices_in_the_order_of_their_use():
-    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, -0.0]]], np.float32)
-    vertices, faces = weld_triangles(lambda begin, end: corners[begin:end], 2)
-    assert faces.tolist() == [[0, 1, 2], [1, 3, 2]] and vertices.dtype == np.float64
-    assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
 
 
 # --- a roof of two triangles that meet at 20 degrees, whose ridge is there twice ---
@@ -139,17 +106,6 @@ def test_a_vertex_that_is_there_twice_makes_no_seam(name):
         assert mesh.colors[..., :3].tolist() == [[[1, 0, 0]] * 3, [[0, 0, 1]] * 3]
         part = smooth_part(mesh)
         assert len(part.points) == 6 and sorted(map(tuple, part.albedo)) == [(0, 0, 1)] * 3 + [(1, 0, 0)] * 3
-
-
-def test_texture_coordinates_stay_where_they_were():
-    (mesh,) = load(obj(uv=True), format="obj").meshes
-    assert mesh.n_vertex == 4 and not differences(mesh.uv, UV[FACES])
-
-
-def test_normals_of_a_file_are_not_touched():
-    (mesh,) = load(obj(normals=True), format="obj").meshes
-    assert mesh.n_vertex == 6 and not differences(mesh.vertices[mesh.faces], ROOF[FACES])
-    assert not deviations(smooth_part(mesh).normals, (0, 0, 1))
 
 
 def test_smoothing_groups_polygons_and_parts_are_kept():
