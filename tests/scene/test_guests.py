@@ -35,6 +35,17 @@ def test_meshes_of_other_libraries_are_drawn():
     assert rz.load([tinted, (CORNERS, MIXED)], crease_angle=0).n_face == 2 + 3
 
 
+def test_polygons_of_any_sizes_are_told_apart_by_the_number_before_each():
+    """Whatever all the numbers add up to: convex polygons of corners of one ring."""
+    rng, turn = np.random.default_rng(1), np.linspace(0, 2 * np.pi, 9, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    for _ in range(60):
+        polygons = [np.sort(rng.permutation(9)[: rng.integers(3, 6)]) for _ in range(rng.integers(1, 6))]
+        padded = np.concatenate([[len(polygon), *polygon] for polygon in polygons])
+        found, expected = rz.load(SimpleNamespace(points=ring, faces=padded)).meshes[0], rz.Mesh(ring, polygons)
+        assert np.array_equal(found.faces, expected.faces) and found.n_face == expected.n_face, polygons
+
+
 def test_what_is_no_surface_is_refused_with_the_line_that_makes_one():
     for guest, words in (
         (SimpleNamespace(points=CORNERS, cells=[5], extract_surface=None), r"give mesh.extract_surface\(\)"),

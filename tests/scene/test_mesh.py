@@ -29,23 +29,6 @@ def area_vectors(mesh):
     return np.cross(b - a, c - a)
 
 
-def test_stored_forms():
-    mesh = Mesh(TRIANGLE.astype(np.float32), [(0, 1, 2)])
-    assert mesh.vertices.dtype == np.float64 and mesh.faces.dtype == np.uint32
-    assert (mesh.n_vertex, mesh.n_face, mesh.name, mesh.material) == (3, 1, "", Material())
-    for field in ("normals", "colors", "uv", "face_colors", "polygons", "smoothing", "crease_angle"):
-        assert getattr(mesh, field) is None
-    assert repr(mesh) == "Mesh(3 vertices, 1 face)"
-    assert repr(Mesh(SQUARE, [(0, 1, 2, 3)], name="s")) == "Mesh('s', 4 vertices, 2 faces, polygons)"
-    for dtype in (np.int8, np.int16, np.int32, np.int64, np.uint8, np.uint32, np.uint64, ">i4"):
-        assert np.array_equal(Mesh(SQUARE, TWO.astype(dtype)).faces, TWO), dtype
-    for dtype in (np.float16, np.float32, np.int64, np.uint8, ">f8"):
-        assert np.array_equal(Mesh(SQUARE.astype(dtype), TWO).vertices, SQUARE), dtype
-    mesh = Mesh(np.asfortranarray(SQUARE), TWO[:, ::-1])
-    assert mesh.vertices.flags.c_contiguous and mesh.faces.flags.c_contiguous
-    assert not differences(mesh.faces, TWO[:, ::-1])
-
-
 def test_arrays_are_copied_read_only_and_the_callers_stay_writable():
     vertices, faces, normals = SQUARE.copy(), TWO.astype(np.uint32), np.full((4, 3), 2.0)
     mesh = Mesh(vertices, faces, normals, face_colors=np.ones((2, 3)))
@@ -58,18 +41,6 @@ def test_arrays_are_copied_read_only_and_the_callers_stay_writable():
 
 
 # --- polygons -----------------------------------------------------------------------------------------------
-
-
-def test_polygons_become_fans():
-    mesh = Mesh(SQUARE, [(0, 1, 2, 3)])
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]] and mesh.polygons.tolist() == [0, 0]
-    assert mesh.polygons.dtype == np.int32
-    array = np.empty(5, dtype=object)
-    array[:] = PRISM
-    for faces in (PRISM, [np.array(face) for face in PRISM], array):
-        mesh = Mesh(PRISM_VERTICES, faces)
-        assert mesh.polygons.tolist() == [0, 1, 2, 2, 3, 3, 4, 4]
-        assert mesh.faces.tolist()[2:4] == [[0, 3, 4], [0, 4, 1]]
 
 
 @given(st.lists(st.integers(3, 7), min_size=1, max_size=8), st.randoms(use_true_random=False))
@@ -101,13 +72,6 @@ def test_attributes_of_polygons_go_to_their_triangles():
     assert mesh.smoothing.tolist() == list(range(8))
 
 
-def test_polygons_of_triangles_may_be_given():
-    mesh = Mesh(SQUARE, TWO, np.ones((2, 3, 3)), polygons=[7, 7], smoothing=[1, 1])
-    assert mesh.polygons.tolist() == [7, 7] and mesh.normals.shape == (2, 3, 3)
-    again = replace(mesh, name="again")
-    assert again.polygons.tolist() == [7, 7] and again.name == "again"
-
-
 # --- attributes ---------------------------------------------------------------------------------------------
 
 
@@ -134,15 +98,6 @@ def test_colours_are_linear_and_uv_by_vertex_or_corner():
     assert Mesh(SQUARE, TWO, face_colors=np.zeros((2, 3), dtype=np.uint8)).face_colors.dtype == np.float64
     assert Mesh(SQUARE, TWO, uv=SQUARE[:, :2]).uv.shape == (4, 2)
     assert Mesh(SQUARE, TWO, uv=np.zeros((2, 3, 2))).uv.shape == (2, 3, 2)
-
-
-def test_bounds_count_used_vertices_only():
-    stray = np.concatenate([[(99.0, 99, 99)], SQUARE])
-    mesh = Mesh(stray, TWO + 1)
-    assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
-    assert not differences(mesh.used_vertices, SQUARE)
-    whole = Mesh(SQUARE, TWO)
-    assert whole.used_vertices is whole.vertices
 
 
 def test_several_materials():
@@ -280,15 +235,6 @@ def test_dropping_goes_by_polygons_and_mends_normals():
     assert mesh.polygons is None and mesh.normals.tolist() == [[0, 0, 1]] * 4
 
 
-def test_area_is_found_at_any_scale():
-    sliver = np.array([(0, 0, 0), (1, 0, 0), (0.5, 1e-12, 0)])
-    for scale in (1e-150, 1e-6, 1.0, 1e6, 1e99):
-        assert Mesh(SQUARE * scale, TWO).n_face == 2, f"{scale}: {Mesh(SQUARE * scale, TWO).n_face} != 2"
-        assert Mesh(sliver * scale, [(0, 1, 2)]).n_face == 1, (
-            f"{scale}: {Mesh(sliver * scale, [(0, 1, 2)]).n_face} != 1"
-        )
-
-
 # --- other forms --------------------------------------------------------------------------------------------
 
 
@@ -368,19 +314,6 @@ def test_a_mesh_is_moved_turned_and_scaled():
     grown = MOVED.scaled((2, 3, 0.5), POINTS[0])
     assert not deviations(grown.vertices[0], POINTS[0])
     assert not deviations(grown.vertices - POINTS[0], (POINTS - POINTS[0]) * (2, 3, 0.5))
-
-
-def test_a_quarter_turn_is_counter_clockwise_and_exact():
-    turns = {
-        "x": ((0, 1, 0), (0, 0, 1)), "y": ((0, 0, 1), (1, 0, 0)), "z": ((1, 0, 0), (0, 1, 0)),
-        "-z": ((0, 1, 0), (1, 0, 0)),
-    }  # fmt: skip
-    for axis, (start, end) in turns.items():
-        mesh = Mesh([start, (1, 1, 1), (2, 3, 4)], [[0, 1, 2]])
-        assert tuple(mesh.rotated(90, axis).vertices[0]) == end, (
-            f"{axis}: {tuple(mesh.rotated(90, axis).vertices[0])} != {end}"
-        )
-        assert np.array_equal(mesh.rotated(360, axis).vertices, mesh.vertices), axis
 
 
 def test_illegal_moves_are_refused():

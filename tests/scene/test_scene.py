@@ -9,7 +9,7 @@ from helpers.refusals import assert_refused
 from rasterizer.engine.point_lighting import illuminate
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight, studio
+from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene
@@ -17,15 +17,6 @@ from rasterizer.scene.scene import Scene
 SQUARE = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
 TWO = np.array([(0, 1, 2), (0, 2, 3)])
 MESH = Mesh(SQUARE, TWO)
-
-
-def test_defaults():
-    scene = Scene(MESH)
-    assert scene.meshes == (MESH,) and scene.lights == studio()
-    assert scene.camera is None and scene.background is None and scene.up == "y"
-    assert repr(scene).startswith("Scene(1 mesh, 2 faces, lights: ambient, ")
-    assert Scene(MESH, background="white").background == (1.0, 1.0, 1.0)
-    assert Scene(MESH, background=0.5).background == (0.5, 0.5, 0.5)
 
 
 def test_one_or_many_meshes_and_lights():
@@ -42,13 +33,6 @@ def test_one_or_many_meshes_and_lights():
     assert Scene(MESH, lamp).lights == (lamp,)
     assert Scene(MESH, [lamp, AmbientLight()]).lights == (lamp, AmbientLight())
     assert Scene(MESH, []).lights == () and "lights: none" in repr(Scene(MESH, []))
-
-
-def test_face_offsets_and_bounds():
-    scene = Scene([MESH, (SQUARE + 5.0, TWO[:1]), MESH])
-    assert scene.face_offsets.tolist() == [0, 2, 3, 5] and scene.face_offsets.dtype == np.int64
-    assert scene.n_face == 5
-    assert scene.bounds.tolist() == [[0, 0, 0], [6, 6, 5]]
 
 
 def test_camera_is_the_scenes_own_or_framed():

@@ -1,10 +1,6 @@
 """Tests of the texture: every way to give a picture, the sRGB curve, and mipmaps that are exact means of areas."""
 
-import copy
 import io
-import pickle
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,47 +20,7 @@ RGB = np.array([[[0, 128, 255], [10, 20, 30]], [[40, 50, 60], [70, 80, 90]], [[2
 # --- what is kept of bytes
 
 
-def test_the_linear_image_of_bytes_is_made_when_it_is_asked_for():
-    """The same one from then on, in copies, too, and on any thread."""
-    image = np.random.default_rng(1).integers(0, 256, (5, 4, 4), np.uint8)
-    texture = Texture(image)
-    assert texture.shape == (5, 4) and not differences(texture.encoded, image)
-    again = pickle.loads(pickle.dumps(texture))
-    with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda _: texture.image, range(8)))
-    for each in (*found, again.image, copy.deepcopy(texture).image, replace(texture, filter="nearest").image):
-        assert not differences(each, found[0]) and not each.flags.writeable
-    assert texture.image is texture.image and Texture(texture.image).encoded is None
-    with pytest.raises(AttributeError, match="no attribute 'imge'"):
-        texture.imge  # noqa: B018
-
-
-def test_numbers_are_kept_as_bytes_too():
-    image = np.random.default_rng(3).integers(7, 250, (5, 4, 4), np.uint8)
-    for n_channel in (1, 2, 3, 4):
-        texture = Texture.of_numbers(image[..., :n_channel])
-        expected = Texture(image[..., :n_channel] / np.float32(255.0))
-        assert not differences(texture.encoded, image[..., :n_channel])
-        for each in (texture, pickle.loads(pickle.dumps(texture)), copy.deepcopy(texture), replace(texture)):
-            assert not differences(each.image, expected.image) and not differences(each.least, expected.least)
-            assert each.brightest == expected.brightest and not differences(each.mean, expected.mean)
-
-
-def test_textures_of_one_picture_share_its_bytes():
-    first = Texture(np.zeros((3, 3, 3), np.uint8))
-    assert np.shares_memory(first.encoded, Texture(first.encoded, "nearest").encoded)
-
-
 # --- forms of an image --------------------------------------------------------------------------------------
-
-
-def test_bytes_are_decoded_and_floats_are_linear():
-    texture = Texture(RGB)
-    assert texture.image.shape == (3, 2, 4) and texture.image.dtype == np.float32
-    np.testing.assert_allclose(texture.image[..., :3], linear_from_srgb(RGB / 255.0), rtol=1e-7)
-    assert not differences(texture.image[..., 3], 1.0) and not texture.has_alpha
-    linear = np.array([[[0.25, 2.0, 0.0]]])
-    assert Texture(linear).image.tolist() == [[[0.25, 2.0, 0.0, 1.0]]]
 
 
 def test_grey_and_alpha():
@@ -187,12 +143,6 @@ def test_what_is_no_texture_is_refused():
     assert_refused(lambda options: Texture(RGB, **options), cases, SceneError)
 
 
-def test_wrap_becomes_a_pair_and_repr_tells():
-    assert Texture(RGB).wrap == ("repeat", "repeat")
-    assert Texture(RGB, wrap=["clamp", "mirror"]).wrap == ("clamp", "mirror")
-    assert repr(Texture(RGB, name="a", filter="nearest")) == "Texture('a', 2 x 3, nearest, repeat/repeat)"
-
-
 # --- mipmaps ------------------------------------------------------------------------------------------------
 
 
@@ -242,9 +192,3 @@ def test_colors_of_levels_are_multiplied_by_alpha_so_that_hidden_ones_add_nothin
     red, hidden = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0)
     assert Texture(np.array([[red, hidden]])).pyramid[1].tolist() == [[[0.5, 0.0, 0.0, 0.5]]]
     assert Texture(np.array([[red, hidden]])).halved(1).image.tolist() == [[[1.0, 0.0, 0.0, 0.5]]]
-
-
-def test_filters_without_mipmaps():
-    for filter in ("nearest", "bilinear"):
-        texture = Texture(RGB, filter=filter)
-        assert len(texture.pyramid) == 1 and texture.pyramid[0] is texture.image

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.against_reference import assert_matches_reference
-from helpers.arrays import differences
 from helpers.model_bytes import gltf_with
 from helpers.pinhole import octasphere
 
@@ -11,9 +9,6 @@ import rasterizer as rz
 from rasterizer.reference.normals import corner_normals
 
 VERTICES, FACES = octasphere(2)
-LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -2, -3), 0.8))
-ROOF = np.array([[-1, 0, 1], [1, 0, 1], [1, 1, 0], [-1, 1, 0], [-1, 0, -1], [1, 0, -1]], float)
-SLOPES = [[0, 1, 2], [0, 2, 3], [3, 2, 5], [3, 5, 4]]
 
 
 def corners_of(mesh):
@@ -36,39 +31,6 @@ def test_a_vertex_without_a_normal_gets_that_of_its_faces(weighting, is_per_corn
     expected = np.where(is_zero[..., None], computed, corners_of(whole))
     assert mesh.normals.shape == given.shape, "no vertex of a ball has two"
     np.testing.assert_allclose(corners_of(mesh), expected, atol=1e-12)
-
-
-def test_creases_are_those_of_a_mesh_without_normals():
-    """The ridge of a roof has two normals; so all corners get normals of their own."""
-    normals = np.tile([0.0, 1.0, 0.0], (6, 1))
-    normals[[2, 3]] = 0.0
-    mesh, bare = rz.Mesh(ROOF, SLOPES, normals), rz.Mesh(ROOF, SLOPES, 0 * normals)
-    slopes = np.array([[0, 1, 1], [0, 1, 1], [0, 1, -1], [0, 1, -1]]) / 2**0.5
-    np.testing.assert_allclose(corners_of(bare), np.repeat(slopes[:, None], 3, axis=1), atol=1e-12)
-    is_ridge = np.isin(mesh.faces, [2, 3])
-    expected = np.where(is_ridge[..., None], slopes[:, None], [0.0, 1.0, 0.0])
-    np.testing.assert_allclose(corners_of(mesh), expected, atol=1e-12)
-    grouped = rz.Mesh(ROOF, SLOPES, 0 * normals, smoothing=[1, 1, 1, 1])
-    assert grouped.normals.ndim == 2 and np.allclose(grouped.normals[2], (0, 1, 0)), "smoothing groups count"
-
-
-def test_what_cannot_be_computed_stays_zero():
-    """A vertex of no face, or of faces without area; with a crease angle normals aren't used."""
-    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0], [3, 0, 0], [4, 0, 0]]
-    mesh = rz.Mesh(vertices, [[0, 1, 2], [4, 5, 6]], np.zeros((7, 3)))
-    assert not differences(np.isfinite(mesh.normals), True)
-    assert not differences(mesh.normals[:3], (0, 0, 1))
-    assert not differences(mesh.normals[3], 0)
-    creased = rz.Mesh(VERTICES, FACES, 0 * VERTICES, crease_angle=30)
-    assert not differences(creased.normals, 0) and rz.render(creased, 16, outputs="color").color.max() > 0.2
-
-
-@pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_methods_and_the_reference_agree_on_them(shading):
-    normals = VERTICES.copy()
-    normals[::3] = 0.0
-    scene = rz.Scene(rz.Mesh(VERTICES, FACES, normals), LIGHTS, rz.Camera.perspective((0, 1, 4)))
-    assert_matches_reference(scene, (24, 18), 1 / 4096 + 1e-6, shading=shading)
 
 
 def test_files_say_how_many_they_have(tmp_path):
