@@ -7,7 +7,6 @@ from helpers.small_scenes import cube
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.reference.edges import list_edges
 
 SIZE = (64, 48)
 FRONT = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), height=4.0)
@@ -76,34 +75,3 @@ def test_what_the_near_plane_cuts_off_hides_nothing_and_its_cut_is_no_edge(is_pe
     depth = rz.render(rz.Scene([sheet, edge], camera=camera), SIZE, outputs="depth").depth
     cut = np.abs(depth - 2.5) < 0.2
     assert cut.sum() > 50 and (fast[cut] > 0).sum() <= 2 * (4 + 2), "two edges that it hides may end at its border"
-
-
-def test_a_polygon_without_area_is_no_border():
-    """A vertex lies on an edge: files fill the gap with a triangle that has no area."""
-    for height in (0.0, -1.0):  # flat, or bent along the edge by more than the crease angle
-        vertices = [(-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, -1, height)]
-        faces = [(0, 1, 2), (0, 3, 1), (0, 4, 3), (3, 4, 1)]
-        edges = list_edges(rz.Mesh(vertices, faces))
-        on_line = [edge for edge in edges if not edge.ends[:, 1:].any()]
-        assert [edge.is_open for edge in on_line] == [False] * 3
-        assert sum(edge.is_crease for edge in on_line) == (0 if height == 0.0 else 2)
-        fast, slow = both(rz.Mesh(vertices, faces), edges=("crease", "silhouette"), edge_width=2)
-        assert np.abs(fast - slow).max() <= EXACT
-        assert (slow[23:25, 31:33].max() > 0) == (height != 0.0)
-
-
-def test_a_face_that_folds_onto_an_edge_does_not_open_it():
-    """At the pole of a sphere of quads, triangles have two corners at one place."""
-    vertices = [(0, 0, 1), (0, 0, 1), (1, 0, 0.9), (0, 1, 0.9), (-1, -1, 0.9)]
-    faces = [(0, 2, 3), (0, 3, 1), (1, 3, 4), (0, 4, 2)]
-    at_pole = [edge for edge in list_edges(rz.Mesh(vertices, faces)) if edge.ends[:, 2].max() == 1]
-    assert [edge.is_open for edge in at_pole] == [False] * 3
-    fast, slow = both(rz.Mesh(vertices, faces), edges="crease")
-    assert np.abs(fast - slow).max() <= EXACT and slow[24, 32] == 0
-
-
-def test_a_moebius_strip_has_one_border_and_no_creases():
-    (strip,) = KINDS["moebius"](None, 96)  # so many that it bends by little at each
-    edges = list_edges(strip)
-    assert sum(edge.is_open for edge in edges) == sum(edge.is_crease for edge in edges) == 2 * 96
-    assert len(edges) == 4 * 96

@@ -1,14 +1,11 @@
 """Check how the reference puts layers that let light through on each other: panes by hand, in any order of the file."""
 
-import itertools
-
 import numpy as np
 import pytest
 from helpers.arrays import deviations, differences
-from helpers.pinhole import QUAD, at_pixel, draw, eye_camera, layer, octasphere, sheet_camera
+from helpers.pinhole import QUAD, eye_camera, layer, sheet_camera
 
 from rasterizer.reference import render
-from rasterizer.scene.camera import Camera
 from rasterizer.scene.lights import AmbientLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
@@ -48,15 +45,6 @@ def test_two_panes_in_both_orders_of_the_file(shading, is_perspective):
         assert not differences(over.alpha, 1)
 
 
-def test_an_opaque_layer_ends_the_sum():
-    panes = [pane(RED, 0.5, 2.0), pane(GREEN, 0.2, 3.0), pane(BLUE, 1.0, 4.0), pane((9.0, 9.0, 9.0), 0.5, 5.0)]
-    for order in itertools.permutations(range(4)):
-        picture = show([panes[k] for k in order])
-        np.testing.assert_allclose(picture.color, np.broadcast_to((0.5, 0.1, 0.4), (8, 8, 3)), rtol=1e-14)
-        assert not differences(picture.alpha, 1)
-        assert (picture.face // 2 == order.index(0)).all(), f"{order}: another face is in front"
-
-
 def test_of_equally_deep_layers_the_lower_face_is_nearer():
     for meshes, expected in (
         ((pane(RED, 0.5, 2.0), pane(GREEN, 0.5, 2.0)), (2 / 3, 1 / 3, 0)),
@@ -67,18 +55,6 @@ def test_of_equally_deep_layers_the_lower_face_is_nearer():
         picture = show(meshes)
         np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (8, 8, 3)), atol=1e-14)
         assert picture.face.max() < 2 and not differences(picture.margin, 0)
-
-
-def test_the_least_margin_counts_as_far_as_one_sees():
-    near, middle, far = pane(RED, 0.5, 2.0), pane(GREEN, 0.5, 4.0), pane(BLUE, 1.0, 4.5)
-    behind = pane(RED, 1.0, 4.6)
-    # 0.5 at the depth 4 are as many steps of the depth buffer as 0.5·(2/4)² at the depth 2
-    np.testing.assert_allclose(show((near, middle, far, behind)).margin, 0.1 * (2 / 4.5) ** 2, rtol=1e-12)
-    np.testing.assert_allclose(show((near, middle, far)).margin, 0.5 * (2 / 4) ** 2, rtol=1e-12)
-    solid = pane(RED, 1.0, 2.0)
-    np.testing.assert_allclose(show((solid, middle, far)).margin, 2.0, rtol=1e-12)
-    flat = [pane(color, 0.5, depth, False) for color, depth in ((RED, 2.0), (GREEN, 4.0), (BLUE, 4.5))]
-    np.testing.assert_allclose(show(flat, camera=sheet_camera(SIZE[1])).margin, 0.5, rtol=1e-12)
 
 
 def test_texture_and_opacity_multiply():
@@ -98,35 +74,3 @@ def test_what_is_clear_is_not_there_but_in_the_buffers():
     assert picture.face.min() >= 0 and not deviations(picture.depth, 2.0)
     both = show([clear, pane(GREEN, 1.0, 3.0)])
     assert not differences(both.color, tuple(GREEN)) and not differences(both.alpha, 1) and both.face.max() < 2
-
-
-def test_samples_are_averaged_premultiplied():
-    # a pane of opacity 0.5 covers two of the four columns of samples of each pixel; behind it there is one of 0.25
-    # everywhere
-    size = (2, 2)
-    half = [at_pixel(size, *place, 2.0) for place in ((0, -9), (0.5, -9), (0.5, 9), (0, 9))]
-    everywhere = layer(size, 3.0)
-    meshes = [pane(RED, 0.5, 0, corners=half), pane(GREEN, 0.25, 0, corners=everywhere)]
-    picture = show(meshes, size=size, samples=16)
-    alpha = (0.5 * (0.5 + 0.5 * 0.25) + 0.5 * 0.25, 0.25)
-    np.testing.assert_allclose(picture.alpha, [alpha, alpha], rtol=1e-14)
-    red, green = 0.5 * 0.5, 0.5 * (0.5 * 0.25) + 0.5 * 0.25
-    np.testing.assert_allclose(picture.color[:, 0], [(red / alpha[0], green / alpha[0], 0)] * 2, rtol=1e-14)
-    np.testing.assert_allclose(picture.color[:, 1], [GREEN] * 2, rtol=1e-14)
-
-
-def test_a_glass_sphere_has_two_layers():
-    vertices, faces = octasphere(3)
-    material = Material(diffuse=0.0, specular=0.0, emissive=0.5, opacity=0.3)
-    camera = Camera.perspective((1, 2, 4), fov=40)
-    both = draw(vertices, faces, (48, 36), camera=camera, material=material)
-    front = draw(vertices, faces, (48, 36), camera=camera, material=material, cull="back")
-    solid = draw(vertices, faces, (48, 36), camera=camera, material=Material(diffuse=0.0, specular=0.0, emissive=0.5))
-    is_hit = solid.face >= 0
-    assert is_hit.sum() > 300
-    # the silhouette belongs to front and back alike: coverage is that of closed meshes
-    np.testing.assert_allclose(both.alpha, np.where(is_hit, 1 - 0.7**2, 0), atol=1e-15)
-    np.testing.assert_allclose(front.alpha, np.where(is_hit, 0.3, 0), atol=1e-15)
-    np.testing.assert_allclose(both.color[is_hit], 0.5, rtol=1e-14)
-    for name in ("face", "depth", "normal"):
-        assert not differences(getattr(both, name), getattr(solid, name))

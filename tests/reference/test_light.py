@@ -10,7 +10,6 @@ from helpers.pinhole import (
     DULL,
     QUAD,
     SHADINGS,
-    SIZE,
     at_pixel,
     draw,
     eye_camera,
@@ -18,81 +17,14 @@ from helpers.pinhole import (
     octasphere,
     sample_rays,
     sheet_camera,
-    tilted,
     unit,
 )
 
-from rasterizer.reference import render
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.scene import Scene
-
-# ── facing ──────────────────────────────────────────────────────────────────────────────────────────────
-
-
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_normals_look_to_the_viewer_from_both_sides(shading):
-    lights = (DirectionalLight((0, 0, -1)),)
-    front = draw(layer((8, 8), 2.0), QUAD, (8, 8), lights=lights, material=DULL, shading=shading)
-    back = draw(layer((8, 8), 2.0), QUAD[:, ::-1], (8, 8), lights=lights, material=DULL, shading=shading)
-    for picture in (front, back):
-        assert not deviations(picture.normal, (0, 0, 1))
-        assert not deviations(picture.color, 0.7)
-    assert draw(layer((8, 8), 2.0), QUAD, (8, 8), cull="back").face.min() >= 0
-    assert not differences(draw(layer((8, 8), 2.0), QUAD[:, ::-1], (8, 8), cull="back").face, -1)
-
-
-@pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_normals_of_a_file_that_contradict_its_winding(shading):
-    options = {"lights": (DirectionalLight((0, 0, -1)),), "material": DULL, "shading": shading}
-    for normals in (np.tile([0.0, 0, 1], (4, 1)), np.tile([0.0, 0, -1], (4, 1))):
-        for faces in (QUAD, QUAD[:, ::-1]):
-            picture = draw(layer((8, 8), 2.0), faces, (8, 8), normals=normals, **options)
-            assert not deviations(picture.normal, (0, 0, 1))
-            assert not deviations(picture.color, 0.7)
-
-
-def test_culling_a_closed_mesh_changes_nothing():
-    vertices, faces = octasphere(1)
-    for shading in SHADINGS:
-        options = {"lights": None, "material": Material(), "camera": Camera.perspective((1, 2, 4), fov=40)}
-        options["shading"] = shading
-        all_faces = draw(vertices, faces, (25, 20), **options)
-        culled = draw(vertices, faces, (25, 20), cull="back", **options)
-        assert not differences(all_faces.face, culled.face) and not differences(all_faces.color, culled.color)
-
 
 # ── light ───────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def test_one_lit_plane_is_the_same_in_all_shadings():
-    points, normal, _ = tilted(True)
-    lights = (AmbientLight(0.1), DirectionalLight((0.3, -0.4, -0.8), (0.9, 0.6, 0.3)))
-    towards = unit(normal) * -np.sign(normal @ points[0])
-    cosine = max(towards @ -unit([0.3, -0.4, -0.8]), 0)
-    expected = 0.7 * (0.1 + np.array([0.9, 0.6, 0.3]) * cosine)
-    assert cosine > 0.1
-    for shading in SHADINGS:
-        picture = draw(points, [[0, 1, 2]], SIZE, lights=lights, material=DULL, shading=shading)
-        np.testing.assert_allclose(
-            picture.color[picture.face == 0], np.tile(expected, ((picture.face == 0).sum(), 1)), rtol=1e-12
-        )
-
-
-def test_phong_finds_the_highlight_inside_a_triangle_and_gouraud_does_not():
-    shiny = Material(ambient=0.0, diffuse=0.0, specular=0.6, shininess=50)
-    lights = (PointLight((0, 0, 0)),)  # in the eye: the highlight is where the sheet faces it, in the middle
-    sheet = [(-20, -15, -2.0), (20, -15, -2.0), (0, 30, -2.0)]
-    phong = draw(sheet, [[0, 1, 2]], (41, 41), lights=lights, material=shiny, shading="phong")
-    gouraud = draw(sheet, [[0, 1, 2]], (41, 41), lights=lights, material=shiny, shading="gouraud")
-    assert not differences(phong.face, 0)
-    np.testing.assert_allclose(phong.color[20, 20], 0.6, rtol=1e-12)
-    assert gouraud.color.max() < 1e-6
-    # R.V = cos(2 angle) of the ray with the axis: elsewhere too
-    cosine = 1 / np.linalg.norm(sample_rays((41, 41)), axis=-1)
-    np.testing.assert_allclose(phong.color[..., 1], 0.6 * np.maximum(2 * cosine**2 - 1, 0) ** 50, atol=1e-12)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -196,20 +128,6 @@ def test_flat_lights_a_polygon_once_at_its_centroid():
     assert not differences(lambert, flat)
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_every_mesh_keeps_its_own_material(shading):
-    # the sheet in front covers the left half; the faces of the one behind are counted on from it
-    front, behind = np.array(layer((8, 8), 2.0)), np.array(layer((8, 8), 3.0))
-    front[1:3, 0] = 0.0
-    materials = [Material(diffuse=d, specular=0.0, emissive=e) for d, e in ((0.2, 0.1), (0.6, 0.0))]
-    meshes = [Mesh(v, QUAD, material=m) for v, m in zip((front, behind), materials, strict=True)]
-    scene = Scene(meshes, lights=(DirectionalLight((0, 0, -1)),), camera=eye_camera())
-    picture = render(scene, (8, 8), shading=shading)
-    assert picture.face[:, :4].max() < 2 and picture.face[:, 4:].min() >= 2
-    assert not deviations(picture.color[:, :4], 0.3)
-    assert not deviations(picture.color[:, 4:], 0.6)
-
-
 def test_creases_and_smoothing_decide_the_normals():
     # two faces of a roof that meet at 60 degrees on the line x = 0
     deep = -4 - 9 * np.tan(np.pi / 6)
@@ -248,11 +166,6 @@ def emitting(emissive, size=(4, 4), edge=None, **options):
     return draw(corners, QUAD, size, lights=(), material=material, **options)
 
 
-def test_srgb_curve_at_its_ends_and_in_between():
-    for linear, byte in ((0.0, 0), (1.0, 255), (0.0031308, 10), (0.001, 3), (0.5, 188), (0.18, 118), (7.0, 255)):
-        assert (emitting(linear).rgb == byte).all(), f"{linear} should be {byte}"
-
-
 def test_color_ranges():
     scaled = (1.0, 0.5, 0.25)
     for color_range, expected in (("clamp", (1.0, 1.0, 0.5)), ("local", scaled), ("global", scaled)):
@@ -269,34 +182,3 @@ def test_color_ranges():
     assert not differences(picture.rgb[:, :2], (255, 255, 0))
     assert not differences(picture.rgb[:, 2:], tuple(emitting((1.0, 0.5, 0.25)).rgb[0, 0]))
     assert not differences(emitting((0.5, 0.2, 0.1), color_range="local").rgb, emitting((0.5, 0.2, 0.1)).rgb)
-
-
-def test_alpha_and_background():
-    # the edge at 2.25 px leaves one of the two columns of samples in the third column of pixels, of three two
-    clear = emitting(0.8, edge=2.5, samples=4)
-    assert clear.alpha.tolist() == [[1, 1, 0.5, 0]] * 4
-    assert not deviations(clear.color, [[[0.8] * 3] * 3 + [[0.0] * 3]] * 4)
-    over = emitting(0.8, edge=2.5, samples=4, background=(0.2, 0.4, 0.0))
-    assert not differences(over.alpha, 1)
-    assert not deviations(over.color[0, 2], (0.5, 0.6, 0.4))
-    assert not deviations(over.color[0, 3], (0.2, 0.4, 0.0))
-    assert not differences(over.face, clear.face) and not differences(over.face[:, 2], -1)
-    assert emitting(0.8, edge=2.5, samples=9).alpha[0, 2] == pytest.approx(1 / 3)
-    assert emitting(0.8, edge=2.55, samples=9).alpha[0, 2] == pytest.approx(2 / 3)
-    assert emitting(0.8, edge=2.8, samples=16).alpha[0].tolist() == [1, 1, 0.75, 0]
-    assert emitting(0.8, edge=2.5).alpha.tolist() == [[1, 1, 0, 0]] * 4
-    assert emitting(0.8, edge=2.5, samples=16, background="#ffffff").color[0, 3].tolist() == [1, 1, 1]
-
-
-@pytest.mark.parametrize("samples", [4, 9, 16])
-def test_supersampling_averages_a_larger_picture(samples):
-    vertices, faces = octasphere(1)
-    camera = Camera.perspective((1, 2, 4), fov=40)
-    options = {"camera": camera, "lights": None, "material": Material(), "shading": "phong"}
-    per_axis = round(samples**0.5)
-    fine = draw(vertices, faces, (20 * per_axis, 15 * per_axis), **options)
-    picture, plain = (draw(vertices, faces, (20, 15), samples=n, **options) for n in (samples, 1))
-    blocks = (fine.color * fine.alpha[..., None]).reshape(15, per_axis, 20, per_axis, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(picture.color * picture.alpha[..., None], blocks, atol=1e-14)
-    for name in ("depth", "face", "normal", "margin"):
-        assert not differences(getattr(picture, name), getattr(plain, name))

@@ -7,33 +7,24 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers.arrays import deviations, differences
+from helpers.arrays import differences
 from helpers.pinhole import (
-    DULL,
     QUAD,
-    SHADINGS,
     SIZE,
-    WHITE,
     at_pixel,
     draw,
     eye_camera,
     layer,
-    octasphere,
     sample_rays,
     sheet_camera,
     tilted,
-    torus,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.errors import SceneError
-from rasterizer.reference import coverage, render
+from rasterizer.reference import coverage
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.lights import DirectionalLight
-from rasterizer.scene.material import Material
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.scene import Scene
 
 HALF_STEP = 0.5 / 256  # px that rounding to the sub-pixel grid may move a vertex, in x and in y
 
@@ -91,30 +82,6 @@ def test_coverage_is_that_of_fractions(triangle):
     check_coverage(triangle)
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.tuples(half_pixels, half_pixels), st.tuples(far_ints, far_ints), st.integers(-2, 2), st.integers(-2, 2))
-def test_coverage_of_slivers(start, end, dx, dy):
-    check_coverage((start, end, (min(max(end[0] + dx, -(2**28)), 2**28), min(max(end[1] + dy, -(2**28)), 2**28))))
-
-
-def test_coverage_does_not_depend_on_the_order_of_vertices():
-    rng = np.random.default_rng(1)
-    for triangle in rng.integers(-4, 20, (40, 3, 2)) * 128:
-        masks = [coverage(triangle[list(order)], 8, 8) for order in ((0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1))]
-        assert [mask for mask in masks if not (mask == masks[0]).all()] == []
-
-
-def test_no_area_covers_nothing():
-    assert not differences(coverage([(0, 0), (1024, 1024), (2048, 2048)], 8, 8), 0)
-    assert not differences(coverage([(384, 384)] * 3, 8, 8), 0)
-    assert not differences(coverage([(0, 640), (2048, 640), (512, 640)], 8, 8), 0)
-
-
-def test_coverage_refuses_what_would_overflow():
-    with pytest.raises(SceneError, match="268435457"):
-        coverage([(0, 0), (2**28 + 1, 0), (0, 5)], 4, 4)
-
-
 @pytest.mark.parametrize("snap", [1, 128])
 def test_tiling_covers_every_sample_once(snap):
     rng = np.random.default_rng(snap)
@@ -131,27 +98,6 @@ def test_tiling_covers_every_sample_once(snap):
     assert not differences(count, 1)
 
 
-def test_fan_round_a_sample_covers_it_once():
-    rim = [(round(3000 * np.cos(a)) + 1152, round(3000 * np.sin(a)) + 1152) for a in np.arange(40) * np.pi / 20]
-    count = sum(coverage([(1152, 1152), rim[k], rim[k - 1]], 9, 9).astype(int) for k in range(40))
-    assert not differences(count, 1)
-
-
-@pytest.mark.parametrize("model", [octasphere(2), torus(24, 12)], ids=["sphere", "torus"])
-def test_closed_mesh_covers_once_in_front_once_behind(model):
-    vertices, faces = model
-    rotation = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
-    screen = np.rint((vertices @ rotation)[:, :2] * 256 * 20 + 256 * 32).astype(int)
-    front, back = np.zeros((2, 64, 64), int)
-    for triangle in screen[faces]:
-        ab, ac = triangle[1] - triangle[0], triangle[2] - triangle[0]
-        side = front if ab[0] * ac[1] > ab[1] * ac[0] else back
-        side += coverage(triangle, 64, 64)
-    assert not differences(front, back)
-    assert front.max() == (2 if len(vertices) == 288 else 1)
-    assert front.sum() > 600
-
-
 # ── depth and visibility ────────────────────────────────────────────────────────────────────────────────
 
 
@@ -163,15 +109,6 @@ def test_depth_of_a_tilted_plane_in_perspective():
     assert is_hit.sum() > 300
     np.testing.assert_allclose(picture.depth[is_hit], depth[is_hit], rtol=1e-12)
     assert not differences(picture.depth[~is_hit], np.inf)
-
-
-def test_depth_of_a_tilted_plane_in_an_orthographic_view():
-    points, normal, offset = tilted(False)
-    picture = draw(points, [[0, 1, 2]], SIZE, camera=sheet_camera(SIZE[1]))
-    x, y = np.meshgrid(np.arange(40) + 0.5 - 20, 15 - (np.arange(30) + 0.5))
-    depth = -(offset - normal[0] * x - normal[1] * y) / normal[2]
-    is_hit = picture.face == 0
-    np.testing.assert_allclose(picture.depth[is_hit], depth[is_hit], rtol=1e-12)
 
 
 def test_colors_are_interpolated_perspective_correctly():
@@ -221,16 +158,6 @@ def test_equal_depth_goes_to_the_lower_face():
         assert picture.margin.max() < 1e-14
 
 
-def test_equal_depth_goes_to_the_earlier_mesh():
-    meshes = [
-        Mesh(np.array(layer((8, 8), 2.0)), QUAD, material=Material(emissive=e, diffuse=0.0)) for e in (0.25, 0.75)
-    ]
-    for first, second in ((0, 1), (1, 0)):
-        picture = render(Scene([meshes[first], meshes[second]], lights=WHITE, camera=eye_camera()), (8, 8))
-        assert picture.face.max() < 2
-        assert not deviations(picture.color, (0.25, 0.75)[first])
-
-
 def test_faces_that_cross_meet_on_the_line_of_equal_depth():
     size = (64, 8)
     left_near = [at_pixel(size, -9, y, 1.0) for y in (-9, 17)] + [at_pixel(size, 73, y, 4.0) for y in (17, -9)]
@@ -241,37 +168,6 @@ def test_faces_that_cross_meet_on_the_line_of_equal_depth():
 
 
 # ── clipping ────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def check_floor(triangle, near, size=(80, 60), face=((0, 1, 2),)):
-    """Compare a triangle of the floor y = -1 with where the rays meet the floor."""
-    picture = draw(triangle, face, size, near=near)
-    rays = sample_rays(size)
-    with np.errstate(divide="ignore"):
-        t = np.where(rays[..., 1] < 0, -1.0 / rays[..., 1], 1e9)
-    flat = np.asarray(triangle)[:, [0, 2]]
-    x, z = rays[..., 0] * t, rays[..., 2] * t
-    turns = []
-    for k in range(3):
-        (ax, az), (bx, bz) = flat[k], flat[(k + 1) % 3]
-        turns.append((bx - ax) * (z - az) - (bz - az) * (x - ax))
-    is_inside = (np.all(np.array(turns) > 0, axis=0) | np.all(np.array(turns) < 0, axis=0)) & (t >= near)
-    is_hit = picture.face == 0
-    # vertices move by less than a pixel's 1/256: only samples at the very edge may differ
-    assert (is_hit != is_inside).sum() <= 2, f"{(is_hit != is_inside).sum()} samples differ"
-    assert is_hit.sum() > 50
-    both = is_hit & is_inside
-    # 1/depth of the floor grows by 1 / 30 px a row; every vertex is at most half a sub-pixel off
-    error = np.abs(1 / picture.depth[both] - 1 / t[both]).max()
-    assert error <= HALF_STEP / 30 * 1.0001, f"measured {error:.3g} > budget {HALF_STEP / 30:.3g}"
-    return picture
-
-
-@pytest.mark.parametrize("near", [0.05, 1.5])
-def test_floors_with_vertices_behind(near):
-    for winding in ((0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)):
-        check_floor([(0.3, -1, 3.0), (-5.2, -1, -9.1), (6.1, -1, -8.3)], near, face=[winding])
-        check_floor([(-4.3, -1, 3.1), (4.1, -1, 2.7), (0.4, -1, -9.3)], near, face=[winding])
 
 
 def test_clipped_colors_are_those_of_the_whole_triangle():
@@ -285,19 +181,6 @@ def test_clipped_colors_are_those_of_the_whole_triangle():
     assert np.abs(picture.color[is_hit] - (0.5 + p_world[:, [0, 2, 2]] / 20)).max() <= budget
 
 
-def test_a_cut_floor_has_neither_gap_nor_double_hit():
-    rng = np.random.default_rng(3)
-    x, z = np.meshgrid(np.linspace(-60, 60, 7), np.linspace(-50, 30, 7))
-    shake = rng.uniform(-5, 5, (2, 7, 7))
-    points = np.stack([x + shake[0], np.full_like(x, -1.0), z + shake[1]], axis=-1).reshape(-1, 3)
-    a = (np.arange(6)[:, None] * 7 + np.arange(6)).ravel()
-    faces = np.concatenate([np.stack([a, a + 1, a + 8], 1), np.stack([a, a + 8, a + 7], 1)])
-    picture = draw(points, faces, (60, 60), near=0.01)
-    assert picture.face[34:].min() >= 0  # below the far rim of the floor
-    assert not differences(picture.face[:30], -1)
-    assert not differences(picture.margin, np.inf)
-
-
 def test_far_plane_cuts_only_when_given():
     triangle = [(-40, -1, -1.0), (40, -1, -1.0), (0, -1, -90.0)]
     whole = draw(triangle, [[0, 1, 2]], (80, 60))
@@ -308,40 +191,6 @@ def test_far_plane_cuts_only_when_given():
     assert cut.depth[cut.face == 0].max() <= 5.001
     by_camera = draw(triangle, [[0, 1, 2]], (80, 60), camera=eye_camera(near=0.5, far=5.0))
     assert not differences(by_camera.face, cut.face)
-
-
-@pytest.mark.parametrize("is_perspective", [True, False])
-def test_what_lies_behind_the_eye_draws_nothing(is_perspective):
-    camera = None if is_perspective else sheet_camera(8)
-    behind = np.array(layer((8, 8), 2.0)) * (1, 1, -1)
-    assert not differences(draw(behind, QUAD, (8, 8), camera=camera).face, -1)
-    in_front = layer((8, 8), 3.0, is_perspective)
-    picture = draw([*behind, *in_front], np.concatenate([QUAD, QUAD + 4]), (8, 8), camera=camera)
-    assert set(np.unique(picture.face)) == {2, 3}
-    np.testing.assert_allclose(picture.depth, 3.0, rtol=1e-14)
-
-
-def test_triangles_far_larger_than_the_screen():
-    huge = [(-3e9, -1, 2e9), (3e9, -1, 2e9), (0, -1, -9e9)]
-    picture = draw(huge, [[0, 1, 2]], (20, 20), near=1e-3)
-    assert not differences(picture.face[10:], 0) and not differences(picture.face[:10], -1)
-    t = -1.0 / sample_rays((20, 20))[10:, :, 1]
-    # the cut at the near plane lies 2^20 px away, where half a sub-pixel is 2^-29 of the way
-    np.testing.assert_allclose(1 / picture.depth[10:], 1 / t, atol=HALF_STEP / 10)
-    sheet = [(-3e9, -2e9, -5.0), (3e9, -2e9, -5.0), (0, 5e9, -5.0)]
-    flat = draw(sheet, [[0, 1, 2]], (20, 20), camera=sheet_camera(20))
-    assert not differences(flat.face, 0)
-    np.testing.assert_allclose(flat.depth, 5.0, rtol=1e-14)
-
-
-def test_faces_at_the_end_of_the_world_disturb_nothing():
-    sheet, huge = layer((8, 8), 2.0), 1e60 * np.array([(-9, -9, -1.0), (9, -9, -1.0), (0, 9, -1.0)])
-    for shading in SHADINGS:
-        both = draw([*huge, *sheet], [[0, 1, 2], *QUAD + 3], (8, 8), near=1.0, shading=shading)
-        assert both.face.min() > 0 and not deviations(both.depth, 2)
-        alone = draw(huge, [[0, 1, 2]], (8, 8), shading=shading, lights=(DirectionalLight((0, 0, -1)),), material=DULL)
-        assert not deviations(alone.depth[3:5, 3:5] / 1e60, 1)
-        assert not deviations(alone.color[3:5, 3:5], 0.7)
 
 
 def test_cameras_so_far_away_that_coordinates_overflow_are_refused():

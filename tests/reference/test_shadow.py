@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 from helpers.arrays import deviations, differences
-from helpers.pinhole import DULL, QUAD, layer, octasphere, sheet_camera, unit
+from helpers.pinhole import DULL, QUAD, layer, sheet_camera, unit
 
 from rasterizer.reference import render
 from rasterizer.reference.shadow import NO_OWNER, gather_casters, reaches
-from rasterizer.scene.camera import Camera
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
+from rasterizer.scene.lights import AreaLight, DirectionalLight, PointLight, SpotLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene
@@ -84,28 +83,6 @@ def test_an_area_light_has_a_penumbra():
     assert (whole == 0).any()
 
 
-def test_other_lights_and_the_surface_itself_go_on_shining():
-    meshes = floor_and_slab(material=Material(emissive=0.3, diffuse=0.0, specular=0.0))
-    lights = AmbientLight(0.1), DirectionalLight((0, 0, -1), 0.5), DirectionalLight((2, 0, -1), 1.0, shadow=True)
-    picture = show(meshes, lights)
-    is_floor, x, y = floor_samples(picture)
-    is_dark = is_floor & (np.abs(x - 8) < 6) & (np.abs(y) < 6)
-    np.testing.assert_allclose(picture.color[is_dark], 0.7 * (0.1 + 0.5), rtol=1e-12)
-    np.testing.assert_allclose(picture.color[~is_floor], 0.3, rtol=1e-12)
-
-
-def test_culled_and_far_faces_cast_shadows_too():
-    light = DirectionalLight((2, 0, -1), shadow=True)
-    turned = floor_and_slab()
-    turned[1] = Mesh(turned[1].vertices, [[0, 2, 1], [0, 3, 2]], material=DULL)
-    picture = show(turned, light, cull="back")
-    is_floor, x, y = floor_samples(picture)
-    assert not differences(is_floor, True)
-    assert not differences(picture.color[..., 0] == 0, (np.abs(x - 8) < 6) & (np.abs(y) < 6))
-    near = show(floor_and_slab(), light, near=18.0)
-    assert not differences(near.color, picture.color)
-
-
 def test_what_is_not_opaque_casts_no_shadow():
     light = DirectionalLight((2, 0, -1), shadow=True)
     holes = Texture(np.array([[[1, 1, 1, 0.5]]], np.float32))
@@ -133,48 +110,6 @@ def test_flat_and_gouraud_ask_at_centroids_and_vertices():
     is_sheet, x, _ = floor_samples(gouraud)
     is_sheet = gouraud.face == 0
     np.testing.assert_allclose(gouraud.color[is_sheet, 0], cosine * (8 - x[is_sheet]) / 38, atol=1e-6)
-
-
-@pytest.mark.parametrize("shading, shift", [("flat", 1000.0), ("gouraud", 0.0), ("phong", 1000.0)])
-def test_a_convex_body_casts_no_shadow_on_what_faces_the_light(shading, shift):
-    vertices, faces = octasphere(3)
-    vertices = vertices + shift
-    camera = Camera.perspective(np.array((1, 2, 4)) + shift, np.full(3, shift), fov=40)
-    for light in (DirectionalLight, PointLight):
-        place = (-1, -0.5, -0.3) if light is DirectionalLight else np.array((4, 3, -1.0)) + shift
-        mesh = Mesh(vertices, faces, material=DULL)
-        pictures = [show([mesh], light(place, shadow=shadow), shading, camera=camera) for shadow in (True, None)]
-        shadowed, bare = (picture.color[..., 0] for picture in pictures)
-        if shading == "flat":  # normals are those of the faces: none is lit from behind
-            np.testing.assert_array_equal(shadowed, bare)
-            continue
-        # normals are interpolated: where they see the light and the face doesn't, the body itself is in the way
-        assert not differences(shadowed <= bare, True) and bare.max() > 0.6
-        assert not differences((shadowed == bare)[bare > 0.15], True)
-
-
-def test_a_bent_polygon_does_not_shade_its_own_centroid():
-    # a square folded along its diagonal like a roof seen from inside: the light grazes one half on its way to the
-    # centroid
-    bent = np.array([(-9, -9, -20.0), (9, -9, -14), (9, 9, -20), (-9, 9, -14)])
-    light = PointLight((0, 0, -2), shadow=True)
-    for material, faces, polygons in ((DULL, [[0, 1, 2], [0, 2, 3]], [0, 0]), (DULL, [[0, 1, 3], [1, 2, 3]], [0, 0])):
-        mesh = Mesh(bent, faces, material=material, polygons=polygons)
-        assert show([mesh], light, "flat").color[20:28, 28:36].min() > 0.3
-
-
-def test_a_box_on_a_floor():
-    # a box of edge 2 stands on the floor y = 0; the light comes down at 45 degrees along x: the shadow is 2 long
-    x, y, z = np.meshgrid([-1.0, 1], [0.0, 2], [-1.0, 1], indexing="ij")
-    box = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    floor = Mesh([(-8, 0, -8), (-8, 0, 8), (8, 0, 8), (8, 0, -8)], [[0, 1, 2, 3]], material=DULL)
-    meshes = [floor, Mesh(box, sides, material=DULL)]
-    camera = Camera.orthographic((0, 10, 0), (0, 0, 0), up=(0, 0, -1), height=12)
-    picture = show(meshes, DirectionalLight((1, -1, 0), shadow=True), camera=camera, size=(48, 48))
-    x, y = np.meshgrid((np.arange(48) + 0.5) / 4 - 6, 6 - (np.arange(48) + 0.5) / 4)
-    is_dark = (x > 1) & (x < 3) & (np.abs(y) < 1)
-    np.testing.assert_allclose(picture.color[..., 0], np.where(is_dark, 0, 0.7 / np.sqrt(2)), atol=1e-12)
 
 
 # ── rays ────────────────────────────────────────────────────────────────────────────────────────────────
@@ -220,10 +155,3 @@ def test_rays_by_hand():
     for tiny in (0.0, 1e-15, -1e-15):
         assert is_lit(inside, (0, 0, 1 + tiny)) and is_lit((1, 1, tiny), up) and is_lit((1, 1, tiny), (0, 0, -1), False)
     assert is_lit((1, 1, 0), (0, 1, 0)) and is_lit((-1, 1, 0), (5, 0, 0))
-
-
-def test_faces_without_an_area_cast_nothing():
-    corners = np.array([[(0, 0, 0), (4, 0, 0), (8, 0, 0)], [(1, 1, 0)] * 3], float)
-    casters = gather_casters(corners, np.arange(2), np.ones(2, bool))
-    points = np.array([(2, 0, -1.0), (1, 1, -1)])
-    assert not differences(reaches(casters, points, np.full(2, NO_OWNER), np.tile([0, 0, 2.0], (2, 1)), True), True)

@@ -7,11 +7,11 @@ from helpers.pinhole import QUAD, SHADINGS, eye_camera, layer
 
 from rasterizer.errors import SceneError
 from rasterizer.reference import render
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight
+from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene
-from rasterizer.scene.spectrum import Spectrum, rgb_weights, samples_of, sampling
+from rasterizer.scene.spectrum import Spectrum, rgb_weights, sampling
 from rasterizer.scene.texture import Texture
 
 SIZE = (6, 4)
@@ -55,26 +55,6 @@ def test_flat_spectra_are_neutral(shading):
         np.testing.assert_allclose(show(material, lights, shading, spectral=n).color, expected, rtol=1e-12)
 
 
-def test_rgb_colors_stay_what_they_are_under_white():
-    color = (0.9, 0.3, 0.05)
-    for n in (3, 7, 81):
-        picture = show(diffuse(color), AmbientLight(), spectral=n)
-        np.testing.assert_allclose(picture.color, np.broadcast_to(color, (4, 6, 3)), rtol=1e-11)
-    # without a spectrum anywhere nothing is sampled
-    plain = show(diffuse(color), DirectionalLight((0, 0, -1), (0.2, 0.5, 1.0)))
-    np.testing.assert_allclose(plain.color, np.broadcast_to((0.18, 0.15, 0.05), (4, 6, 3)), rtol=1e-14)
-
-
-def test_one_spectrum_makes_all_colors_spectra():
-    # an RGB material under a spectral lamp, and the other way round
-    picture = show(diffuse((0.9, 0.3, 0.05)), ONTO)
-    expected = (samples_of((0.9, 0.3, 0.05), 81) * LAMP.at(sampling(81))) @ rgb_weights(81)
-    np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (4, 6, 3)), rtol=1e-12)
-    picture = show(diffuse(LEAF), AmbientLight((1.0, 0.5, 0.2)))
-    expected = (samples_of((1.0, 0.5, 0.2), 81) * LEAF.at(sampling(81))) @ rgb_weights(81)
-    np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (4, 6, 3)), rtol=1e-12)
-
-
 def test_all_terms_are_spectra():
     # seen along the normal by a light in the eye: N.L and R.V are 1 in the middle of the picture
     material = Material(ambient=0.0, diffuse=LEAF, specular=Spectrum.flat(0.3), emissive=LAMP)
@@ -82,13 +62,6 @@ def test_all_terms_are_spectra():
     picture = render(Scene(mesh, lights=PointLight((0, 0, 0), LAMP), camera=eye_camera()), (1, 1), shading="phong")
     values = LAMP.at(sampling(81)) * (LEAF.at(sampling(81)) + 0.3 + 1.0)
     np.testing.assert_allclose(picture.color[0, 0], values @ rgb_weights(81), rtol=1e-12)
-
-
-def test_an_area_light_shares_its_spectrum_out():
-    area = AreaLight((-0.5, -0.5, 0.0), (1, 0, 0), (0, 1, 0), LAMP, resolution=(2, 2))
-    points = [PointLight((x, y, 0.0), LAMP) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
-    total = show(diffuse(LEAF), points, "phong").color
-    np.testing.assert_allclose(show(diffuse(LEAF), area, "phong").color, total / 4, rtol=1e-12)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -120,11 +93,6 @@ def test_exposure_multiplies_all_light_but_the_background(shading, stops):
     over = show(material, lights, shading, background=(0.2, 0.4, 0.6), exposure=stops)
     expected = 0.5 * after.color + 0.5 * np.array((0.2, 0.4, 0.6))
     np.testing.assert_allclose(over.color, expected, rtol=1e-12)
-
-
-def test_color_range_comes_after_exposure():
-    material = Material(diffuse=0.0, specular=0.0, emissive=(0.5, 0.25, 0.125))
-    assert not differences(show(material, (), exposure=1).rgb, show(material, (), exposure=3, color_range="local").rgb)
 
 
 def test_options_that_are_not_legal():

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 from helpers.arrays import deviations, differences
-from helpers.pinhole import ALBEDO, QUAD, SHADINGS, at_pixel, draw, eye_camera, sample_rays, sheet_camera
+from helpers.pinhole import QUAD, SHADINGS, at_pixel, draw, sample_rays, sheet_camera
 
-from rasterizer.reference import render
 from rasterizer.reference.textures import compute_mip_level, sample_texture
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.scene import Scene
 from rasterizer.scene.texture import Texture
 
 UV = np.array([[0.0, 1], [1, 1], [1, 0], [0, 0]])  # of the corners of `sheet`: the picture upright, once
@@ -49,13 +46,6 @@ def test_a_sheet_shows_its_texels(shading, is_perspective):
     assert not differences(per_corner.color, picture.color)
 
 
-def test_nearest_takes_the_texel_that_a_point_lies_in():
-    texture = Texture(ROWS, "nearest")
-    places = ((0.01, 0.99, 0, 0), (0.26, 0.99, 0, 1), (0.99, 0.01, 2, 3), (0.5, 0.5, 1, 2), (0.6, 0.65, 1, 2))
-    for u, v, row, column in places:
-        assert (at(texture, u, v)[:3] == ROWS[row, column]).all(), (u, v)
-
-
 def test_wraps():
     line = np.arange(4.0, dtype=np.float32).reshape(1, 4)
     outside = np.arange(-5, 9)
@@ -88,25 +78,6 @@ def test_colors_are_interpolated_with_their_alpha_as_weight():
 
 
 # ── perspective ─────────────────────────────────────────────────────────────────────────────────────────
-
-
-@pytest.mark.parametrize("shading", ["flat", "phong"])
-def test_a_checkerboard_in_perspective(shading):
-    # a floor one unit below the eye, 8 wide, from depth 1 to 9: the ray (x, y, -1) meets it at depth -1/y
-    size = (64, 48)
-    floor = np.array([(-4, -1, -1.0), (4, -1, -1), (4, -1, -9), (-4, -1, -9)])
-    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    board = (np.indices((8, 8)).sum(axis=0) % 2).astype(np.float32)
-    options = {"material": painted(board), "uv": uv, "shading": shading}
-    picture = draw(floor, [[0, 1, 2], [0, 2, 3]], size, **options)
-    is_seen = picture.face >= 0
-    x, y, _ = sample_rays(size)[is_seen].T
-    depth = -1 / y
-    east, north = x * depth + 4, depth - 1  # squares of one unit
-    safe = np.minimum(np.abs(east - np.rint(east)), np.abs(north - np.rint(north))) > 0.05 * depth
-    expected = (np.floor(east) + np.floor(8 - north)) % 2
-    assert is_seen.sum() > 900 and safe.sum() > 300
-    np.testing.assert_allclose(picture.color[is_seen][safe, 0], expected[safe], atol=1e-14)
 
 
 @pytest.mark.parametrize("samples, first", [(1, -3.0), (4, 1.0)])
@@ -169,14 +140,3 @@ def test_the_texture_multiplies_the_diffuse_part_alone(shading):
     texels = np.repeat(np.repeat(ROWS, 2, axis=0), 2, axis=1)
     assert specular.min() > 0.1 and diffuse.max() > 0.1
     np.testing.assert_allclose(color(texture=Texture(ROWS, "nearest")), diffuse * texels + specular, atol=1e-14)
-
-
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_faces_of_one_mesh_have_their_own_materials(shading):
-    # two triangles of a sheet: one textured, one plain; Gouraud's corners take the material of their face
-    material = painted(np.full((1, 1, 3), 0.25, np.float32))
-    mesh = Mesh(np.array(sheet((8, 8))), QUAD, uv=UV, materials=(material, ALBEDO), face_material=[1, 0])
-    other = Mesh(np.array(sheet((8, 8), 3.0)), QUAD, materials=(Material(), Material()), face_material=[0, 0])
-    picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading=shading)
-    assert set(np.unique(picture.face)) == {2, 3}
-    np.testing.assert_allclose(picture.color[..., 0], np.where(picture.face == 2, 1.0, 0.25), rtol=1e-15)
