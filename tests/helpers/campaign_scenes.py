@@ -119,7 +119,8 @@ def make_case(seed: int, index: int) -> Case:
 
 
 def by_number(index, meshes, options):
-    """What is too rare to be left to the dice: materials by their names, F0 as a spectrum, sixteen samples."""
+    """What is too rare to be left to the dice: materials by their names, F0 as a spectrum, a material of two meshes
+    with colours of their own, sixteen samples."""
     one, turn = len(meshes[0].palette) == 1 and meshes[0].material.texture is None, index // 16
     if one and index % 16 == 9:
         name = list(NAMED_MATERIALS)[turn % len(NAMED_MATERIALS)]
@@ -127,6 +128,12 @@ def by_number(index, meshes, options):
     if one and index % 16 == 13:
         tinted = replace(meshes[0].material, fresnel=rz.Spectrum((400, 550, 700), (0.2, 0.9, 0.1 + 0.05 * (turn % 9))))
         meshes = [replace(meshes[0], material=tinted), *meshes[1:]]
+    if one and index % 16 == 5:  # colours of one mesh between two with greys, which all have one material
+        rng, first = np.random.default_rng(index), replace(meshes[0], material=rz.Material(specular=0.3))
+        step, colors = 0.2 * np.ptp(first.vertices, axis=0) * (1.0, 0.5, 0.1), rng.random((3, first.n_vertex, 3))
+        colors[::2] = colors[::2, :, :1]
+        rows = zip((-step, 0 * step, step), colors, strict=True)
+        meshes = [*(replace(first, vertices=first.vertices + away, colors=each) for away, each in rows), *meshes[1:]]
     return meshes, options | ({"samples": 16} if index % 64 == 7 else {})
 
 
@@ -358,9 +365,6 @@ def make_options(dice) -> dict:
     dice.words += [f"{name}={options[name]:.3g}" for name in ("tolerance", "exposure") if options[name]]
     dice.words += [f"{name}={options[name]}" for name in ("samples", "spectral") if options[name] not in (None, 1)]
     return options
-
-
-# ── cameras, lights and materials ──────────────────────────────────────────────────────────────────────────
 
 
 # ── materials ─────────────────────────────────────────────────────────────────────────────────────────────

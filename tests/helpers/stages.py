@@ -4,13 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 
-import rasterizer as rz
 from rasterizer.cores import Workers
 from rasterizer.engine.depth_range import scale_depths
-from rasterizer.engine.plan import make_plan
-from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import light_view, make_lighting
-from rasterizer.options import Options
 from rasterizer.pipeline.cull import Band
 from rasterizer.pipeline.gradients import (
     DOUBLE_PRECISION,
@@ -31,7 +26,6 @@ from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View
 
 SERIAL = Workers(1)
-NOTHING = np.empty((0, 3))
 NO_MATERIALS = np.empty(0, np.uint32)
 
 
@@ -177,23 +171,6 @@ def exact_means(edges, depth, values, is_perspective=True):
         q = [int(e) * w for e, w in zip(column, inverse, strict=True)]
         means.append(float(sum(a * b for a, b in zip(q, values, strict=True)) / sum(q)))
     return np.array(means)
-
-
-def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
-    """(Lighting, plan) of materials under lights, all computed in `dtype`."""
-    triangle = np.eye(3), [[0, 1, 2]]
-    colors = np.stack([albedo.max(axis=0), albedo[0], albedo[-1]]) if len(albedo) else None
-    scene = rz.Scene([rz.Mesh(*triangle, material=material, colors=colors) for material in materials], lights)
-    options = Options(shading="phong")
-    plan = computed_in(make_plan(SceneTables(scene, options), options), dtype)
-    return light_view(make_lighting(plan, np.dtype(dtype)), plan, view), plan
-
-
-def computed_in(plan, dtype):
-    """A plan with all materials in one type."""
-    share = np.inf if np.dtype(dtype) == np.float64 else 1 / 8
-    shares = np.full(len(plan.tables.materials), share)
-    return plan.with_shares(shares, "asked for")
 
 
 def random_triangles(rng, n, size, reach):

@@ -96,15 +96,6 @@ def test_bodies_that_are_inside_out_show_their_outside():
         assert check_same(rz.Scene(turned, LIGHTS, OUTSIDE), shading=shading)[0] > 200
 
 
-def test_lights_reach_what_is_seen_of_mirrored_and_upright_bodies():
-    """By Gouraud's method points are lit on one side where no other is seen: also beside a mirrored twin, and where
-    normals look inwards."""
-    twin = rz.Mesh(BALL.vertices * [-1, 1, 1] + [2.2, 0, 0], BALL.faces)
-    inwards = replace(BALL, normals=-BALL.vertices)
-    for meshes in ([BALL, twin], [inwards], [inwards, twin]):
-        assert check_same(rz.Scene(meshes, LIGHTS, OUTSIDE), shading="gouraud")[0] > 200
-
-
 def test_edges_shadows_and_glass_are_those_of_the_whole_scene():
     """What is seen through glass, too: a closed body behind it, and the glass's own back."""
     ring, glass = rz.Mesh(*torus(30, 16)), replace(BALL, material=rz.Material(opacity=0.4))
@@ -115,21 +106,3 @@ def test_edges_shadows_and_glass_are_those_of_the_whole_scene():
         (rz.Scene([ring, rz.Mesh(0.3 * BALL.vertices, BALL.faces)], (LIGHTS[0], lamp), OUTSIDE), {"shading": "phong"}),
     ):
         assert check_same(scene, **options)[0] > 100
-
-
-def test_the_sides_that_are_left_out_say_so():
-    """`none` leaves out nothing, and `back` all that is seen clockwise, closed or not."""
-    sheet = rz.Mesh([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], [(0, 2, 1)])
-    scene = rz.Scene([BALL, sheet.translated((0, 0, 2))], LIGHTS, rz.Camera.perspective((0, 0, 6), fov=40))
-    culled = {cull: rz.render(scene, SIZE, cull=cull).stats.culled for cull in ("auto", "none", "back")}
-    assert culled["none"] == 0 and culled["back"] == culled["auto"] + 1
-
-
-def test_depths_of_thin_bodies_are_those_of_their_fronts():
-    """Front and back of a plate that is thinner than depth can tell have one depth; the front is shown."""
-    corners = np.array([[x, y, z] for z in (0.0, 1e-13) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-    quads = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
-    far = rz.Mesh(5.0 * corners[:3] - [0, 0, 4], [(0, 1, 2)])
-    scene = rz.Scene([rz.Mesh(corners, quads), far], LIGHTS, rz.Camera.perspective((0, 0, 5), fov=40))
-    found, whole = (frame.face[SIZE[1] // 2, SIZE[0] // 2] for frame in pictures(scene, samples=1))
-    assert found in (2, 3) and whole in (0, 1)

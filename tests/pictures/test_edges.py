@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.edge_scenes import fast_coverage
-from helpers.pinhole import octasphere
 from helpers.small_scenes import cube, floor, scene_of
 
 import rasterizer as rz
@@ -98,18 +97,6 @@ def test_edges_that_come_from_far_behind_the_eye_are_those_of_nearer_ones():
         assert found[0].sum() > 10 and np.abs(found[1] - found[0]).max() < 1e-3, turn
 
 
-def test_a_sphere_has_a_closed_silhouette_and_no_creases():
-    scene = rz.Scene(rz.Mesh(*octasphere(4)), camera=rz.Camera.perspective((0.3, 0.4, 4), fov=35))
-    coverage = coverage_of(scene, "silhouette", edge_width=1.5)
-    assert coverage_of(scene, "crease").max() == 0
-    rows, columns = np.nonzero(coverage)
-    row, column = pixel_of((0, 0, 0), scene)
-    radius = np.hypot(rows + 0.5 - row, columns + 0.5 - column)
-    angles = np.unique((np.degrees(np.arctan2(rows - row, columns - column)) // 6).astype(int) % 60)
-    assert len(angles) == 60, f"{60 - len(angles)} gaps"
-    assert radius.min() > 0.85 * radius.max(), "the far side shows through"
-
-
 def test_the_edge_that_three_leaves_share_is_a_silhouette_from_every_side():
     angles = np.radians([0, 100, 230])
     tips = np.stack([np.cos(angles), np.zeros(3), np.sin(angles)], axis=1)
@@ -170,49 +157,12 @@ def test_edges_of_glass_are_opaque_and_what_lies_behind_glass_has_none():
         assert not (frame.color[row, inner - 4 : inner + 4] == (0, 1, 0)).all(axis=1).any()
 
 
-def test_neither_depth_cue_nor_light_changes_the_colour_of_edges():
-    scene = replace(scene_of(cube()), depth_cue=rz.DepthCue(1.0, 4.0, "blue"))
-    options = {"outputs": "color", "edges": "crease", "edge_width": 5, "edge_color": "lime", "samples": 4}
-    frame, full = rz.render(scene, SIZE, **options), coverage_of(scene, "crease", edge_width=5, samples=4) > 1 - 1e-6
-    assert full.sum() > 50 and np.abs(frame.color[full] - (0, 1, 0)).max() <= 1e-6
-
-
-def test_the_outline_of_a_mesh_finer_than_samples_has_no_gaps():
-    """None of the triangles at the outline is seen at a sample."""
-    scene = rz.Scene(rz.Mesh(*octasphere(6)), camera=rz.Camera.perspective((0.3, 0.4, 4), fov=35))
-    for samples in (1, 4):
-        coverage = coverage_of(scene, "silhouette", samples=samples, edge_width=2)
-        seen = rz.render(scene, SIZE, outputs="color", samples=samples).alpha
-        rim = (seen == 1) & (
-            np.min([np.roll(seen, (j, i), (0, 1)) for j, i in ((1, 0), (-1, 0), (0, 1), (0, -1))], 0) < 1
-        )
-        assert coverage[rim].min() > 0.5, f"{(coverage[rim] <= 0.5).sum()} gaps"
-        row, column = pixel_of((0, 0, 0), scene)
-        assert coverage[row - 20 : row + 20, column - 20 : column + 20].max() == 0
-
-
 def test_exposure_and_range_leave_the_edges_colour():
     scene = scene_of(cube())
     for options in ({"exposure": 5.0}, {"exposure": 5.0, "color_range": "global"}, {"color_range": "local"}):
         frame = rz.render(scene, SIZE, outputs="rgb", edges="crease", edge_width=3, edge_color="lime", **options)
         full = coverage_of(scene, "crease", edge_width=3, samples=4) > 1 - 1e-6
         assert not differences(frame.rgb[full], (0, 255, 0)) and full.sum() > 50
-
-
-def test_culled_faces_have_no_edges_of_their_own():
-    inside = scene_of(rz.Mesh(cube().vertices, cube().faces[:, ::-1]))
-    coverage = coverage_of(inside, "crease", cull="back")
-    shares = [
-        share_near(np.array((-1, -1, -1)) + t * np.array((2, 0, 0)), inside, coverage) for t in np.linspace(0, 1, 9)
-    ]
-    assert min(shares) > 0  # the far edges are seen through the front, which is left out
-
-
-def test_a_picture_with_edges_may_be_drawn_into_any_array():
-    with rz.Renderer(scene_of(cube()), SIZE, edges="all", outputs="rgb", samples=4) as renderer:
-        frame = renderer.render()
-        out = np.empty((SIZE[1], SIZE[0], 4), np.uint8)
-        assert not differences(renderer.render(out=out).rgba, frame.rgba)
 
 
 def test_what_is_no_edge_is_refused():
@@ -227,9 +177,3 @@ def test_what_is_no_edge_is_refused():
     ):
         with pytest.raises(rz.SceneError, match=message):
             Options(**given)
-
-
-def test_none_and_nothing_are_no_edges():
-    assert Options(edges=None).edges == Options(edges=()).edges == Options().edges == ()
-    assert Options(edges=["silhouette", "wire", "wire"]).edges == ("wire", "silhouette")
-    assert Options(edges="all").edges == ("wire", "crease", "silhouette")

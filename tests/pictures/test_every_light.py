@@ -4,18 +4,9 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.raster import sheet
 
 import rasterizer as rz
-from rasterizer import reference
-from rasterizer.compiler.kernels import batch_function
-from rasterizer.engine.lights import cone_cosines, entry_of
-from rasterizer.engine.plan import make_plan
-from rasterizer.engine.scene_tables import SceneTables
-from rasterizer.engine.uniforms import make_lighting
-from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.pipeline.lights import point
 
 SIZE, STEP, DEPTH = (48, 36), 4, 40.0
 KD, KA, IA = np.array([0.6, 0.5, 0.2]), 0.5, 0.1
@@ -104,66 +95,3 @@ def test_a_lit_plane_is_that_of_the_closed_form(name, shading):
     off = off[np.broadcast_to(edge > 1e-12, off.shape)]
     assert len(off) > 80 and off.max() <= 1e-6, f"{off.max():.3g} > 1e-6, {len(off)} places"
     assert np.ptp(expected) > 0.002 or name == "directional"
-
-
-def models(lights):
-    """A shiny torus and a sphere of another material."""
-    vertices, faces = octasphere(2)
-    shiny = rz.Material(specular=0.5, shininess=20, reflection="blinn")
-    meshes = [rz.Mesh(*torus(12, 8)), rz.Mesh(vertices * 0.6, faces, material=shiny)]
-    return rz.Scene(meshes, lights, rz.Camera.perspective((1.5, 2, 4), fov=40))
-
-
-def test_many_lights_add_up():
-    """Twenty-six lights of all kinds: the sum of what each gives alone."""
-    rng, size = np.random.default_rng(0), (30, 22)
-    lights = [rz.PointLight(rng.normal(size=3) * 5, 0.04, (1, 0.1, 0)) for _ in range(9)]
-    lights += [rz.SpotLight(rng.normal(size=3) * 5, rng.normal(size=3), 0.08, 30, 60) for _ in range(8)]
-    lights += [rz.DirectionalLight(rng.normal(size=3), 0.04) for _ in range(8)]
-    lights += [rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0), 0.1, (2, 2))]
-    options = {"shading": "phong", "tolerance": 0, "samples": 1}
-    together = rz.render(models(lights), size, **options).color
-    alone = sum(rz.render(models([light]), size, **options).color.astype(float) for light in lights)
-    off = np.abs(together - alone).max()
-    assert off <= 1e-5 and together.max() > 0.05, f"{off:.3g} > 1e-5"
-
-
-def test_lights_of_the_camera_and_sharp_cones_are_those_of_the_reference():
-    """Exact at tolerance 0, within the tolerance by default; but for pixels on the very edge of a sharp cone."""
-    lights = (
-        rz.SpotLight((0, 0, 1), (0.1, 0, -1), 0.9, 12, 12, attached="camera"), rz.AmbientLight(0.1),
-        rz.AreaLight((-1, 1, 0), (1, 0, 0), (0.3, 1, 0), (0.5, 0.4, 0.9), (2, 2), attached="camera"),
-        rz.SpotLight((2, 3, 2), (-2, -3, -2), (0.8, 0.7, 0.5), 5, 25, 2, falloff=0.25),
-    )  # fmt: skip
-    for shading in SHADINGS:
-        expected = reference.render(models(lights), SIZE, shading=shading).color
-        for tolerance, budget in ((0.0, 1e-6), (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE)):
-            frame = rz.render(models(lights), SIZE, shading=shading, tolerance=tolerance, samples=1)
-            worst = np.sort(np.abs(frame.color - expected).max(axis=2), axis=None)[-3]
-            assert worst <= budget, f"{shading}: {worst:.3g} > {budget:.3g}"
-
-
-def test_only_the_functions_of_lights_that_are_there_are_called():
-    scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
-    options = rz.Options(samples=1, shading="gouraud")
-    lighting = make_lighting(make_plan(SceneTables(scene, options), options), np.dtype(np.float32))
-    assert set(lighting.light_functions.tolist()) == {batch_function(point, np.float32).address}
-
-
-def test_a_fall_next_to_the_usual_one_is_the_usual_one():
-    """A falloff of 1 has a light function of its own."""
-    falloffs = (1.0, np.nextafter(1.0, 2))
-    lights = [rz.SpotLight((0, 0, 4), (0, 0, -1), falloff=falloff, inner=5) for falloff in falloffs]
-    usual, nearly = (rz.render(models([one]), 40, shading="phong", tolerance=0, samples=1).color for one in lights)
-    assert 0.1 < usual.max() and np.abs(usual - nearly).max() <= 1e-7
-
-
-def test_the_slope_of_the_fall_is_bounded():
-    """d/dt (t²(3 - 2t))^p by differences stays below what float32 is chosen by."""
-    t = np.linspace(0, 1, 20_001)
-    for falloff in (0.5, 0.75, 1.0, 1.2, 2.0, 10.0):
-        light = rz.SpotLight((0, 0, 1), (0, 0, -1), inner=10, outer=40, falloff=falloff)
-        inner, outer = cone_cosines(light)
-        slope = np.abs(np.diff((t**2 * (3 - 2 * t)) ** falloff)).max() * (len(t) - 1)
-        bound = entry_of(light).limits(light).steepness * (inner - outer)
-        assert slope <= bound * (1 + 1e-6), f"falloff {falloff}: {slope:.4g} > {bound:.4g}"

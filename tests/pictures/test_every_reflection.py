@@ -1,6 +1,5 @@
 """Check the reflection models as physics and as pictures: energy, reciprocity, digits, and what the reference says."""
 
-import itertools
 from dataclasses import replace
 from functools import cache
 
@@ -18,15 +17,13 @@ from helpers.batches import (
     random_directions,
     reflect,
 )
-from helpers.pinhole import SHADINGS, octasphere, torus, unit
-from helpers.raster import COLORED, GREY
+from helpers.pinhole import octasphere, torus, unit
+from helpers.raster import COLORED
 
 import rasterizer as rz
 from rasterizer.choices import REFLECTIONS as NAMES
 from rasterizer.cli import main
-from rasterizer.engine import plan, uniforms
 from rasterizer.engine import reflections as reflection_table
-from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.reference import reflection
 from rasterizer.reference.reflection import read_materials
@@ -191,39 +188,6 @@ def test_closed_forms(dtype):
             assert fast(made("toon", shininess=shininess), *sides)[1, 0] == expected
 
 
-def test_what_is_brushed_along_its_normal_is_alike_on_all_sides():
-    """The roughness is the geometric mean of both."""
-    brushed = made("cook-torrance", roughness=(0.2, 0.8), fresnel=1.0, tangent=UP)
-    _, *sides = random_directions(5, 500, np.float64)
-    sides = directions_of(np.float64, UP, *(np.abs(side) for side in sides))
-    expected = of_reference(made("cook-torrance", roughness=0.4, fresnel=1.0), *sides)
-    for found in (fast(brushed, *sides), of_reference(brushed, *sides)):
-        error = np.abs(found - expected).max()
-        assert expected[1].max() > 0.1 and error <= 1e-9, f"{error:.3g} > 1e-9"
-
-
-def test_smooth_oren_nayar_is_lambert_and_one_level_is_flat():
-    sides = random_directions(3, 1000, np.float64)
-    smooth = fast(MATERIALS["oren-nayar, smooth"], *sides)
-    assert np.abs(smooth - fast(MATERIALS["lambert"], *sides)).max() < 1e-15
-    assert set(np.unique(fast(made("toon", levels=1), *sides)[0])) == {0.0, 1.0}
-
-
-@pytest.mark.parametrize("reflection, distribution, dtype", [
-    ("oren-nayar", "ggx", np.float32), ("cook-torrance", "ggx", np.float32), ("cook-torrance", "beckmann", np.float32),
-    ("cook-torrance", "beckmann", np.float64),
-])  # fmt: skip
-def test_the_silhouette_is_finite(reflection, distribution, dtype):
-    """N·V through 0: continuous, and no jump to infinity, at the least roughness too."""
-    up = np.concatenate([-np.geomspace(0.05, 1e-9, 50), [0.0], np.geomspace(1e-9, 0.05, 50)])
-    for roughness in (0.001, 0.05, 0.5, 1.0):
-        material = made(reflection, distribution=distribution, roughness=roughness)
-        for cosine in (1e-6, 0.01, 0.3, 1.0):
-            viewer = np.stack(polar(up, np.pi), axis=1)
-            found = fast(material, *directions_of(dtype, UP, polar(cosine), viewer), has_kernels_cosines=True)
-            assert not differences(np.isfinite(found), True) and found.min() >= 0
-
-
 # ---------------------------------------------------------------- physics
 
 
@@ -263,28 +227,6 @@ def test_no_more_light_leaves_than_arrives_where_the_table_says_so():
             assert most > 1.05, f"{name}: {most} <= 1.05"
 
 
-def test_no_cook_torrance_reflects_more_than_all():
-    for distribution, roughness in itertools.product(("ggx", "beckmann"), (0.2, 0.5, 1.0)):
-        material = made("cook-torrance", distribution=distribution, roughness=roughness, fresnel=1.0)
-        shares = np.array([albedos(material, degrees)[1] for degrees in ANGLES])
-        assert (shares <= 1 + 1e-4).all() and (shares > 0.25).all(), f"{distribution}, {roughness}: {shares}"
-
-
-def test_a_normalised_highlight_reflects_all_at_normal_incidence():
-    for model, shininess in itertools.product(("phong", "blinn"), (0.5, 1, 10, 100)):
-        material = made(model, shininess=shininess, normalized=True)
-        shares = [albedos(material, degrees)[1] for degrees in ANGLES]
-        assert shares[0] == pytest.approx(1.0, abs=1e-4), f"{model}, {shininess}: {shares[0]}"
-        assert max(shares) <= 1 + 1e-4, f"{model}, {shininess}: {shares}"
-
-
-def test_matte_models_in_closed_form():
-    """Lambert reflects all, at any angle; the roughest clay at normal incidence A."""
-    for degrees in ANGLES:
-        assert albedos(MATERIALS["lambert"], degrees)[0] == pytest.approx(1.0, abs=1e-12)
-    assert albedos(MATERIALS["oren-nayar, rough"], 0.0)[0] == pytest.approx(1 - 0.5 / 1.33, abs=1e-6)
-
-
 def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else():
     sides = random_directions(11, 4000, np.float64)
     is_before = [(sides[0] * side).sum(axis=1) > 0.02 for side in sides[1:]]
@@ -297,48 +239,6 @@ def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else():
         most = 1e-12 * max(1.0, there.max()) + least if name in RECIPROCAL else np.inf
         assert difference <= most, f"{name}: {difference:.3g} > {most:.3g}"
         assert name in RECIPROCAL or difference > 0.1, f"{name}: {difference:.3g} <= 0.1"
-
-
-# ---------------------------------------------------------------- the plan
-
-
-def planned(*materials, shading="phong", lights=GREY, **options):
-    """The plan of a scene with these materials, and its arrays."""
-    meshes = [rz.Mesh(*octasphere(0), material=material) for material in materials]
-    scene = rz.Scene(meshes, lights, VIEW)
-    chosen = rz.Options(shading=shading, **options)
-    made_plan = plan.make_plan(SceneTables(scene, chosen), chosen)
-    return made_plan, uniforms.light_view(uniforms.make_lighting(made_plan, made_plan.dtype), made_plan, VIEW.view())
-
-
-def test_every_name_has_a_reflection_function_and_options_choose_another():
-    assert {model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTION_FUNCTIONS)
-    metal = made("cook-torrance", metallic_roughness=np.ones((2, 2, 3)))  # both terms of it: test_metals.py
-    assert {model_of(material) for material in (*MATERIALS.values(), metal)} == set(REFLECTION_FUNCTIONS)
-    assert model_of(rz.Material()) == "phong"
-    for name in NAMES:
-        dull = rz.Material(reflection=name, specular=0, normalized=True, fresnel=0.5)
-        assert model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
-
-
-def test_only_what_needs_the_viewer_pays_for_it():
-    names = ("lambert", "phong", "oren-nayar", "toon", "cook-torrance")
-    _, lighting = planned(*(rz.Material(reflection=name) for name in names))
-    assert lighting.n_terms.tolist() == [1, 2, 1, 2, 3]
-    assert lighting.is_view_dependent.tolist() == [False, True, True, True, True]
-    assert not planned(rz.Material(reflection="lambert"))[1].needs_view
-    assert planned(rz.Material(reflection="oren-nayar"))[1].needs_view
-    # The colour of a highlight that isn't there costs no channels.
-    assert planned(rz.Material(reflection="lambert", diffuse="red"))[0].n_channel == 1
-
-
-def test_what_float32_cannot_draw_is_drawn_in_float64():
-    assert planned(rz.Material(reflection="toon"))[0].dtype == np.float64
-    both, _ = planned(rz.Material(), rz.Material(reflection="toon"))
-    assert both.of_materials.is_double.tolist() == [False, True]
-    assert planned(rz.Material(reflection="oren-nayar", roughness=1.0))[0].dtype == np.float32
-    assert planned(rz.Material(reflection="cook-torrance"))[0].dtype == np.float32
-    assert planned(rz.Material(reflection="cook-torrance", roughness=0.05))[0].dtype == np.float64
 
 
 # ---------------------------------------------------------------- pictures
@@ -374,13 +274,3 @@ def test_the_command_line_knows_every_model(tmp_path):
         assert main(["render", str(model), *words.split(), str(out)]) == 0, name
         meshes = [replace(m, material=replace(m.material, reflection=name)) for m in scene.meshes]
         assert (np.load(out) == rz.render(replace(scene, meshes=meshes), (24, 24), **options).color).all(), name
-
-
-def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinity():
-    camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
-    lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
-    for shading, fresnel in zip(SHADINGS, (None, 0.2, 0.2), strict=True):
-        material = made("blinn", shininess=30, fresnel=fresnel)
-        scene = rz.Scene([rz.Mesh(*octasphere(2), material=material, crease_angle=180)], lights, camera)
-        verdict = compare_with_reference(scene, (30, 25), shading=shading, tolerance=0)
-        assert verdict.color <= EXACT, f"{shading}: {verdict.color:.3g} > {EXACT:.3g}"

@@ -87,14 +87,6 @@ def noisy_frame(n_thread, alpha=None) -> Frame:
     return Frame(rgba, {}, replace(STATS, threads=n_thread), (500, 400))
 
 
-def test_a_png_file_is_the_same_for_any_number_of_threads():
-    for alpha, mode in ((None, "RGBA"), (255, "RGB"), (254, "RGBA")):
-        files = [noisy_frame(n_thread, alpha).encode("png") for n_thread in (1, 2, 5)]
-        image = Image.open(io.BytesIO(files[0]))
-        assert files[0] == files[1] == files[2] and image.mode == mode, alpha
-        assert np.array_equal(np.asarray(image.convert("RGBA")), noisy_frame(1, alpha).rgba), alpha
-
-
 def test_options_of_a_png_file_are_passed_to_pillow():
     frame = noisy_frame(2)
     plain, small = frame.encode("PNG"), frame.encode("PNG", compress_level=9, dpi=(72, 72))

@@ -10,7 +10,6 @@ import itertools
 import numpy as np
 import pytest
 from helpers.against_reference import assert_matches_reference
-from helpers.arrays import deviations
 from helpers.pairs import pairs
 from helpers.pinhole import octasphere
 
@@ -183,101 +182,3 @@ def near(frame, expected):
     other = np.pad(frame.face != expected.face, 1)
     rows, columns = frame.face.shape
     return np.any([other[j : j + rows, i : i + columns] for j in range(3) for i in range(3)], axis=0)
-
-
-# ---------------------------------------------------------------- what the plan tells
-
-
-NORMALS, INTENSITIES = "planes of the normals", "planes of the intensities"
-ENTRIES, RECORDS = "one intensity in each visibility entry", "exact records"
-NEEDS = {  # (channels, type, what the reason speaks of), then the ways with and without transparent surfaces, and lit
-    "plain": (1, "float32", ""),
-    "coloured": (3, "float32", ""),
-    "textured": (3, "float32", ""),
-    "toon": (3, "float64", "toon"),
-    "shininess 1000": (1, "float32", ""),
-    "mirror": (1, "float64", "rounding"),
-    "glass": (3, "float32", ""),
-    "smoke": (1, "float32", ""),
-    "vertex colours": (3, "float32", ""),
-}
-
-
-def way_of(shading, channels, dtype, is_opaque):
-    """The way that a plan should name."""
-    if dtype == "float64":
-        return RECORDS
-    if shading == "phong":
-        return NORMALS
-    return ENTRIES if channels == 1 and is_opaque else INTENSITIES
-
-
-@pytest.mark.parametrize("looks, shading", [
-    (["plain", "coloured", "textured", "plain"], "phong"), (["plain", "coloured", "textured", "plain"], "gouraud"),
-    (["coloured", "glass", "plain"], "flat"), (["plain", "smoke", "textured"], "gouraud"),
-    (["plain", "toon", "shininess 1000", "vertex colours", "mirror"], "phong"),
-])  # fmt: skip
-def test_a_plan_tells_what_its_materials_need(looks, shading):
-    """The most that any needs, how many need float64, and why."""
-    with rz.Renderer(balls(looks), SIZE, shading=shading, samples=1) as renderer:
-        before, frame = renderer.plan, renderer.render()
-    plan = frame.stats.plan
-    assert before._replace(paths=plan.paths) == plan
-    different = list(dict.fromkeys(looks))
-    needs = [NEEDS[look] for look in different]
-    assert plan.materials == len(different) and plan.doubles == sum(dtype == "float64" for _, dtype, _ in needs)
-    for _, dtype, reason in needs:
-        assert dtype == "float32" or reason in " ".join(plan.reasons), plan
-    assert plan.channels == max(NEEDS[look][0] for look in looks)
-    assert plan.dtype == ("float64" if all(NEEDS[look][1] == "float64" for look in looks) else "float32")
-
-
-@pytest.mark.parametrize("shading, samples", [("phong", 4), ("gouraud", 1), ("flat", 4)])
-def test_textures_alone_are_drawn_as_beside_others(shading, samples):
-    """Where all materials have textures, intensities without them are not computed."""
-    textured = balls(["textured"] * 4).meshes
-    other = ball("coloured", (1.0, 1.1, 0.0), 0.2)
-    scenes = [rz.Scene(meshes, GREY, CAMERA) for meshes in (textured, (*textured, other))]
-    alone, beside = (rz.render(scene, SIZE, shading=shading, samples=samples, threads=1) for scene in scenes)
-    assert beside.stats.covered > alone.stats.covered, "the other one isn't seen"
-    is_full = alone.alpha == 1.0
-    assert is_full.sum() > 200
-    # A brighter scene accepts a larger error, so some triangles may take another path.
-    budget = alone.stats.error_bound + beside.stats.error_bound
-    assert not deviations(alone.color[is_full], beside.color[is_full], atol=budget)
-
-
-@pytest.mark.parametrize("look", ["plain", "textured", "textured toon"])
-@pytest.mark.parametrize("shading, samples", [("gouraud", 1), ("gouraud", 4), ("phong", 1), ("phong", 4)])
-def test_gaps_in_a_row_change_no_bit_beside_them(shading, samples, look):
-    """Bars with gaps of 1 to 90 pixels between them, and the same with a wall behind that fills the gaps."""
-    rights = np.cumsum(np.arange(1, 91, 4) + 3.0) + 10
-    corners = np.array([(-3.0, 0, 0), (0, 0, 0), (0, 12, 0), (-3, 12, 0)])
-    two = np.array([(0, 1, 2), (0, 2, 3)])
-    bars = [rz.Mesh(corners + (x, 0, 0), two, uv=corners[:, :2] / 5, material=LOOKS[look]) for x in rights]
-    width = int(rights[-1]) + 60
-    wall = rz.Mesh(corners * (width / 3, 1, 0) + (width, 0, -5), two, uv=corners[:, :2], material=LOOKS[look])
-    eye = (width / 2, 6.0, 50.0)
-    camera = rz.Camera.orthographic(eye, (width / 2, 6, 0), height=12, near=1, far=100)
-    options = {"size": (width, 12), "shading": shading, "samples": samples, "threads": 1}
-    alone = rz.render(rz.Scene(bars, GREY, camera), **options)
-    walled = rz.render(rz.Scene([*bars, wall], GREY, camera), **options)
-    is_bar = alone.alpha > 0.0
-    assert is_bar.sum() == 12 * 3 * len(rights)
-    assert (alone.color[is_bar] == walled.color[is_bar]).all()
-    assert not alone.rgba[~is_bar].any() and not alone.color[~is_bar].any()
-
-
-@pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_stats_count_the_ways_of_every_material(shading):
-    """Those of a fine plain ball beside a toon and a coloured one."""
-    meshes = ball("plain", (-1, -1, 0), shape=octasphere(5)), *balls(["toon", "coloured"]).meshes
-    frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1, samples=1)
-    ways, n_face = frame.stats.plan.paths, len(BALL[1])
-    assert ways.exact >= n_face // 3, f"the toon: {ways}"
-    assert ways.planes >= n_face // 3, f"the coloured ball: {ways}"
-    if shading == "phong":
-        assert ways.entries == 0, ways
-    else:
-        assert ways.entries >= 100, f"the plain ball: {ways}"
-    assert sum(ways) >= frame.stats.drawn

@@ -3,7 +3,6 @@
 import base64
 import io
 import json
-import re
 
 import numpy as np
 import pytest
@@ -71,41 +70,13 @@ def check_random_metals(seeds) -> None:
 
 
 def test_metals_are_drawn_as_the_reference_draws_them():
-    check_random_metals((*range(9), 47, 260))  # the last two have all attributes that a point may have
+    # Of 23 one mesh alone has texture coordinates for metals; 47 and 260 have all attributes that there are.
+    check_random_metals((*range(9), 23, 47, 260))
 
 
 @pytest.mark.nightly
 def test_many_metals_are_drawn_as_the_reference_draws_them():
     check_random_metals(range(9, 300))
-
-
-def test_a_texture_of_one_texel_and_one_colour_of_all_vertices_are_a_plain_metal():
-    tint, (green, blue) = np.array([0.9, 0.5, 0.2]), (0.8, 0.6)
-    ambient, diffuse = np.array([0.3, 0.4, 0.5]), np.array([0.7, 0.8, 0.6])
-    common = {"reflection": "cook-torrance"}
-    plain = rz.Material(
-        ambient=ambient * tint, diffuse=diffuse * tint * (1 - 0.9 * blue), metallic=0.0, roughness=0.7 * green**2,
-        fresnel=tuple(0.04 * (1 - 0.9 * blue) + 0.9 * blue * diffuse * tint), **common,
-    )  # fmt: skip
-    base = {"ambient": tuple(ambient), "diffuse": tuple(diffuse), "metallic": 0.9, "fresnel": 0.04} | common
-    numbers = rz.Texture(np.array([[[0.3, green, blue]]]))
-    textured = rz.Material(**base, texture=rz.Texture(tint[None, None]), metallic_roughness=numbers, roughness=0.7)
-    colored = rz.Material(**base | {"metallic": 0.9 * blue}, roughness=0.7 * green**2)
-    colors, uv = np.tile(tint, (len(BALL[0]), 1)), BALL[0][:, :2]
-    for shading in SHADINGS:
-        frames = [
-            rz.render(rz.Scene([mesh], [rz.AmbientLight(0.2), SUN], CAMERA), SIZE, shading=shading, tolerance=0.0)
-            for mesh in (
-                rz.Mesh(*BALL, material=plain),
-                rz.Mesh(*BALL, material=textured, uv=uv),
-                rz.Mesh(*BALL, material=colored, colors=colors),
-            )
-        ]
-        off = max(np.abs(frame.color - frames[0].color).max() for frame in frames)
-        assert off <= 2e-6, f"{shading}: {off:.3g} > 2e-6"  # two pictures, 1e-6 each; texels are float32
-    found = rz.explain(rz.Scene([rz.Mesh(*BALL, material=textured, uv=uv)], [SUN], CAMERA), 22, 18, SIZE)
-    numbers = re.search(r"roughness (\S+), .*metallic (\S+),", dict(found.rows)["reflection"]).groups()
-    assert np.allclose([float(number) for number in numbers], [0.7 * green**2, 0.9 * blue], atol=1e-6)
 
 
 def buffers_of(*arrays):

@@ -88,12 +88,15 @@ def test_texture_coordinates_far_from_0_show_what_those_near_it_do(filter):
     image = np.random.default_rng(4).random((6, 9, 3))
     vertices = [[-2.0, -2, -3], [2, -2, 1], [2, 2, 1], [-2, 2, -3]]
     uv = np.round(np.array([[-0.4, -0.3], [1.6, 0.2], [2.3, 1.9], [0.1, 1.4]]) * 2**16) / 2**16
-    for tolerance, wrap in ((DEFAULT_TOLERANCE, "repeat"), (0.0, "repeat"), (0.0, ("mirror", "repeat"))):
+    for tolerance, wrap, shading in (
+        (DEFAULT_TOLERANCE, "repeat", "phong"), (DEFAULT_TOLERANCE, "repeat", "gouraud"), (0.0, "repeat", "flat"),
+        (0.0, ("mirror", "repeat"), "phong"),
+    ):  # fmt: skip
         look = rz.Material(texture=rz.Texture(image, filter, wrap), specular=0.0)
         colors = []
         for offset in (0.0, 1e3, 2e10):
             mesh = rz.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], uv=uv + (offset, -offset), material=look)
-            frame = rz.render(rz.Scene([mesh], LIGHTS, CAMERA), SIZE, samples=1, tolerance=tolerance)
+            frame = rz.render(rz.Scene([mesh], LIGHTS, CAMERA), SIZE, samples=1, tolerance=tolerance, shading=shading)
             colors.append(frame.color)
         off = max(np.abs(color - colors[0]).max() for color in colors[1:])
-        assert np.ptp(colors[0]) > 0.1 and off <= 1e-6, f"{wrap}, tolerance {tolerance}: {off:.3g} > 1e-6"
+        assert np.ptp(colors[0]) > 0.1 and off <= 1e-6, f"{wrap}, {shading}, tolerance {tolerance}: {off:.3g} > 1e-6"

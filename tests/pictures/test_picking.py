@@ -31,12 +31,17 @@ def pixels():
     return [(x, y) for y in (0, 7, 14, 16, 22, 29) for x in (0, 5, 19, 20, 33, 39)]
 
 
-@pytest.mark.parametrize("shading", ["flat", "gouraud"])
-def test_every_way_to_pick_gives_what_the_buffers_say(scene, shading):
-    full = rz.render(scene, SIZE, shading=shading, outputs=PICKED)
-    bare = rz.render(scene, SIZE, shading=shading, outputs="rgb", samples=4)
+INSIDE = rz.Camera.perspective((0.3, 0.1, 0.2), (0.0, -0.2, -1.0), fov=90, near=0.05)
+
+
+@pytest.mark.parametrize("shading, cull, camera", [("flat", "auto", None), ("gouraud", "back", INSIDE)])
+def test_every_way_to_pick_gives_what_the_buffers_say(scene, shading, cull, camera):
+    """Also where faces that are left out lie before those that are seen."""
+    scene, options = replace(scene, camera=camera or scene.camera), {"shading": shading, "cull": cull}
+    full = rz.render(scene, SIZE, outputs=PICKED, **options)
+    bare = rz.render(scene, SIZE, outputs="rgb", samples=4, **options)
     n_seen = 0
-    with rz.Renderer(scene, SIZE, shading=shading, outputs="rgb") as renderer:
+    with rz.Renderer(scene, SIZE, outputs="rgb", **options) as renderer:
         for x, y in pixels():
             found = full.pick(x, y)
             assert found == bare.pick(x, y) == renderer.pick(x, y) == renderer.pick(x, y, scene.camera), (x, y)

@@ -151,17 +151,6 @@ def test_what_a_frame_does_not_have_can_be_asked_for():
         frame.save(io.BytesIO())
 
 
-def test_a_renderer_prints_in_a_line():
-    with rz.Renderer(MESH, (40, 30), shading="phong") as renderer:
-        assert repr(renderer) == "<Renderer 40x30 phong, 12 faces>"
-    assert repr(renderer) == "<Renderer 40x30 phong, 12 faces, closed>"
-
-
-def test_words_for_lights_say_what_makes_them():
-    with pytest.raises(rz.SceneError, match=r"given 'studio' at 0; ready-made ones are made by studio\(\)"):
-        rz.render(MESH, 8, lights="studio", shading="gouraud")
-
-
 def test_a_frame_without_a_picture_is_no_image():
     from PIL import Image
 
@@ -191,18 +180,3 @@ def test_show_in_a_notebook_shows_it_in_the_cell(monkeypatch):
     frame = rz.render(MESH, SIZE, shading="gouraud")
     frame.show()
     assert shown == [frame]
-
-
-def test_everything_prints_in_one_short_line():
-    scene = rz.load(TORUS)
-    spectrum = rz.PointLight((0, 0, 1), rz.Spectrum.blackbody(3000), shadow=True)
-    values = [
-        scene, *scene.meshes, *scene.lights, spectrum, rz.Camera.framing(scene), rz.Material.named("gold"),
-        rz.Options(shading="gouraud"), rz.Material(texture=np.eye(4)), rz.Shadow(), rz.DepthCue(3), rz.render(scene, 8),
-        rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0)),
-    ]  # fmt: skip
-    for value in values:
-        text = repr(value)
-        assert "\n" not in text and len(text) < 300 and type(value).__name__ in text, text
-    assert repr(rz.Material()) == "Material()" and repr(rz.Shadow(size=64)) == "Shadow(size=64)"
-    assert repr(rz.Material(diffuse=0.5, ambient=0.1)) == "Material(ambient=(0.1, 0.1, 0.1), diffuse=(0.5, 0.5, 0.5))"

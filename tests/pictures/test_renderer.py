@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.arrays import differences
-from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.pinhole import octasphere, torus
 from helpers.raster import COLORED, GREY, ROOT
 
 import rasterizer as rz
@@ -113,42 +113,7 @@ def test_what_is_no_camera_is_refused():
                 renderer.render(given)
 
 
-def test_faces_that_look_away_leave_a_dense_closed_mesh_as_it_is():
-    """Also of what is seen from close by."""
-    scene = rz.Scene(rz.Mesh(*octasphere(6)), COLORED)
-    for camera in (rz.Camera.perspective((0.4, 0.6, 1.6), (0.5, 0, 0), fov=40), rz.Camera.perspective((2, 1, 3))):
-        whole, front = (rz.render(replace(scene, camera=camera), SIZE, outputs=ALL, cull=c) for c in ("none", "back"))
-        assert digest(whole) == digest(front) and front.stats.drawn < 0.6 * scene.n_face
-
-
 # ---------------------------------------------------------------- no side effects
-
-
-def test_inputs_are_never_changed():
-    """Neither values nor the right to write; not what the Mesh keeps either."""
-    vertices, faces = octasphere(2)
-    given = {
-        "vertices": vertices.astype(np.float32),
-        "faces": faces.astype(np.int64),
-        "normals": 2 * vertices,
-        "colors": np.random.default_rng(0).integers(0, 255, vertices.shape).astype(np.uint8),
-        "face_colors": np.random.default_rng(1).random((len(faces), 3)),
-    }
-    before = {name: array.copy() for name, array in given.items()}
-    mesh = rz.Mesh(**given)
-    kept = {name: getattr(mesh, name).copy() for name in given}
-    scene = rz.Scene([mesh], CARRIED)
-    lights, meshes, bounds = scene.lights, scene.meshes, scene.bounds.copy()
-    for shading in SHADINGS:
-        with rz.Renderer(scene, SIZE, shading=shading, outputs=ALL, color_range="global") as renderer:
-            for camera in walk(5):
-                renderer.render(camera)
-        rz.render((given["vertices"], given["faces"]), SIZE, shading=shading, samples=1)
-    for name, array in given.items():
-        assert array.flags.writeable and (array == before[name]).all(), name
-        assert array.dtype == before[name].dtype
-        assert (getattr(mesh, name) == kept[name]).all(), f"mesh.{name}"
-    assert scene.lights is lights and scene.meshes is meshes and not differences(scene.bounds, bounds)
 
 
 def test_a_caller_may_write_into_a_frame():
@@ -237,13 +202,6 @@ def digests_of_two():
     for thread in threads:
         thread.join()
     return found
-
-
-def print_digests():
-    """Say whether the cache is cold, then what is drawn."""
-    from rasterizer.compiler.kernels import STORE
-
-    print(not any(STORE.own.glob("*.kernel")), *digests_of_two())
 
 
 def test_a_closed_renderer_says_so():

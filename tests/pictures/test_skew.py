@@ -3,20 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from helpers.campaign import find_faults
 from helpers.campaign_scenes import Case
-from helpers.edge_scenes import fast_coverage, slow_coverage
-from helpers.pinhole import octasphere
 from helpers.pixels import skewed
-from helpers.small_scenes import cube, drawn, floor, scene_of
+from helpers.small_scenes import drawn
 
 import rasterizer as rz
-from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.viewer.controls import pick
 
 SIZE = (60, 44)
-LEANS = (0.3, -0.8, 5.0)  # skew over fx
 SUBPIXEL = 256
 PLAIN = {"samples": 1, "cull": "none", "color_range": "clamp", "exposure": 0.0, "spectral": None}
 
@@ -73,22 +67,7 @@ def check_covered_samples(rng, seed):
     )
 
 
-@pytest.mark.parametrize("seed, size", [(0, SIZE), (1, (120, 44)), (2, (60, 132))])
-def test_positions_lie_at_the_centres_of_their_pixels(seed, size):
-    """Vertices are rounded to 1/256 px; a position is rounded to float32, and moves by that over its depth."""
-    K, R, t = random_calibration(np.random.default_rng(seed))
-    camera = rz.Camera.from_opencv(K, R, t, SIZE)
-    scene = rz.Scene(rz.Mesh(*octasphere(4)), camera=camera)
-    frame = rz.render(scene, size, outputs=("position", "mask", "depth"))
-    rows, columns = np.nonzero(frame.mask)
-    K, R, t = camera.to_opencv(size)
-    off = np.abs(pixels_of(frame.position[frame.mask], K, R, t) - np.stack([columns, rows], axis=1) - 0.5)
-    most = 1 / 512 + 2.0**-24 * 2 * np.abs(K[:2, :2]).sum(axis=1) / frame.depth[frame.mask].min()
-    assert len(rows) > 50 and (off.max(axis=0) <= most).all(), f"{off.max(axis=0)} px > {most}"
-
-
 SCENES = drawn()
-NAMES = [name for name in SCENES if SCENES[name][0].camera is None or SCENES[name][0].camera.is_perspective]
 
 
 def skewed_case(name, lean, **options) -> Case:
@@ -96,42 +75,6 @@ def skewed_case(name, lean, **options) -> Case:
     scene, own = SCENES[name]
     camera = skewed(scene.camera_for(SIZE), SIZE, lean)
     return Case(0, 16, f"{name}, {lean}", replace(scene, camera=camera), SIZE, PLAIN | own | options)
-
-
-@pytest.mark.parametrize(
-    "lean, tolerance, shading",
-    [(0.3, DEFAULT_TOLERANCE, "flat"), (-0.8, 0.0, "gouraud"), (5.0, DEFAULT_TOLERANCE, "phong")],
-)
-def test_scenes_keep_the_promises_of_the_campaign(lean, tolerance, shading):
-    """Coverage, faces and colour within the stated bounds of the reference; near planes, borders, textures, shadows
-    and surfaces that let light through. The campaign has cameras with skew, too."""
-    for name in NAMES[LEANS.index(lean) :: 6]:
-        own = SCENES[name][1].get("tolerance", tolerance)
-        faults = find_faults(skewed_case(name, lean, shading=shading, tolerance=own)).faults
-        assert not faults, f"{name}: {faults}"
-
-
-def sheared(scene, size) -> rz.Scene:
-    """A scene whose vertices are moved sideways, so that a camera without skew sees each where skew would show it."""
-    camera = scene.camera_for(size)
-    view, lean = camera.view(), camera.skew / camera.intrinsics[0]
-    meshes = [
-        replace(mesh, vertices=mesh.vertices - lean * np.outer((mesh.vertices - view.eye) @ view.up, view.right))
-        for mesh in scene.meshes
-    ]
-    return replace(scene, meshes=meshes, camera=replace(camera, skew=0.0))
-
-
-def test_edges_are_those_of_a_sheared_world_and_of_the_reference():
-    scene = replace(scene_of(cube(), floor()), camera=skewed(scene_of(cube()).camera, SIZE, 0.8))
-    share = fast_coverage(scene, SIZE, edges="wire", threads=1)
-    others = {
-        "a sheared world": fast_coverage(sheared(scene, SIZE), SIZE, edges="wire", threads=1),
-        "the reference": slow_coverage(scene, SIZE, edges="wire"),
-    }
-    for name, other in others.items():
-        n_off = (np.abs(share - other) > 0.25).sum()
-        assert (share > 0).sum() > 50 and n_off <= 2, f"{n_off} pixels differ from {name} by more than 0.25 > 2"
 
 
 def test_what_is_picked_lies_below_the_pointer():

@@ -5,7 +5,6 @@ import os
 import re
 
 import pytest
-from helpers.raster import ROOT
 from helpers.stores import run, start
 
 from rasterizer.compiler import kernels
@@ -70,18 +69,6 @@ def test_the_bytes_are_the_same_with_a_store_and_without(tmp_path):
 def test_a_picture_with_a_filled_store_loads_no_compiler(tmp_path):
     program = NO_COMPILER + DRAWS + "print(*sorted({'numba', 'trimesh'} & set(sys.modules)))"
     assert len(run(program, tmp_path, *NAMES[:3], RASTER_STORE=folder()).split()) == 3
-
-
-@filled
-def test_the_command_line_with_a_filled_store_loads_neither_the_compiler_nor_trimesh(tmp_path):
-    program = NO_COMPILER + (
-        "from rasterizer.cli import main\n"
-        "assert main(['render', *sys.argv[1:]]) == 0\n"
-        "print(*sorted({'numba', 'trimesh', 'rasterizer.compiler.internals'} & set(sys.modules)))"
-    )
-    path = ROOT / "models" / "cube.obj"
-    assert run(program, tmp_path, path, "-o", "x.png", "-s", "40x30", RASTER_STORE=folder()) == ""
-    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
 
 
 WORKERS = """
