@@ -25,6 +25,8 @@ CARRIED = (
     rz.PointLight((-0.5, 0.5, -1), 0.5, (1, 0, 0.01), "camera"),
 )
 
+SHADED = (rz.AmbientLight(0.1), rz.PointLight((2, 3, 4), 0.8, shadow=rz.Shadow(64)))
+
 
 def scene_of(lights=COLORED, **options):
     """A ring round a ball, of different materials, one of them with colours."""
@@ -61,7 +63,7 @@ def digest(frame):
 SETUPS = [
     ("phong", COLORED, {}), ("gouraud", CARRIED, {}), ("flat", CARRIED, {"tolerance": 0}),
     ("phong", CARRIED, {"samples": 4, "threads": 3}), ("gouraud", COLORED, {"cull": "back", "color_range": "global"}),
-    ("phong", CARRIED, {"tolerance": 0}),
+    ("phong", CARRIED, {"tolerance": 0}), ("phong", SHADED, {}),
 ]  # fmt: skip
 
 
