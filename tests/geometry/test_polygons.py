@@ -8,7 +8,7 @@ import pytest
 from helpers.against_reference import EXACT, assert_matches_reference
 
 import rasterizer as rz
-from rasterizer.scene.triangulation import cut_polygons, find_fans
+from rasterizer.scene.triangulation import cut_polygons
 
 ELL = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
 KEYHOLE = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
@@ -221,12 +221,6 @@ def test_flat_colours_count_each_corner_once():
             color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",), samples=1).color[4, 4, 0]
             assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
             assert_matches_reference(scene, (8, 8), EXACT, shading="flat", tolerance=0)
-
-
-def test_corners_that_turn_all_one_way_but_twice_round_are_not_convex():
-    angle = np.arange(5) * 4 * np.pi / 5
-    _, is_convex = find_fans(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1)).T[:, :, None])
-    assert not is_convex[0]
 
 
 def test_polygons_that_are_not_finite_or_points_disturb_nobody():

@@ -193,14 +193,6 @@ def test_glass_beside_and_over_what_is_opaque_is_as_dark_as_it_is_drawn():
         assert exact.max() > 0.3 and off.mean() <= 0.005 and off.max() <= 0.15, f"{off.mean():.3g}, {off.max():.3g}"
 
 
-def test_units_do_not_matter():
-    mesh = soup(3)
-    one = GroundShadow(rz.Scene(mesh), size=48, points=9).opacity
-    for scale in (1e-30, 1e-9, 1e30):
-        other = GroundShadow(rz.Scene(replace(mesh, vertices=mesh.vertices * scale)), size=48, points=9).opacity
-        assert other.shape == one.shape and np.count_nonzero(one != other) < 0.01 * one.size, f"in the unit {scale}"
-
-
 def test_what_has_no_height_or_no_size_is_legal():
     flat = rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
     shadow = GroundShadow(rz.Scene(flat), size=32, points=4)
@@ -225,17 +217,6 @@ def test_the_outline_holds_what_is_dark():
     assert not differences(at[is_dark] <= outline.max(axis=0) + texel, True)
     reach = np.ptp(outline, axis=0)[[0, 2]] / np.ptp(at[is_dark], axis=0)[[0, 2]]
     assert (reach < 1.3).all(), f"the outline is {reach} times as large as what is dark"
-
-
-def test_the_same_bytes_on_any_number_of_threads():
-    """Also of the sum over glass, whose masks are shares; and where there are fewer points than threads."""
-    glass = rz.Scene(replace(soup(8), material=rz.Material(opacity=0.3)))
-    for scene, points in ((rz.Scene(soup(7)), 1), (rz.Scene(soup(7)), 12), (glass, 12)):
-        first = GroundShadow(scene, size=64, points=points, threads=1).opacity
-        assert 0.0 < first.max() <= np.float32(0.6)
-        for threads in (2, 7):
-            other = GroundShadow(scene, size=64, points=points, threads=threads).opacity
-            assert np.array_equal(first, other), f"{threads} threads, {points} points"
 
 
 def test_ground_lays_the_shadow_under_the_picture_alone():

@@ -4,9 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.against_reference import BUFFERS, EXACT, assert_matches_reference
+from helpers.against_reference import BUFFERS, EXACT, NORMAL, assert_matches_reference
 from helpers.arrays import differences
 from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.pixels import needle
 from helpers.raster import COLORED, GREY, assert_runs, sheet
 
 import rasterizer as rz
@@ -117,6 +118,61 @@ def test_hard_scenes_against_the_reference(name, shading):
 def test_what_might_end_the_process():
     """The thinnest triangles; a sheet as bright as anything can be; a light in the very point of a surface."""
     assert_runs("import pictures.test_render as t; t.check_needles(); t.check_brightest(); t.check_touching_light()")
+
+
+def check_needles():
+    """Compare triangles of doubled area 3, up to 2^20 px long, with the reference: a sample's weights are a third
+    each."""
+    n_covered = 0
+    for bits, lights, shading in zip((10, 20, 24, 26, 27), (GREY, COLORED) * 3, SHADINGS * 2, strict=False):
+        rng = np.random.default_rng(bits)
+        for _ in range(2):
+            points = needle(rng, bits, SIZE) / 256
+            if np.abs(points).max() >= 2**20:
+                continue
+            # A face outside the picture goes along, because a mesh in which nothing has area is refused.
+            points = np.concatenate([points, [(-9, -9), (-6, -9), (-9, -6)]])
+            normals = np.concatenate([rng.normal(0, 0.3, (6, 2)), np.ones((6, 1))], axis=1)
+            scene = sheet(SIZE, points, 1.0, [[0, 1, 2], [3, 4, 5]], lights, normals=normals)
+            for tolerance, budget in TOLERANCES:
+                limits = {"budget": budget, "normal": NORMAL}
+                if shading == "flat" and bits >= 26:
+                    # The area is below float64's rounding: the polygon has a place, but no normal.
+                    limits = {"budget": np.inf, "normal": np.inf}
+                found = assert_matches_reference(scene, SIZE, **limits, shading=shading, tolerance=tolerance, ignored=0)
+                n_covered += found.n_compared
+    assert n_covered >= 12
+
+
+def check_brightest():
+    """Render sheets that face the light and the viewer, in all directions; float32 may round that up."""
+    rng = np.random.default_rng(0)
+    for k in range(12):
+        direction = rng.standard_normal(3)
+        direction /= np.linalg.norm(direction)
+        camera = rz.Camera.orthographic(-5 * direction, height=2)
+        view = camera.view()
+        corners = [x * view.right + y * view.up for x, y in ((-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8))]
+        material = rz.Material(
+            diffuse=rng.random(), ambient=rng.random(), specular=rng.choice([0, rng.random()]),
+            shininess=rng.choice([1, 10, 50, 90]), emissive=rng.choice([0, rng.random()]),
+            reflection=rng.choice(["phong", "blinn"]),
+        )  # fmt: skip
+        lights = (rz.AmbientLight(rng.random()), rz.DirectionalLight(direction, rng.random()))
+        mesh = rz.Mesh(corners, [[0, 1, 2], [0, 2, 3]], normals=np.tile(-direction, (4, 1)), material=material)
+        check_all(rz.Scene([mesh], lights[: 1 + (k % 6 > 0)], camera), (12, 9), SHADINGS[k % 3 :][:1])
+
+
+def check_touching_light():
+    """Put lights into a vertex, a centroid, and between: amplified they are infinitely strong there, no worse."""
+    points = [(5, 5), (35, 6), (18, 28)]
+    vertices = sheet(SIZE, points, 1.0, [[0, 1, 2]]).meshes[0].vertices
+    for place in (vertices[0], vertices.mean(axis=0), vertices.mean(axis=0) + (0, 0, 1e-3)):
+        for amplify, attenuation in itertools.product((False, True), ((0, 0, 1), (1, 0, 0))):
+            light = rz.PointLight(place, 0.8, attenuation, amplify=amplify)
+            for shading in SHADINGS:
+                frame = rz.render(sheet(SIZE, points, 1.0, [[0, 1, 2]], (light,)), SIZE, shading=shading, samples=1)
+                assert frame.alpha.sum() > 100 and not differences(np.isnan(frame.color), 0)
 
 
 SHAPES = [(1, 1), (1, 50), (50, 1), (7, 9), (8, 8), (16384, 1), (1, 2**16)]

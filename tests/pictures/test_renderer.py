@@ -206,6 +206,13 @@ def digests_of_two():
     return found
 
 
+def print_digests():
+    """Say whether the cache is cold, then what is drawn."""
+    from rasterizer.compiler.kernels import STORE
+
+    print(not any(STORE.own.glob("*.kernel")), *digests_of_two())
+
+
 def test_a_closed_renderer_says_so():
     for threads in (1, 2):
         with rz.Renderer(scene_of(), (16, 12), threads=threads, samples=1) as renderer:
