@@ -91,7 +91,7 @@ class Frame:
     Attributes
     ----------
     color : (height, width, 3) float32, linear, not limited to 1; where alpha is 0, 0
-    rgb : (height, width, 3) uint8, sRGB
+    rgb : (height, width, 3) uint8, sRGB, not mixed with what lies behind where alpha is below 1; a copy
     alpha : (height, width) float32, covered share of each pixel, weighted by opacity; 1 with a background; in steps of
         1/255 where only "rgb" was asked for
     depth : (height, width) float32, distance along the viewing axis in scene units, inf where nothing is
@@ -177,8 +177,10 @@ class Frame:
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8, sRGB."""
-        return self.rgba[..., :3]
+        """(height, width, 3) uint8, sRGB, a copy without gaps. Where alpha is partial, at outlines and through glass,
+        it is the surface's own colour, as in `rgba`, not mixed with what is behind it; black where alpha is 0. So a
+        picture that is to be shown without its alpha needs a `background`."""
+        return np.ascontiguousarray(self.rgba[..., :3])
 
     @property
     def alpha(self) -> NDArray[Any]:

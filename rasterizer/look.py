@@ -91,7 +91,8 @@ class Look:
             if value is not None and (each.default is None or value != each.default):
                 given[each.name] = value
         lights = {"lights": self.lights, "preset": self.preset} if {"lights", "preset"} & {*given} else {}
-        material = {"material": other.material | self.material, "color": None, "reflection": None}
+        color = other.color if self.color is None and "diffuse" not in self.material else self.color
+        material = {"material": other.material | self.material, "color": color, "reflection": None}
         return replace(other, **given | lights | material)
 
     def change(
@@ -156,7 +157,9 @@ class Look:
             legal = "a Material, the name of one, or a dict of some of its fields"
             raise SceneError(f"material must be {legal}; given {shown(given)}")
         if self.color is not None:
-            found["diffuse"] = self.color
+            found |= {"texture": found.get("texture"), "diffuse": self.color}
+        elif found.get("texture") is not None:
+            found.setdefault("diffuse", 1.0)
         if not found:
             return found
         made = Material(**found)
@@ -171,7 +174,17 @@ class Look:
                     raise ModelError(f"{which} has no texture coordinates (uv), which the material's {name} needs")
             # The ambient coefficient, and that of metal, follow the diffuse one unless they are given too.
             follows = {"ambient": None, "metal": None} if "diffuse" in self.material else {}
-            materials = tuple(replace(material, **follows | self.material) for material in mesh.palette)
+            materials = tuple(self._changed(material, follows) for material in mesh.palette)
             of_faces = {} if mesh.materials is None else {"materials": materials}
-            mesh = replace(mesh, material=materials[0], **of_faces)
+            colors = {} if self.color is None else {"colors": None, "face_colors": None}
+            mesh = replace(mesh, material=materials[0], **of_faces, **colors)
         return mesh.subdivide(self.subdivide) if self.subdivide else mesh
+
+    def _changed(self, material: Material, follows: dict[str, None]) -> Material:
+        """Return a material with the fields asked for; one that shows its colour by emission alone goes on doing so."""
+        made, plain = replace(material, **follows | self.material), vars(material)
+        if self.color is None or "emissive" in self.material:
+            return made
+        if max(plain["diffuse"]) > 0.0 or max(plain["ambient"]) > 0.0 or max(plain["emissive"]) == 0.0:
+            return made
+        return replace(made, emissive=made.diffuse, diffuse=0.0, ambient=0.0)

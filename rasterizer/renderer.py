@@ -52,8 +52,8 @@ def render(
 
     Parameters
     ----------
-    scene : Scene, or anything that `load` takes: a path, the bytes of a file, an open file, a Mesh or several, a
-        trimesh.Trimesh or trimesh.Scene, or (vertices, faces)
+    scene : Scene, or anything that `load` takes: a path, the bytes of a file, an open file, a Mesh or several, those of
+        trimesh, PyVista, VTK, Open3D or meshio, or (vertices, faces)
     size : (width, height) in pixels, or one number for a square; None = that of the options, (640, 480)
     options : Options, of which the words below replace some; None = those of a scene file, else the default ones
     out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
@@ -77,7 +77,8 @@ def render(
         that have none of their own
     material : Material, the name of one of the classic table ("gold", "jade", "red plastic" ..., see `Material.named`),
         or a dict of some fields; replaces them in every material. Without "ambient" that follows "diffuse"
-    color : colour, short for the "diffuse" of `material`
+    color : the colour of everything, in place of textures and of colours that a mesh has, which the "diffuse" of
+        `material` multiplies
     reflection : "phong", "blinn", "lambert", "oren-nayar", "cook-torrance" or "toon", short for that of `material`
     background : colour, or "transparent"; None = that of the scene or file, else transparent
     depth_cue : DepthCue, or a number, its scale; "none" = none; None = that of the scene or file

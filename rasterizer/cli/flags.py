@@ -204,8 +204,9 @@ def add_look(parser, is_compared=False):
         metavar="[NAME,]KEY=VALUE,...",
         help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic "
         "... (default: the file's materials, else neutral grey)")
-    add("--color", dest="materials", action="append", type=values.diffuse_color, metavar="COLOR",
-        help="short for --material diffuse=...")
+    add("--color", type=values.color, metavar="COLOR",
+        help="the colour of everything, in place of textures and the file's colours, which --material diffuse=... "
+        "multiplies")
     add("--reflection", metavar=f"{{{','.join(choices.REFLECTIONS)}}}", help="short for --material reflection=...")
 
     add = parser.add_argument_group("light", _LIGHT).add_argument

@@ -27,7 +27,7 @@ from .flags import EVERY, UNSAID
 from .values import make_light
 
 _SIDE = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
-_LOOK = ("preset", "background", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
+_LOOK = ("preset", "background", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
          "allow_outside")  # fmt: skip
 _FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing")
 

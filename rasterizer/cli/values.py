@@ -202,11 +202,6 @@ def material(text) -> dict:
     return settings | _read_settings(parts, MATERIAL_FIELDS, "a material")
 
 
-def diffuse_color(text) -> dict:
-    """The same of a colour alone."""
-    return {"diffuse": color(text)}
-
-
 def _or_none(read):
     """The type of what may be left out by the word none."""
     return lambda text: None if text == "none" else read(text)

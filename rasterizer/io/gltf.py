@@ -13,7 +13,7 @@ import binascii
 import json
 import math
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from io import BytesIO
 from typing import NamedTuple
 from urllib.parse import unquote, unquote_to_bytes
@@ -23,11 +23,20 @@ import numpy as np
 from ..errors import ModelError, SceneError
 from ..scene.arrays import fixed
 from ..scene.camera import Camera
-from ..scene.color import linear_from_srgb
-from ..scene.lights import DirectionalLight, PointLight, SpotLight
-from ..scene.material import REFLECTION_MODELS, Material
+from ..scene.material import WHITE, Material
+from ..scene.of_gltf import (
+    GLOSSY,
+    UNLIT,
+    Fault,
+    camera_of,
+    emission_of,
+    light_of,
+    lit_fields,
+    numbers_of,
+    unlit_fields,
+)
 from ..scene.texture import Texture, decode_ahead, least_of, read_picture
-from .model_file import SCALED_AWAY, WHITE, Contents, ModelFile, Part, name_in, within_1
+from .model_file import SCALED_AWAY, Contents, ModelFile, Part, name_in, within_1
 
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -88,10 +97,6 @@ def read_gltf(model: ModelFile) -> Contents:
         raise model.error(f"not a readable {what} file ({_reason(fault)})") from fault
     placed = [(part, matrix) for pose, matrix in shown for part in parts[pose]]
     return Contents(placed, lights, camera, *counts, left_out=left_out, unused=unused)
-
-
-class Fault(ValueError):
-    """A value of a tree isn't legal; the text says which, and what is."""
 
 
 def _reason(fault: Exception) -> str:
@@ -675,7 +680,7 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
         common |= {"alpha_cutoff": min(cutoff, 1.0), "opacity": alpha if cutoff <= 1.0 else 0.0}
     place = () if texture is None else _placement(use)
     base = (red, green, blue)
-    if _UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light
+    if UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light
         plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
         return Paint(plain, *place)._replace(colored=colored)
     metallic = 0.0 if "trimesh" in str(pictures.tree.get("asset", {}).get("generator", "")) else 1.0
@@ -693,7 +698,7 @@ def _metallic_roughness(source, pictures, place) -> tuple[Texture | None, tuple]
     """Return the texture that says how metallic and rough a material is at every sample, None where none is needed, and
     how the textures are laid; `place` is how that of its colour is, or empty."""
     use = source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture")
-    if use is None or _GLOSSY in source.get("extensions", {}) or (numbers := pictures.numbers(use)) is None:
+    if use is None or GLOSSY in source.get("extensions", {}) or (numbers := pictures.numbers(use)) is None:
         return None, place
     own = _placement(use)
     place = place or own
@@ -753,57 +758,21 @@ def _filter(sampler) -> str:
     return "bilinear" if small in (_NEAREST, _LINEAR) else "trilinear"
 
 
-# ----------------------------------------------------------------
-# How a surface reflects: metallic and roughness as coefficients of Cook-Torrance's model.
-#
-#     base color c, metallic m, roughness r         F0 of the dielectric: f = ((ior - 1)/(ior + 1))² · specularColor
-#     diffuse    c·(1 - m)·(1 - f)                   0.04 where the file says nothing
-#     fresnel    f·(1 - m) + c·m                     F0 of the whole
-#     roughness  r²                                  GGX' alpha, at least 0.001
-#     ambient    diffuse + F0: light from everywhere alike, at normal incidence
-#     specular   1 + (w - 1)·(1 - m)                 w: strength of KHR_materials_specular
-#
-# Where a texture or colours of vertices multiply c, or a texture m and r, they do so at every sample:
-#
-#     diffuse    c·(1 - f), of which Material leaves 1 - m
-#     fresnel    f       metallic  m       metal  c
-#     ambient, specular  as above, with the mean of m
-#
-# A material without metallicFactor is a metal, but in files that trimesh has written: it leaves out what it doesn't
-# know.
-#
-#     KHR_materials_ior, _specular, _emissive_strength    as above; their textures are left out
-#     KHR_materials_unlit                   emission alone; with a texture, or colours of vertices: diffuse, lit
-#     KHR_materials_pbrSpecularGlossiness   diffuse d·(1 - F0), F0 = specular, roughness (1 - glossiness)²
-#
-# Sources: Khronos, glTF 2.0 Specification, 2021, appendix B; the extensions' texts; Schlick 1994 for F0.
-
-_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-_F0 = 0.04  # of an index of refraction of 1.5
-_MIN_ALPHA = REFLECTION_MODELS["cook-torrance"].min_roughness
-_UNLIT, _GLOSSY = "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"
-
-
-def extension(source: dict, name: str) -> dict:
-    """Return an extension of an item of the tree, empty where it has none."""
-    return source.get("extensions", {}).get(f"KHR_materials_{name}", {})
-
-
 def base_of(source: dict) -> tuple[tuple[float, ...], dict | None]:
     """Return the base color and alpha of a material, (4,), and the use of its texture, None where it has none."""
-    glossy = source.get("extensions", {}).get(_GLOSSY)
+    glossy = source.get("extensions", {}).get(GLOSSY)
     if glossy is not None:
-        return _numbers(glossy.get("diffuseFactor", (1, 1, 1, 1)), 4), glossy.get("diffuseTexture")
+        return numbers_of(glossy.get("diffuseFactor", (1, 1, 1, 1)), 4), glossy.get("diffuseTexture")
     surface = source.get("pbrMetallicRoughness", {})
-    return _numbers(surface.get("baseColorFactor", (1, 1, 1, 1)), 4), surface.get("baseColorTexture")
+    return numbers_of(surface.get("baseColorFactor", (1, 1, 1, 1)), 4), surface.get("baseColorTexture")
 
 
 def textures_of(source: dict) -> list[dict]:
     """Return the uses of the textures of a material that `read_paint` reads."""
     extensions, uses = source.get("extensions", {}), [base_of(source)[1]]
-    if _GLOSSY in extensions:
-        uses.append(extensions[_GLOSSY].get("specularGlossinessTexture"))
-    elif _UNLIT not in extensions:
+    if GLOSSY in extensions:
+        uses.append(extensions[GLOSSY].get("specularGlossinessTexture"))
+    elif UNLIT not in extensions:
         uses.append(source.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture"))
     return [use for use in uses if use is not None]
 
@@ -823,107 +792,6 @@ def _with_alphas(pixels, alphas) -> np.ndarray:
     return fixed(pixels)
 
 
-def emission_of(source: dict) -> tuple[float, ...]:
-    """Return what a material gives off, linear: nothing where a texture says where it does."""
-    if "emissiveTexture" in source:
-        return _BLACK
-    strength = float(extension(source, "emissive_strength").get("emissiveStrength", 1.0))
-    return tuple(strength * value for value in _numbers(source.get("emissiveFactor", _BLACK), 3))
-
-
-def unlit_fields(base, is_multiplied: bool) -> dict:
-    """Return the fields of Material of an unlit surface.
-
-    Parameters
-    ----------
-    base : (3,) base color, linear
-    is_multiplied : whether a texture or colours of vertices multiply it, which do so with the diffuse coefficient only
-    """
-    diffuse, emissive = (base, _BLACK) if is_multiplied else (_BLACK, base)
-    return {"reflection": "lambert", "diffuse": diffuse, "specular": 0.0, "emissive": emissive}
-
-
-def lit_fields(
-    source: dict,
-    base,
-    is_multiplied: bool,
-    mean_of: Callable[[dict], np.ndarray | None],
-    metallic=1.0,
-    numbers: Texture | None = None,
-) -> dict:
-    """Return the fields of Material that say how a surface reflects.
-
-    Parameters
-    ----------
-    source : dict, a material of the tree
-    base : (3,) base color, linear
-    is_multiplied : whether a texture or colours of vertices multiply it
-    mean_of : function of the use of a texture of numbers, which returns the mean (4,) of its texels, 0..1; None where
-        it is missing
-    metallic : metallicFactor of a material that has none
-    numbers : the texture that says at every sample how metallic and rough it is; None = its means count
-    """
-    base = np.array(base)
-    if (glossy := source.get("extensions", {}).get(_GLOSSY)) is not None:
-        f0 = np.clip(_numbers(glossy.get("specularFactor", _WHITE), 3), 0.0, 1.0)
-        smoothness = float(glossy.get("glossinessFactor", 1.0))
-        if (mean := _mean(glossy.get("specularGlossinessTexture"), mean_of)) is not None:
-            f0, smoothness = f0 * linear_from_srgb(mean[:3]), smoothness * mean[3]
-        return _fields(base * (1.0 - f0.max()), f0, 1.0 - smoothness, 1.0)
-    surface = source.get("pbrMetallicRoughness", {})
-    metallic = float(surface.get("metallicFactor", 1.0 if "metallicRoughnessTexture" in surface else metallic))
-    roughness = float(surface.get("roughnessFactor", 1.0))
-    mean = _mean(surface.get("metallicRoughnessTexture"), mean_of)
-    if mean is not None and numbers is None:
-        metallic, roughness = metallic * mean[2], roughness * mean[1]
-    factor = min(max(metallic, 0.0), 1.0)
-    metallic = factor * mean[2] if mean is not None and numbers is not None else factor
-    weight, dielectric = _dielectric_of(source)
-    f0 = dielectric * (1.0 - metallic) + base * metallic
-    diffuse = base * (1.0 - metallic) * (1.0 - weight * dielectric.max())
-    ambient = diffuse + base * metallic + weight * dielectric * (1.0 - metallic)
-    specular = 1.0 + (weight - 1.0) * (1.0 - metallic)
-    if numbers is None and not (is_multiplied and metallic > 0.0):
-        return _fields(diffuse, f0, roughness, specular, ambient)
-    fields = _fields(base * (1.0 - weight * dielectric.max()), dielectric, roughness, specular, ambient)
-    return fields | {"metallic": factor, "metal": tuple(base.tolist()), "metallic_roughness": numbers}
-
-
-def _dielectric_of(source) -> tuple[float, np.ndarray]:
-    """Return the strength of a material's highlight, and the F0 (3,) that it has where it isn't metal."""
-    f0 = _F0
-    if "ior" in extension(source, "ior"):
-        ior = float(extension(source, "ior")["ior"])
-        f0 = ((ior - 1.0) / (ior + 1.0)) ** 2 if ior > 0.0 else 1.0  # 0 stands for infinity: the extension's text
-    specular = extension(source, "specular")
-    color = np.array(_numbers(specular.get("specularColorFactor", _WHITE), 3))
-    return float(specular.get("specularFactor", 1.0)), np.clip(f0 * color, 0.0, 1.0)
-
-
-def _fields(diffuse, f0, roughness, specular, ambient=None) -> dict:
-    """Return fields of Material; a value that rounding, or the file, moved out of its range goes to its end."""
-    return {
-        "reflection": "cook-torrance",
-        "diffuse": tuple(diffuse.tolist()),
-        "ambient": tuple((diffuse + f0 if ambient is None else ambient).tolist()),
-        "specular": specular,
-        "fresnel": tuple(np.clip(f0, 0.0, 1.0).tolist()),
-        "roughness": min(max(float(roughness) ** 2, _MIN_ALPHA), 1.0),
-    }
-
-
-def _mean(use, mean_of) -> np.ndarray | None:
-    return None if use is None else mean_of(use)
-
-
-def _numbers(values, n) -> tuple[float, ...]:
-    """Return so many numbers of a list; ValueError where there are more or fewer."""
-    numbers = tuple(float(value) for value in values)
-    if len(numbers) != n:
-        raise Fault(f"a factor must have {n} numbers; given {len(numbers)}")
-    return numbers
-
-
 # ----------------------------------------------------------------
 # Lights and cameras, placed by the nodes that hold them. A node's matrix is that of its parents times its own; a light
 # shines and a camera looks down -z of its node, with +y up.
@@ -940,7 +808,6 @@ def _numbers(values, n) -> tuple[float, ...]:
 # Specification, 3.5 and 3.10; KHR_lights_punctual.
 
 _LIGHTS = "KHR_lights_punctual"
-_INVERSE_SQUARE = (0.0, 0.0, 1.0)
 
 
 def read_lights_and_camera(
@@ -970,9 +837,9 @@ def read_lights_and_camera(
             model.mend(*SCALED_AWAY)
             continue
         if light is not None:
-            lights.append(_made(model, "light", light, sources, _light, matrix))
+            lights.append(_made(model, "light", light, sources, light_of, matrix))
         if camera is None and "camera" in node:
-            camera = _made(model, "camera", node["camera"], tree.get("cameras", []), _camera, matrix)
+            camera = _made(model, "camera", node["camera"], tree.get("cameras", []), camera_of, matrix)
     return tuple(lights) or None, camera
 
 
@@ -1036,50 +903,6 @@ def _made(model, word, number, sources, make, matrix):
         raise model.error(f"{label}: {_reason(fault)}") from fault
 
 
-def _light(source, matrix):
-    """Make a light of its description and its node's matrix."""
-    strength = source.get("intensity", 1.0)
-    color = tuple(float(component) * float(strength) for component in source.get("color", (1.0, 1.0, 1.0)))
-    direction, position = tuple((-matrix[:3, 2]).tolist()), tuple(matrix[:3, 3].tolist())
-    name = source["type"]
-    if name == "directional":
-        return DirectionalLight(direction, color)
-    fall = {"attenuation": _INVERSE_SQUARE, "amplify": True, "range": source.get("range")}
-    if name == "point":
-        return PointLight(position, color, **fall)
-    if name == "spot":
-        cone = source.get("spot", {})
-        inner = math.degrees(float(cone.get("innerConeAngle", 0.0)))
-        outer = float(cone.get("outerConeAngle", math.pi / 4))
-        if np.float32(outer) == np.float32(math.pi / 2):  # float32 rounds the largest legal angle up
-            outer = math.pi / 2
-        outer = math.degrees(outer)
-        return SpotLight(position, direction, color, inner, outer, **fall)
-    raise Fault(f"its type must be directional, point or spot; given {name!r}")
-
-
-def _camera(source, matrix) -> Camera:
-    """Make a camera of its description and its node's matrix, whose scale doesn't count."""
-    eye, up, forward = matrix[:3, 3], matrix[:3, 1], -matrix[:3, 2]
-    length = float(np.linalg.norm(forward))
-    if not length > 0.0:
-        raise Fault("its node's matrix leaves it no direction")
-    # A target about as far away as the eye is from the origin keeps every digit of the direction.
-    target = eye + forward / length * max(1.0, float(np.abs(eye).max()))
-    name = source["type"]
-    frame = {"position": eye.tolist(), "target": target.tolist(), "up": up.tolist()}
-    if name == "perspective":
-        lens = source["perspective"]
-        frame["aspect"] = lens.get("aspectRatio")
-        return Camera(fov=math.degrees(float(lens["yfov"])), near=lens["znear"], far=lens.get("zfar"), **frame)
-    if name == "orthographic":
-        lens = source["orthographic"]
-        width, height = 2.0 * float(lens.get("xmag", 0.0)), 2.0 * float(lens["ymag"])
-        frame["aspect"] = width / height if width > 0.0 and height > 0.0 else None
-        return Camera(height=height, near=lens["znear"], far=lens["zfar"], **frame)
-    raise Fault(f"its type must be perspective or orthographic; given {name!r}")
-
-
 # ----------------------------------------------------------------
 # What a file has and isn't used: named once a file, for those who ask.
 
@@ -1107,11 +930,11 @@ def list_left_out(tree: dict, used: set) -> tuple[tuple[str, ...], tuple[str, ..
     materials = [source for number, source in enumerate(tree.get("materials", [])) if number in used]
     found = [what for key, what in _TEXTURES.items() if any(key in source for source in materials)]
     surfaces = [source.get("pbrMetallicRoughness", {}) for source in materials]
-    glossy = [source.get("extensions", {}).get(_GLOSSY) or {} for source in materials]
+    glossy = [source.get("extensions", {}).get(GLOSSY) or {} for source in materials]
     if any("specularGlossinessTexture" in surface for surface in glossy):
         found.append("specular-glossiness textures, but for their means")
     if any(
-        "baseColorTexture" in surface and _UNLIT in source.get("extensions", {})
+        "baseColorTexture" in surface and UNLIT in source.get("extensions", {})
         for surface, source in zip(surfaces, materials, strict=True)
     ):
         found.append("KHR_materials_unlit of textured materials, which are lit")

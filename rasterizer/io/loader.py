@@ -24,6 +24,7 @@ from ..keywords import checked_keywords
 from ..scene.arrays import fixed
 from ..scene.camera import Camera, aimed
 from ..scene.color import ColorLike
+from ..scene.foreign import lights_and_camera
 from ..scene.lights import Light
 from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
@@ -103,8 +104,8 @@ def load(
 
     Parameters
     ----------
-    source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
-        (vertices, faces), a mesh of PyVista, Open3D or meshio, sequence of those, or Scene
+    source : path (str or PathLike), bytes, file object, Mesh, pair (vertices, faces), mesh or scene of trimesh,
+        PyVista, VTK, Open3D or meshio (see `scene/foreign.py`), sequence of those, or Scene
     format : text, "obj", "stl", "ply", "glb", "gltf", "off", "3mf", "dae", "zae", "3dxml" or "xaml", or "json" for a
         scene file, or another of the table of formats; None = by the suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
@@ -112,8 +113,9 @@ def load(
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
         file, y for the others
     lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
-    camera : Camera; "file" = the first that a model file brings; None = that of a scene file, else framed when the
-        picture is made: cameras of model files are those of their authors' pictures, and see any part of the model
+    camera : Camera; "file" = the first that a model file, or a scene of trimesh, brings; None = that of a scene file,
+        else framed when the picture is made: cameras of model files are those of their authors' pictures, and see any
+        part of the model
     background : colour; None = that of a scene file, else transparent
     depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
     weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None =
@@ -198,7 +200,9 @@ def read_source(
         return SceneFile(replace(source, **settings) if settings else source)
     is_file = hasattr(source, "read") and not is_one_mesh(source)  # a meshio.Mesh has a function of that name
     if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or is_file):
-        return SceneFile(Scene(meshes_from(source, mesh_settings.arguments()), **settings))
+        lights, camera = lights_and_camera(source)
+        own = {"lights": lights, "camera": camera if is_own_camera else None, "up": _up_of(source)}
+        return SceneFile(Scene(meshes_from(source, mesh_settings.arguments()), **without_none(own) | settings))
     name = name_of(source)
     if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
         raise ModelError(f"{name}: no such file")
@@ -222,6 +226,12 @@ def read_source(
         if "lights" in settings and read.look is not None:
             read = read._replace(look=replace(read.look, lights=None, preset=None))
         return read if camera is None else read._replace(framing=None)
+
+
+def _up_of(source) -> Axis | None:
+    """Return the up axis of the file that an object of trimesh was loaded from; None where none is known."""
+    entry = formats.FORMATS.get(getattr(getattr(source, "_source", None), "file_type", None))
+    return None if entry is None else entry.up
 
 
 # Written by models/make_models.py: several objects and materials, one of them glass.

@@ -13,14 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError, counted, cut, warn_caller
-from ..scene.material import Material
+from ..scene.material import WHITE, Material
 from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from ..scene.validate import COORDINATE_LIMIT
 from .files import Folder, LongFile
-
-# Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
-WHITE = Material(diffuse=1.0)
 
 MAX_MESSAGE = 250  # letters of a message, beside the file's name
 

@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 from ..cores import Workers, n_core
 from ..errors import counted, cut
 from ..scene.arrays import distinct
-from ..scene.material import Material
+from ..scene.material import WHITE, Material
 from ..scene.mesh_arrays import has_area
 from .model_file import (
-    WHITE,
     Contents,
     ModelFile,
     Part,

@@ -26,11 +26,11 @@ from xml.parsers import expat
 import numpy as np
 
 from ..errors import ModelError, cut
-from ..scene.material import Material
+from ..scene.material import WHITE, Material
+from ..scene.of_gltf import lit_fields
 from ..scene.texture import Texture, read_picture
 from .files import unpack
-from .gltf import lit_fields
-from .model_file import LEAST_TEXT, WHITE, Contents, ModelFile, Part, bytes_of, most, name_in
+from .model_file import LEAST_TEXT, Contents, ModelFile, Part, bytes_of, most, name_in
 
 DEEPEST = 100  # nodes within nodes
 _TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take

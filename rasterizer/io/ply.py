@@ -24,8 +24,8 @@ import numpy as np
 
 from ..errors import ModelError, counted, cut
 from ..scene.arrays import distinct
-from ..scene.material import Material
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
+from ..scene.material import WHITE, Material
+from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
 
 _PICTURE = re.compile(rb"^comment\s+TextureFile[ \t](.*)$", re.MULTILINE)

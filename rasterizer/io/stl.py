@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from ..cores import Workers, n_core
 from ..errors import counted
 from ..geometry.weld import weld_triangles
-from ..scene.material import Material
+from ..scene.material import WHITE, Material
 from .files import LONG
-from .model_file import WHITE, ModelFile, Part, report_progress, text_of
+from .model_file import ModelFile, Part, report_progress, text_of
 from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes

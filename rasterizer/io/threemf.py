@@ -26,9 +26,9 @@ import numpy as np
 from ..choices import install_command
 from ..errors import ModelError, cut
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
-from ..scene.material import Material
+from ..scene.material import WHITE, Material
 from ..scene.texture import Texture, read_picture
-from .model_file import WHITE, Contents, ModelFile, Part, make_opaque, name_in
+from .model_file import Contents, ModelFile, Part, make_opaque, name_in
 from .other_formats import DEEPEST, LAYER, check_3mf, packed, read_by_trimesh, unpacked
 
 # Without one of these, nothing in a model is there twice and no entity stands for others; zeros are those of UTF-16.

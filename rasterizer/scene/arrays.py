@@ -3,7 +3,7 @@
 A masked array is no array of numbers: its masked values would count.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -37,14 +37,14 @@ def plain_array(values: ArrayLike) -> NDArray:
     if isinstance(values, np.ndarray) or not (hasattr(values, "__array__") or hasattr(values, "__dlpack__")):
         array = np.asarray(values)
     else:
-        array = _read_guest(values)
+        array = _read_foreign(values)
     if array.dtype.kind == "f" and array.dtype.itemsize > 8:
         with np.errstate(over="ignore"):
             array = array.astype(np.float64)
     return array
 
 
-def _read_guest(values: Any) -> NDArray:
+def _read_foreign(values: Any) -> NDArray:
     """Return an array of another library, by its own protocol for numpy, else by DLPack; what it refuses it says."""
     try:
         return np.asarray(values) if hasattr(values, "__array__") else np.from_dlpack(values)
@@ -53,10 +53,10 @@ def _read_guest(values: Any) -> NDArray:
         raise SceneError(f"numpy can't read this {type(values).__name__} ({cut(fault, 120)}): {how}") from None
 
 
-def real_array(values: Any) -> NDArray[Any] | None:
-    """Return what `plain_array` does where it is an array of real numbers (booleans are none), else None."""
+def real_array(values: Any, read: Callable[[Any], NDArray[Any]] = plain_array) -> NDArray[Any] | None:
+    """Return what `read` does where it is an array of real numbers (booleans are none), else None."""
     try:
-        array = plain_array(values)
+        array = read(values)
     except SceneError:
         raise
     except (TypeError, ValueError):
@@ -101,15 +101,15 @@ def is_fixed(array: NDArray) -> bool:
     return type(base) is memoryview and type(base.obj) is _Owned
 
 
-def kept(array: NDArray[_Scalar], given: object) -> NDArray[_Scalar]:
-    """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's
-    memory.
+def own_array(values: ArrayLike) -> NDArray:
+    """Return what `plain_array` does in memory that nobody else writes to, so that it stays what is checked.
 
-    An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
+    An array that was fixed is shared: what a mesh hands on to another takes no memory twice.
     """
-    is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
-    is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
-    return fixed(array if is_new or is_fixed(array) else array.copy())
+    array = plain_array(values)
+    is_new = type(values) in (list, tuple)  # of anything else numpy may have made a view
+    is_new |= isinstance(values, np.ndarray) and not np.may_share_memory(array, values)
+    return array if is_new or is_fixed(array) else array.copy()
 
 
 class KeepsArrays:

@@ -32,6 +32,7 @@ from .texture import Texture, TextureLike
 from .validate import choice, flag, number, store, text, unit3, value_class
 
 MAX_LEVELS = 256
+GREY_DIFFUSE = 0.55  # of what has neither material nor colours
 
 
 class ReflectionModel(NamedTuple):
@@ -68,7 +69,8 @@ class Material:
     Parameters
     ----------
     ambient : colour, reflected share of the ambient light (ka); None = the same as `diffuse`
-    diffuse : colour, Lambert's coefficient (kd)
+    diffuse : colour, Lambert's coefficient (kd), which a texture and the colours of a mesh multiply; None = 0.55, or 1
+        with a texture, which is drawn as it is then
     specular : colour, strength of the highlight (ks); "lambert" and "oren-nayar" have none
     shininess : exponent of the highlight (n) of "phong", "blinn" and "toon", finite, above 0; 1 is very dull,
         1000 nearly a mirror
@@ -130,7 +132,7 @@ class Material:
     """
 
     ambient: ColorLike | None = None
-    diffuse: ColorLike = 0.55
+    diffuse: ColorLike = None  # type: ignore[assignment]  # never None once it is made
     specular: ColorLike = 0.18
     shininess: float = 32.0
     emissive: ColorLike = 0.0
@@ -152,7 +154,10 @@ class Material:
     FOLLOWS = {"ambient": "diffuse"}  # what a field is where it isn't given
 
     def __post_init__(self) -> None:
-        diffuse = linear_rgb(self.diffuse, "the material's diffuse")
+        plain: Any = self.diffuse
+        if plain is None:
+            plain = GREY_DIFFUSE if self.texture is None else 1.0
+        diffuse = linear_rgb(plain, "the material's diffuse")
         model = REFLECTION_MODELS[choice(self.reflection, REFLECTION_MODELS, "the material's reflection")]
         choice(self.distribution, DISTRIBUTIONS, "the material's distribution")
         levels = number(self.levels, "the material's levels", low=1, high=MAX_LEVELS)
@@ -300,6 +305,11 @@ def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:
     if not (samples.min() >= 0.0 and samples.max() <= 1.0):
         raise SceneError(f"{what} must be within 0..1 in each component, or None; given {shown(value)}")
     return color if hasattr(color, "wavelengths") or len(set(color)) > 1 else color[0]
+
+
+# The material of a mesh without one, and where it has colours, which are drawn as they are. These very objects stand
+# for a material that isn't given: a mesh that gets colours later turns white.
+GREY, WHITE = Material(), Material(diffuse=1.0)
 
 
 # --- the classic table: coefficients of Phong's reflection for displays of the 1990s -------------------------

@@ -8,21 +8,21 @@ mesh are shared: nobody can write into them.
 """
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES, WEIGHTINGS, Axis, Weighting
-from ..errors import ModelError, SceneError, counted, shown
+from ..errors import ModelError, SceneError, counted, shown, warn_caller
 from ..keywords import checked_fields
 from ..locks import cached_property
 from . import mesh_arrays
-from .arrays import KeepsArrays, VectorLike, fixed, kept, real_array
+from .arrays import KeepsArrays, VectorLike, fixed, is_fixed, real_array
+from .foreign import Foreign, has_several, is_foreign, name_of
 from .framing import rotation
-from .guests import arguments_of, is_guest
-from .material import Material
+from .material import GREY, WHITE, Material
 from .validate import COORDINATE_LIMIT, choice, items_of, number, position3, store, text, unit3, vector3, whole
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
@@ -43,7 +43,7 @@ class HasFaces(Protocol):
 
 
 class HasPoints(Protocol):
-    """What is taken for a mesh, too: PyVista's PolyData, and the Mesh of meshio."""
+    """What is taken for a mesh, too: PyVista's data sets, and the Mesh of meshio."""
 
     @property
     def points(self) -> Any:
@@ -65,10 +65,13 @@ class Mesh(KeepsArrays):
         length. Where a zero was given, it is computed from the faces, as if there were none; it stays zero
         where no face with an area meets the vertex
     colors : (n_vertex, 3 or 4), or (n_face, 3, 3 or 4) for each corner of each triangle; uint8 = sRGB-encoded, float =
-        linear; stored float64, linear. An alpha is kept, and not drawn: opacity is the material's, or its texture's
+        linear, as everywhere here; stored float64, linear. They multiply the material's diffuse and ambient
+        coefficients, and so does a texture: without a material it is white, and they are drawn as they are. Floats of a
+        colormap are sRGB: `colors=rz.srgb(cmap(values))`. A largest float of 2 to 255 is refused: that is uint8. An
+        alpha is kept, and not drawn: opacity is the material's, or its texture's
     uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64. Four in the place of two
         are those of textures, then those of `metallic_roughness`, which is laid by the others else
-    material : Material
+    material : Material; not given: neutral grey, or white where there are colours
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals given, else the smoothing groups, else 30
     face_colors : (n_face, 3 or 4) as `colors`, one a face: a triangle, or a polygon as given
@@ -97,7 +100,7 @@ class Mesh(KeepsArrays):
 
     Warns
     -----
-    UserWarning : polygons that cross themselves
+    UserWarning : polygons that cross themselves; colours with an alpha below 1
     """
 
     vertices: NDArray[np.float64]
@@ -105,7 +108,7 @@ class Mesh(KeepsArrays):
     normals: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
     uv: NDArray[np.float64] | None = None
-    material: Material = field(default_factory=Material)
+    material: Material = GREY
     crease_angle: float | None = None
     _: KW_ONLY
     face_colors: NDArray[np.float64] | None = None
@@ -140,10 +143,12 @@ class Mesh(KeepsArrays):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        given = dict(vars(self))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
         text(self.name, "a mesh's name")
         store(self, crease_angle=checked_crease_angle(self.crease_angle))
+        if self.material is GREY or self.material is WHITE:  # it isn't given
+            is_grey = self.materials is not None or (self.colors is None and self.face_colors is None)
+            store(self, material=GREY if is_grey else WHITE)
         store(self, materials=_checked_materials(self.material, self.materials))
         store(self, material=self.palette[0])
         vertices = mesh_arrays.checked_vertices(self.vertices)
@@ -175,7 +180,7 @@ class Mesh(KeepsArrays):
             attributes["normals"] = mesh_arrays.filled_normals(attributes, DEFAULT_CREASE_ANGLE, self.weighting)
         for key, array in attributes.items():
             if array is not None:
-                store(self, **{key: kept(array, given[key])})
+                store(self, **{key: fixed(array)})
 
     def _checked_attributes(self, n_vertex: int, n_face: int, cut_from: NDArray[np.int32] | None) -> dict[str, Any]:
         """Return what belongs to vertices, corners and faces, checked; None of what there isn't.
@@ -202,6 +207,11 @@ class Mesh(KeepsArrays):
             found["colors"] = mesh_arrays.checked_colors(self.colors, (n_vertex,), "colors", n_corner_face)
         if self.face_colors is not None:
             found["face_colors"] = mesh_arrays.checked_colors(self.face_colors, counts, "face_colors")
+        for key in ("colors", "face_colors"):
+            array, given = found.get(key), getattr(self, key)
+            if array is not None and array.shape[-1] == 4 and array[..., 3].min() < 1.0:
+                if not (isinstance(given, np.ndarray) and is_fixed(given)):  # else it has been told of
+                    warn_caller("the alpha of vertex colours is not drawn: opacity is the material's, or its texture's")
         if self.smoothing is not None:
             found["smoothing"] = mesh_arrays.checked_ints(self.smoothing, counts, "smoothing")
         if self.face_material is not None:
@@ -222,17 +232,20 @@ class Mesh(KeepsArrays):
 
     @classmethod
     def from_any(cls, source: "MeshLike") -> "Mesh":
-        """Make a mesh of a `trimesh.Trimesh` or its like, of a mesh of PyVista, Open3D or meshio, or of
-        (vertices, faces); a Mesh stays what it is.
-
-        Of a Trimesh the vertex or face colours and texture coordinates are taken, and its vertex normals only
-        where it holds them already: trimesh needs very long to compute them.
+        """Make a mesh of one of trimesh, PyVista, VTK, Open3D or meshio, with its materials, textures and colours as
+        `foreign.py` says, or of (vertices, faces); a Mesh stays what it is.
 
         Raises
         ------
-        ModelError : anything else, and whatever the class itself refuses
+        ModelError : anything else, what stands for several meshes, and whatever the class itself refuses
+
+        Warns
+        -----
+        UserWarning : what can't be taken of a foreign mesh
         """
-        return _mesh_of(source, {})
+        if has_several(source):
+            raise ModelError(f"{name_of(source)} may hold several meshes: give it to load(), render() or Scene")
+        return meshes_from(source, {})[0]
 
     @property
     def palette(self) -> tuple[Material, ...]:
@@ -425,34 +438,47 @@ MeshLike: TypeAlias = Mesh | HasFaces | HasPoints | tuple[ArrayLike, ArrayLike] 
 
 
 def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
-    """Return the meshes of a mesh, of a `trimesh.Scene`, or of a sequence of these.
+    """Return the meshes of a mesh, of an object of another library that holds several, or of a sequence of these.
 
     Parameters
     ----------
-    source : what `Mesh.from_any` takes, a `trimesh.Scene`, or a sequence of both
+    source : what `Mesh.from_any` takes, a `trimesh.Scene`, a `pyvista.MultiBlock`, or a sequence of these
     settings : arguments of Mesh, taken in place of what the source says
 
     Raises
     ------
-    ModelError : an empty sequence, a trimesh scene without faces, and whatever `Mesh.from_any` refuses
+    ModelError : an empty sequence, a scene without faces, and whatever `Mesh.from_any` refuses
+
+    Warns
+    -----
+    UserWarning : what can't be taken of foreign meshes: once, of all of them
     """
     is_sequence = isinstance(source, Iterable) and not (hasattr(source, "ndim") or isinstance(source, dict))
-    if is_one_mesh(source) or _is_trimesh_scene(source) or not is_sequence:
+    if is_one_mesh(source) or not is_sequence:
         source = (source,)
     meshes: list[Mesh] = []
+    found = Foreign()
     for each in source:
-        meshes += _placed_meshes(each, settings) if _is_trimesh_scene(each) else [_mesh_of(each, settings)]
+        if isinstance(each, Mesh):
+            meshes.append(replace(each, **settings) if settings else each)
+        elif is_foreign(each):
+            n_before = len(found.parts)
+            found.add(each)
+            meshes += [_foreign_mesh(part, matrix, settings) for part, matrix in found.parts[n_before:]]
+        elif isinstance(each, (tuple, list)) and len(each) == 2:
+            meshes.append(Mesh(each[0], each[1], **settings))
+        else:
+            raise _no_mesh(each)
     if not meshes:
         raise ModelError("a model needs at least one mesh; given an empty sequence")
+    found.warn()
     return meshes
 
 
 def is_one_mesh(source: object) -> bool:
     """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
-    if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
-        return True
     if not isinstance(source, (tuple, list)):
-        return is_guest(source)
+        return isinstance(source, Mesh) or is_foreign(source)
     if len(source) != 2:
         return False
     points = source[0]
@@ -462,38 +488,24 @@ def is_one_mesh(source: object) -> bool:
     return np.ndim(points) == 2 or (hasattr(points, "__dlpack__") and not hasattr(points, "ndim"))
 
 
-def _is_trimesh_scene(source: object) -> bool:
-    return hasattr(source, "geometry") and hasattr(source, "graph")
+def _foreign_mesh(part: dict[str, Any], matrix: Any, settings: dict[str, Any]) -> Mesh:
+    """Make a mesh of another library's, at its place; vertices at one position are joined where normals are averaged,
+    as the readers of files do."""
+    from ..geometry.weld import weld
+
+    if "normals" not in part or settings.get("crease_angle") is not None:
+        part = weld(part)
+    mesh = Mesh(**part | settings)
+    return mesh if matrix is None or np.array_equal(matrix, np.eye(4)) else mesh.transformed(matrix)
 
 
-def _placed_meshes(scene: Any, settings: dict[str, Any]) -> list[Mesh]:
-    """Place every mesh of a trimesh scene once for each node that shows it."""
-    meshes = []
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if len(getattr(geometry, "faces", ())):
-            meshes.append(_mesh_of(geometry, settings).transformed(matrix))
-    if not meshes:
-        raise ModelError("the trimesh scene has no faces")
-    return meshes
-
-
-def _mesh_of(source: Any, settings: dict[str, Any]) -> Mesh:
-    """Return one mesh as `Mesh.from_any` does, with settings as `meshes_from` takes them."""
-    if isinstance(source, Mesh):
-        return replace(source, **settings) if settings else source
-    if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
-        return Mesh(source.vertices, source.faces, **_trimesh_extras(source), **settings)
-    if not isinstance(source, tuple) and is_guest(source):
-        return Mesh(**arguments_of(source) | settings)
-    if isinstance(source, (tuple, list)) and len(source) == 2:
-        return Mesh(source[0], source[1], **settings)
-    if hasattr(source, "vertices") or getattr(source, "shape", ())[1:] == (3,):
-        raise ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
-    legal = "a Mesh, a trimesh.Trimesh, one of PyVista, Open3D or meshio, or (vertices, faces)"
-    legal += "; load() and render() take a file or a trimesh.Scene, too"
-    raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
+def _no_mesh(source: Any) -> ModelError:
+    """Return the error for what is no mesh."""
+    if any(hasattr(source, name) for name in ("vertices", "points", "point")) or np.shape(source)[1:] == (3,):
+        return ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
+    legal = "a Mesh, one of trimesh, PyVista, VTK, Open3D or meshio, or (vertices, faces)"
+    legal += "; load() and render() take a file as well"
+    return ModelError(f"a mesh must be {legal}; given {shown(source)}")
 
 
 def checked_crease_angle(angle: object) -> float | None:
@@ -511,7 +523,7 @@ def _checked_materials(material: object, materials: Any) -> tuple[Material, ...]
     materials = tuple(items_of(materials))
     if not materials or not all(isinstance(each, Material) for each in materials):
         raise SceneError(f"a mesh's materials must be a sequence of Material, not empty; given {shown(materials)}")
-    if material not in (Material(), materials[0]):
+    if material not in (GREY, materials[0]):
         raise SceneError("a mesh takes one material, or materials and face_material; given both")
     return materials
 
@@ -524,22 +536,6 @@ def _check_polygon_materials(polygons: NDArray[np.int32], face_material: NDArray
     if len(torn):
         given = f"those of polygon {polygon[torn[0]]} differ"
         raise ModelError(f"the triangles of a polygon must have one material; {given}")
-
-
-def _trimesh_extras(source: Any) -> dict[str, Any]:
-    """Return what a Trimesh holds besides vertices and faces, as arguments of Mesh."""
-    extras: dict[str, Any] = {}
-    if "vertex_normals" in getattr(source, "_cache", ()):
-        extras["normals"] = source.vertex_normals
-    visual: Any = getattr(source, "visual", None)
-    kind = getattr(visual, "kind", None)
-    if kind in ("vertex", "face"):
-        extras["colors" if kind == "vertex" else "face_colors"] = getattr(visual, f"{kind}_colors")
-    uv = getattr(visual, "uv", None)
-    if uv is not None and np.shape(uv) == (len(source.vertices), 2):
-        extras["uv"] = uv
-    name = (getattr(source, "metadata", None) or {}).get("name")
-    return extras | ({"name": name} if isinstance(name, str) else {})
 
 
 def _about(linear: NDArray[np.float64], about: VectorLike) -> NDArray[np.float64]:

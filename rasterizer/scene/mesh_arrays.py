@@ -2,7 +2,7 @@
 
 In: what people have: any real dtype, lists, quads, ragged polygons. Out: float64, uint32 and int32 arrays.
 
-A form that is right already is passed through without a copy; `arrays.kept` then copies what could still be written to.
+What could still be written to is copied first, by `arrays.own_array`, and the copy is checked.
 Whole-array checks are minima and maxima, which hand a nan on and need no temporary; the culprit is looked for only once
 there is one.
 """
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..choices import Weighting
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..vectors import cross, dot
-from .arrays import plain_array, real_array
+from .arrays import own_array, real_array
 from .color import linear_from_srgb_bytes
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT, UNIT_SLACK
@@ -84,7 +84,7 @@ def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.u
 def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
     """Return all corners one after the other, any integer dtype, and how many each face has."""
     try:
-        array = plain_array(faces)
+        array = own_array(faces)
     except SceneError:
         raise
     except ValueError:
@@ -93,6 +93,7 @@ def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
         array = np.empty(0, dtype=object)  # lists of several lengths
     if array.dtype == object:
         try:
+            faces = [tuple(face) for face in faces]
             counts = np.array([len(face) for face in faces], dtype=np.int64)
             corners = np.array(list(chain.from_iterable(faces)))
         except (TypeError, ValueError):
@@ -111,7 +112,7 @@ def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
 
 def _as_real(values: Any, what: str) -> NDArray:
     """Return an array of a real dtype (bool is none, and objects aren't)."""
-    array = real_array(values)
+    array = real_array(values, own_array)
     if array is None:
         # Of objects only the dtype, which may be cut off, tells that they aren't numbers.
         objects = "objects: " if isinstance(values, np.ndarray) and values.dtype.hasobject else ""
@@ -233,6 +234,9 @@ def checked_colors(
         return linear_from_srgb_bytes(array)
     if array.dtype.kind != "f":
         raise ModelError(f"{what} must be uint8 (sRGB) or float (linear); given {array.dtype}")
+    if array.size and 2.0 <= array.max() <= 255.0:
+        hint = "of 0 to 255 are given as uint8; brighter light than white is a matter of lights and materials"
+        raise ModelError(f"{what} of floats are linear, 1 is white; given up to {array.max():g}: numbers {hint}")
     if not (array.min() >= 0.0 and np.isfinite(array.max())):
         raise ModelError(f"{what} must be finite and at least 0; given {array.min()}..{array.max()}")
     return np.ascontiguousarray(array, dtype=np.float64)

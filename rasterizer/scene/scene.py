@@ -16,7 +16,7 @@ from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
 from .lights import Light, checked_lights, light_type_of, studio
 from .material import Material
-from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh
+from .mesh import MAX_FACES, Mesh, MeshLike, is_one_mesh, meshes_from
 from .validate import choice, items_of, number, picture_size, store, value_class
 
 
@@ -113,11 +113,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         given: Any = self.meshes
-        meshes = [given] if is_one_mesh(given) or isinstance(given, str) else items_of(given)
+        meshes = [given] if is_one_mesh(given) or isinstance(given, str) else [*items_of(given)]
         if not meshes:
             raise SceneError(f"meshes must be a mesh or a sequence of at least one mesh; given {shown(given)}")
         lights = studio() if self.lights is None else checked_lights(self.lights)
-        store(self, meshes=tuple(map(Mesh.from_any, meshes)), lights=lights, depth_cue=checked_cue(self.depth_cue))
+        store(self, meshes=tuple(meshes_from(meshes, {})), lights=lights, depth_cue=checked_cue(self.depth_cue))
         if self.n_face > MAX_FACES:
             raise SceneError(f"a scene may have up to {MAX_FACES} faces; given {self.n_face}")
         if self.camera is not None and not isinstance(self.camera, Camera):

@@ -28,7 +28,7 @@ from ..cores import Workers, n_core
 from ..errors import ModelError, SceneError, shown, warn_caller
 from ..keywords import checked_fields
 from ..locks import cached_property
-from .arrays import KeepsArrays, fixed, kept, plain_array
+from .arrays import KeepsArrays, fixed, own_array
 from .color import LINEAR_OF_BYTE
 from .validate import choice, several, store, text
 
@@ -112,6 +112,8 @@ class Texture(KeepsArrays):
         if isinstance(image, (str, os.PathLike)):
             store(self, name=self.name or os.fsdecode(image))
             image = read_picture(image, os.fsdecode(image))
+        elif hasattr(image, "to_array"):  # PyVista's
+            image = image.to_array()
         elif hasattr(image, "convert"):
             try:
                 _check_size(image, "the image")
@@ -563,7 +565,7 @@ def _strips(height: int, width: int) -> list[slice]:
 def _checked_image(image: Any) -> NDArray[Any]:
     """Return an image that nobody can change: of bytes as (h, w, 1..4) uint8, of floats as (h, w, 4) float32."""
     try:
-        array = plain_array(image)
+        array = own_array(image)
     except SceneError:
         raise
     except ValueError:  # lists of several lengths
@@ -576,7 +578,7 @@ def _checked_image(image: Any) -> NDArray[Any]:
     if array.dtype.kind == "u" and array.dtype != np.uint8:
         raise SceneError(f"a texture's image of integers must be uint8; given {array.dtype}")
     if array.dtype == np.uint8:
-        return kept(array, image)
+        return fixed(array)
     out = np.empty((*array.shape[:2], 4), np.float32)
     has_alpha = array.shape[2] in (2, 4)
     for rows in _strips(*array.shape[:2]):

@@ -63,12 +63,12 @@ def test_fans_of_any_lengths(lengths, random):
 
 
 def test_attributes_of_polygons_go_to_their_triangles():
-    colors = np.arange(15.0).reshape(5, 3)
+    colors = np.arange(15.0).reshape(5, 3) / 15
     mesh = Mesh(PRISM_VERTICES, PRISM, face_colors=colors, smoothing=[5, 6, 7, 8, 9])
     assert not differences(mesh.face_colors, colors[mesh.polygons])
     assert mesh.smoothing.tolist() == [5, 6, 7, 7, 8, 8, 9, 9] and mesh.smoothing.dtype == np.int32
-    mesh = Mesh(PRISM_VERTICES, PRISM, face_colors=np.arange(24.0).reshape(8, 3), smoothing=range(8))
-    assert mesh.face_colors[:, 0].tolist() == list(range(0, 24, 3))
+    mesh = Mesh(PRISM_VERTICES, PRISM, face_colors=np.arange(24.0).reshape(8, 3) / 24, smoothing=range(8))
+    assert mesh.face_colors[:, 0].tolist() == [k / 8 for k in range(8)]
     assert mesh.smoothing.tolist() == list(range(8))
 
 
@@ -244,7 +244,7 @@ def test_from_any():
     assert Mesh.from_any((SQUARE, TWO)).n_face == 2
     assert Mesh.from_any(SimpleNamespace(vertices=SQUARE, faces=TWO)).n_face == 2
     wrong = ("cube.obj", 5, None, (SQUARE,), SimpleNamespace(vertices=SQUARE))
-    assert_refused(Mesh.from_any, [(each, "a mesh (must be|needs faces)") for each in wrong], ModelError)
+    assert_refused(Mesh.from_any, [(each, "a mesh (must be|needs)") for each in wrong], ModelError)
 
 
 def test_from_trimesh():
@@ -288,7 +288,7 @@ def test_transformed_normals_stay_perpendicular_and_outside(seed):
 
 
 def test_a_mirror_turns_the_winding_and_the_corners_with_it():
-    corners, colors = np.arange(12.0).reshape(2, 3, 2), np.arange(18.0).reshape(2, 3, 3)
+    corners, colors = np.arange(12.0).reshape(2, 3, 2), np.arange(18.0).reshape(2, 3, 3) / 18
     given = {"uv": corners, "colors": colors, "polygons": [3, 3], "face_colors": np.eye(3)[:2], "smoothing": [1, 2]}
     mesh = Mesh(SQUARE, TWO, **given, name="m")
     moved = mesh.transformed(np.diag([1, 1, -1, 1]))
