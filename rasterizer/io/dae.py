@@ -19,10 +19,9 @@ from io import BytesIO
 import numpy as np
 
 from ..errors import ModelError, cut
-from ..scene.material import Material
-from .gltf import lit_fields
+from ..scene.material import WHITE, Material
+from ..scene.of_gltf import lit_fields
 from .model_file import (
-    WHITE,
     Contents,
     ModelFile,
     Part,

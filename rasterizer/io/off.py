@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import cut
-from ..scene.material import Material
-from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
+from ..scene.material import WHITE, Material
+from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
 
 _HEAD = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z_])(\s+BINARY\b)?", re.ASCII)

@@ -28,12 +28,13 @@ from .arrays import plain_array
 from .camera import Camera
 from .lights import Light
 from .material import Material
-from .mesh_arrays import checked_vertices, triangulate
+from .mesh_arrays import checked_vertices, has_any_area, triangulate
 from .of_gltf import camera_of, emission_of, light_of, lit_fields
 from .of_mtl import COLORS, NUMBERS, Doubts, material_of, value_of
 from .texture import Texture
+from .validate import COORDINATE_LIMIT
 
-_NOT_GIVEN = [102, 102, 102]  # trimesh.visual.color.DEFAULT_COLOR
+_NOT_GIVEN = [102, 102, 102]  # what trimesh has for it
 _LIGHT_NOT_GIVEN = [60, 60, 60]
 _OF_FACES = {"face_colors", "face_material"}
 _COLOR_NAMES = ("rgb", "rgba", "color", "colors")
@@ -76,7 +77,7 @@ class Foreign:
         """Add a mesh, of whose arguments those count that are not None."""
         vertices = checked_vertices(vertices)
         faces, cut_from = triangulate(faces, vertices)
-        part = {"vertices": vertices, "faces": faces}
+        part = {"vertices": self._mended(vertices, faces), "faces": faces}
         part |= {key: value for key, value in others.items() if value is not None and (key != "name" or value)}
         for key in ("colors", "face_colors"):
             if key in part and part[key].shape[-1] == 4:
@@ -87,11 +88,25 @@ class Foreign:
             part |= {"polygons": cut_from} | {key: part[key][cut_from] for key in _OF_FACES & part.keys()}
         if "normals" in part:
             part["normals"] = np.where(np.isfinite(part["normals"]).all(axis=-1, keepdims=True), part["normals"], 0.0)
-        if "uv" not in part:
+        if "uv" in part:
+            is_fine = np.isfinite(part["uv"])
+            if not is_fine.all():
+                self.leave_out("texture coordinates that are not finite: taken as 0")
+                part["uv"] = np.where(is_fine, part["uv"], 0.0)
+        else:
             for key, value in part.items():
                 if key in ("material", "materials"):
                     part[key] = self._without_textures(value)
+        if matrix is not None and not has_any_area(vertices @ matrix[:3, :3].T, faces):
+            self.leave_out("a node of scale 0")
+            return
         self.parts.append((part, matrix))
+
+    def _mended(self, vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[Any]:
+        """Return vertices of which those that no face uses are finite."""
+        is_bad: Any = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
+        is_bad[faces] = False
+        return np.where(is_bad[:, None], vertices[faces[0, 0]], vertices) if is_bad.any() else vertices
 
     def _without_textures(self, material: Any) -> Any:
         """Return materials that a mesh without texture coordinates can have."""

@@ -442,7 +442,7 @@ def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
 
     Parameters
     ----------
-    source : what `Mesh.from_any` takes, a `trimesh.Scene`, a `pyvista.MultiBlock`, or a sequence of these
+    source : what `Mesh.from_any` takes, a scene of trimesh, blocks of PyVista, or a sequence of these
     settings : arguments of Mesh, taken in place of what the source says
 
     Raises
