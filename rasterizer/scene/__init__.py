@@ -7,7 +7,8 @@ computes normals that are given as 0, and subdivides; `io` reads and writes scen
     scene               Scene: meshes, lights, a camera, a background, a depth cue
     mesh                Mesh: vertices, triangles and what belongs to them
     mesh_arrays         its arrays, checked
-    guests              meshes of PyVista, Open3D and meshio
+    foreign             meshes of trimesh, PyVista, VTK, Open3D and meshio
+    of_gltf, of_mtl     what glTF and MTL say of surfaces, lights and cameras, in our terms
     triangulation       polygons cut into triangles
     material            Material, the reflection models, and the table of named materials
     texture             Texture, with its mipmaps
