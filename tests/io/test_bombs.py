@@ -375,7 +375,8 @@ def test_files_whose_counts_are_others_are_drawn_or_refused_in_a_line():
 @pytest.mark.parametrize(
     ("format", "data"),
     [
-        ("dae", b"<vcount "), ("ply", b"comment TextureFile\n"), ("ply", b"comment TextureFile x \n "), ("stl", b"end "),
+        ("dae", b"<vcount "), ("ply", b"comment TextureFile\n"), ("ply", b"comment TextureFile x \n "),
+        ("stl", b"end "),
         ("stl", b"solid x\n"), ("off", b"#\n"), ("off", b"\n "), ("obj", b"# \\\n"), ("obj", b"\\ "),
     ],
 )  # fmt: skip

@@ -221,3 +221,35 @@ def test_broken_cameras_are_named():
     ], ModelError, "model: ")  # fmt: skip
     with pytest.raises(ModelError, match="a node refers to camera 0; the file has 0"):
         loaded({"camera": 0})
+
+
+def test_what_stands_in_a_node_of_scale_0_is_left_out_with_a_warning():
+    for node, parts in (
+        ({"camera": 0}, {"cameras": [{"type": "orthographic", "orthographic": {"ymag": 1, "znear": 0, "zfar": 1}}]}),
+        (light_node(), {"lights": [{"type": "directional"}]}),
+    ):
+        with pytest.warns(UserWarning, match="1 node of scale 0: left out"):
+            scene = loaded(node | {"scale": [0, 0, 0]}, camera="file", **parts)
+        assert scene.camera is None and len(scene.lights) == len(studio())
+
+
+def test_a_joint_may_be_an_empty_node():
+    def skin(tree, _):
+        tree["nodes"] = [{"mesh": 0, "skin": 0}, {}]
+        tree["scenes"], tree["skins"] = [{"nodes": [0, 1]}], [{"joints": [1]}]
+
+    assert load(gltf_with(skin), format="gltf").n_face == 12
+
+
+def test_compression_beside_plain_arrays_is_no_fault_and_alone_is_named(recwarn):
+    def compressed(tree, primitive):
+        tree["extensionsUsed"] = ["KHR_draco_mesh_compression"]
+        primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}}
+
+    def alone(tree, primitive):
+        compressed(tree, primitive)
+        del tree["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
+
+    assert load(gltf_with(compressed), format="gltf").n_face == 12 and not recwarn.list
+    with pytest.raises(ModelError, match="compressed with KHR_draco_mesh_compression"):
+        load(gltf_with(alone), format="gltf")
