@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import ModelError, cut
 from ..scene.material import WHITE, Material
-from ..scene.of_gltf import lit_fields
+from ..scene.of_gltf import lit_fields, unlit_fields
 from .model_file import (
     Contents,
     ModelFile,
@@ -267,20 +267,20 @@ class _Reader:
     def _made(self, source) -> Material:
         effect = source.effect
         diffuse, emission, shininess = effect.diffuse, _color(effect.emission), effect.shininess
-        name, texture = _picture(diffuse), None
-        if name is not None:
-            texture = self._pictures.named(name)
+        if effect.shadingtype == "constant":  # it shows its emission, whatever the light; a picture is lit
+            diffuse = effect.emission
+        name = _picture(diffuse)
+        texture = None if name is None else self._pictures.named(name)
         base = _color(diffuse)
         base = np.ones(3) if base is None else within_1(self._model, base[None, :3])[0]
-        exponent = max(shininess, 0.0) if isinstance(shininess, float) else 0.0
+        common = {"opacity": self._opacity(effect), "texture": texture, "name": name_in(source.name or source.id)}
+        if effect.shadingtype == "constant":
+            return Material(**common, **unlit_fields(tuple(base.tolist()), texture is not None))
+        exponent = max(float(np.nan_to_num(shininess)), 0.0) if isinstance(shininess, float) else 0.0
         surface = {"pbrMetallicRoughness": {"roughnessFactor": float(np.sqrt(2.0 / (2.0 + exponent)))}}
-        return Material(
-            **lit_fields(surface, base, texture is not None, lambda _: None, metallic=0.0),
-            emissive=(0.0, 0.0, 0.0) if emission is None else tuple(np.maximum(emission[:3], 0.0).tolist()),
-            opacity=self._opacity(effect),
-            texture=texture,
-            name=name_in(source.name or source.id),
-        )
+        if emission is not None:
+            common["emissive"] = tuple(np.maximum(np.nan_to_num(emission[:3], posinf=0.0), 0.0).tolist())
+        return Material(**common, **lit_fields(surface, base, texture is not None, lambda _: None, metallic=0.0))
 
     def _opacity(self, effect) -> float:
         """Return the opacity of an effect; see the module's docstring. A picture counts by its own alpha, if it is that
@@ -300,7 +300,7 @@ class _Reader:
             color = np.array([0.0, 0.0, 0.0, 1.0])
         share = amount * (color[:3] @ _LUMINANCE if mode in ("RGB_ONE", "RGB_ZERO") else color[3])
         opacity = 1.0 - share if mode in ("A_ZERO", "RGB_ZERO") else share
-        return float(within_1(self._model, np.array([opacity]))[0])
+        return float(within_1(self._model, np.array([opacity]), "alpha")[0])
 
 
 def _picture(value) -> str | None:

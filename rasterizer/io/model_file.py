@@ -175,11 +175,11 @@ def bytes_of(model, colors, white: float | None = None) -> np.ndarray:
     return np.rint(within_1(model, values / white) * 255.0).astype(np.uint8)
 
 
-def within_1(model, colors: np.ndarray) -> np.ndarray:
+def within_1(model, colors: np.ndarray, noun: str = "colour") -> np.ndarray:
     """Return colours within 0..1, the nearest there are; what isn't a number becomes 0."""
     if colors.size and not (colors.min() >= 0.0 and colors.max() <= 1.0):  # nan neither
         is_outside = ~((colors >= 0.0) & (colors <= 1.0)).all(axis=-1)
-        model.mend("colour", "outside the legal range: taken as the nearest within", is_outside.sum())
+        model.mend(noun, "outside the legal range: taken as the nearest within", is_outside.sum())
         return np.clip(np.nan_to_num(colors, nan=0.0), 0.0, 1.0)
     return colors
 

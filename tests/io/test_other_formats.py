@@ -99,6 +99,12 @@ def test_collada_says_what_is_missing_and_draws_the_rest():
     ], rz.ModelError, "model: ")  # fmt: skip
 
 
+def test_a_constant_effect_of_collada_shows_its_emission_whatever_the_light():
+    text = dae(diffuse=RED).replace("phong", "constant")
+    material = one(text, "dae").material
+    assert material.emissive == (0.1, 0, 0) and not any((*material.diffuse, *material.specular))
+
+
 def test_collada_polygons_are_cut_as_they_are():
     ell = dae(diffuse=RED).replace("0 0 0 2 0 0 2 1 0 0 1 0", "0 0 0 4 0 0 1 1 0 0 4 0")
     mesh = one(ell, "dae")
