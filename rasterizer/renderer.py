@@ -15,11 +15,11 @@ from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.prepared import PreparedScene, check_memory, checked_out
 from .engine.scene_tables import SceneTables
-from .errors import SceneError, counted, shown
+from .errors import SceneError, counted, shown, warn_caller
 from .frame import Frame, Stats
 from .io.camera_file import viewpoint_of
 from .io.files import name_of
-from .io.loader import FileLike, SceneFile, read_source
+from .io.loader import FileLike, SceneFile, doubt_of_up, read_source
 from .keywords import divided, takes_words
 from .locks import cached_property
 from .look import Look
@@ -106,6 +106,10 @@ def render(
     SceneError : an option or a part of the scene that is not legal, a camera beside angles
     OptionError : an option that there isn't; the message names the nearest one
     ModelError : a file that can't be read, or a mesh that is not legal
+
+    Warns
+    -----
+    UserWarning : what `load` warns of; a shape that stands on a level base says that another axis points upwards
     """
     if TYPE_CHECKING:  # how Jedi finds the words
         Viewpoint(**words)
@@ -113,6 +117,11 @@ def render(
     side, others = divided(words, Viewpoint)
     viewpoint = viewpoint_of(side)  # what is not legal is told before a file is read
     with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
+        is_framed = viewpoint.camera is None and viewpoint.eye is None and renderer.scene.camera is None
+        if is_framed and others.get("up") is None:
+            doubt = doubt_of_up(renderer.scene, scene, others.get("format"))
+            if doubt is not None:
+                warn_caller(f"{doubt[1]}: try up={doubt[0]!r}")
         return renderer.render(out=out, **vars(viewpoint))
 
 

@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 from ..errors import ModelError, SceneError, told_of
 from ..io import formats
-from ..io.loader import SceneFile, read_source
+from ..io.loader import SceneFile, doubt_of_up, read_source
 from ..io.model_file import noticing_progress
 from ..scene.scene import Scene
 from .messages import STDIO, VERBOSE, Bar
 from .request import Request
 
 _LONG = 1.0  # seconds of reading a file, after which a bar is shown
-_UNTOLD_UP = ("obj", "stl", "ply", "off")  # formats that don't say which axis points upwards
-_MAX_LOOKED_AT = 50_000  # faces, when that is guessed: more make no other share of the area
 
 
 def list_models(request) -> list[str]:
@@ -122,26 +120,10 @@ def _read(model, request, messages, files_read, read) -> SceneFile:
         is_dropped = scene.camera is not None and not is_own
         if is_dropped:
             messages.notice(f"{model}: the file has a camera; the model is framed, --camera file looks through it")
-        if entry is not None and entry.name in _UNTOLD_UP and look.up is None:
-            _tell_up(model, scene, messages)
+        doubt = doubt_of_up(scene, model, look.format) if look.up is None else None
+        if doubt is not None:
+            messages.notice(f"{model}: {doubt[1]}: try --up {doubt[0]}")
     return read._replace(scene=replace(scene, camera=None)) if is_dropped else read
-
-
-def _tell_up(model, scene, messages) -> None:
-    """Say where the shape of a model says that another axis points upwards."""
-    import numpy as np
-
-    from ..scene.framing import guess_up
-
-    step, points, faces, n_point = scene.n_face // _MAX_LOOKED_AT + 1, [], [], 0
-    for mesh in scene.meshes:
-        faces.append(mesh.faces[::step] + np.int64(n_point))
-        points.append(mesh.vertices)
-        n_point += len(mesh.vertices)
-    vertices = points[0] if len(points) == 1 else np.concatenate(points)
-    up, reason = guess_up(vertices, np.concatenate(faces), scene.bounds)
-    if up not in (None, scene.up):
-        messages.notice(f"{model}: drawn with {scene.up} upwards; the shape says {up} ({reason}): try --up {up}")
 
 
 def source_of(model, input_format):

@@ -24,7 +24,8 @@ from ..keywords import checked_keywords
 from ..scene.arrays import fixed
 from ..scene.camera import Camera, aimed
 from ..scene.color import ColorLike
-from ..scene.foreign import lights_and_camera
+from ..scene.foreign import is_foreign, lights_and_camera
+from ..scene.framing import guess_up
 from ..scene.lights import Light
 from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
@@ -226,6 +227,33 @@ def read_source(
         if "lights" in settings and read.look is not None:
             read = read._replace(look=replace(read.look, lights=None, preset=None))
         return read if camera is None else read._replace(framing=None)
+
+
+_UNTOLD_UP = ("obj", "stl", "ply", "off")  # formats that don't say which axis points upwards
+_MAX_LOOKED_AT = 50_000  # faces, when that is guessed: more make no other share of the area
+
+
+def doubt_of_up(scene: Scene, source: Any, format: str | None = None) -> tuple[str, str] | None:
+    """Return the axis that the shape of a model says points upwards, where that is another than the scene's, and a text
+    about it; None where it isn't, and where the source states its axis: a scene, arrays and most formats.
+
+    Parameters
+    ----------
+    scene : what was loaded
+    source, format : as `load` got them
+    """
+    name = name_of(source) if isinstance(source, (str, os.PathLike, bytes)) or hasattr(source, "read") else ""
+    entry = formats.find(format or Path(name).suffix)
+    if not is_foreign(source) and (entry is None or entry.name not in _UNTOLD_UP):
+        return None
+    step, points, faces, n_point = scene.n_face // _MAX_LOOKED_AT + 1, [], [], 0
+    for mesh in scene.meshes:
+        faces.append(mesh.faces[::step] + np.int64(n_point))
+        points.append(mesh.vertices)
+        n_point += len(mesh.vertices)
+    vertices = points[0] if len(points) == 1 else np.concatenate(points)
+    up, reason = guess_up(vertices, np.concatenate(faces), scene.bounds)
+    return None if up in (None, scene.up) else (up, f"drawn with {scene.up} upwards; the shape says {up} ({reason})")
 
 
 def _up_of(source) -> Axis | None:

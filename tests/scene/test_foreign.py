@@ -379,3 +379,16 @@ def test_tensors_of_torch_itself():
     assert picture((torch.tensor(CORNERS), torch.tensor([[0, 1, 2]]))) == picture((CORNERS, [[0, 1, 2]]))
     with pytest.raises(rz.SceneError, match="detach"):
         rz.render((torch.tensor(CORNERS, requires_grad=True), [[0, 1, 2]]), 8)
+
+
+def test_the_shape_says_of_a_file_and_of_what_is_loaded_from_it_which_axis_points_upwards(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.load(MODELS / "cone.obj").export(tmp_path / "cone.stl")
+    for source in (tmp_path / "cone.stl", trimesh.load(tmp_path / "cone.stl")):
+        with pytest.warns(UserWarning, match="up='y'"):
+            lying = rz.render(source, 32)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            standing = rz.render(source, 32, up="y")
+            rz.render(source, 32, eye=(5, 5, 5))
+        assert lying.rgba.tobytes() != standing.rgba.tobytes()

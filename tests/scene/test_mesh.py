@@ -1,6 +1,8 @@
 """Meshes: what is taken, what it becomes, what is refused; and copies that are moved, turned, scaled or repainted."""
 
+import contextlib
 import math
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -338,3 +340,23 @@ def test_illegal_moves_are_refused():
     assert_refused(lambda given: getattr(MOVED, given[0])(*given[1:]), cases, SceneError)
     with pytest.raises(ModelError, match="needs texture coordinates"):
         MOVED.with_material(Material(texture=np.eye(4)))
+
+
+def test_what_is_checked_is_a_copy():
+    """Another thread writes into the array meanwhile: an index that is none would make kernels read anywhere."""
+    given, is_over = np.array(TWO), threading.Event()
+
+    def write():
+        while not is_over.is_set():
+            given[...] = 10**6
+            given[...] = TWO
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        for _ in range(300):
+            with contextlib.suppress(ModelError):
+                assert Mesh(SQUARE, given).faces.max() < len(SQUARE)
+    finally:
+        is_over.set()
+        writer.join()
