@@ -242,10 +242,11 @@ def doubt_of_up(scene: Scene, source: Any, format: str | None = None) -> tuple[s
     scene : what was loaded
     source, format : as `load` got them
     """
-    name = name_of(source) if isinstance(source, (str, os.PathLike, bytes)) or hasattr(source, "read") else ""
-    entry = formats.find(format or Path(name).suffix)
-    if not is_foreign(source) and (entry is None or entry.name not in _UNTOLD_UP):
-        return None
+    if not is_foreign(source):
+        is_file = isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")
+        entry = formats.find(format or Path(name_of(source)).suffix) if is_file else None
+        if entry is None or entry.name not in _UNTOLD_UP:
+            return None
     step, points, faces, n_point = scene.n_face // _MAX_LOOKED_AT + 1, [], [], 0
     for mesh in scene.meshes:
         faces.append(mesh.faces[::step] + np.int64(n_point))
