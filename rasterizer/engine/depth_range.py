@@ -9,7 +9,7 @@ from ..pipeline.transform import DEPTH_MARGIN, Screen, make_screen
 
 # The fitted near plane is never nearer than this part of the furthest distance, so that depth keeps 2^-18 there; but
 # for the sake of a vertex that is seen it is, down to the second.
-NEAREST, NEAREST_VERTEX = 2.0**-20, 2.0**-30
+NEAREST, NEAREST_VERTEX = 2.0**-20, 2.0**-26
 MAX_DEPTH_RATIO = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
 # Distances down to NEAREST of a scene's extent keep their digits in their squares, which are 2^-1000 then.
 MIN_EXTENT = 2.0**-480
@@ -44,7 +44,7 @@ def nearest_vertex(positions, view, projection, n_sample, depths) -> float:
     across = relative @ view.right - projection.skew * upward * projection.scale_y / projection.scale_x
     x = projection.center_x + projection.scale_x * across / depth
     is_seen = (x >= 0) & (x <= n_sample[0]) & (y >= 0) & (y <= n_sample[1])
-    return float(depth[is_seen].min(initial=near)) * (1 - NEAREST)
+    return float(depth[is_seen].min() * (1 - NEAREST)) if is_seen.any() else near
 
 
 def fit_depth_range(camera, depths) -> tuple[tuple[float, float], float]:

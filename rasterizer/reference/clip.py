@@ -18,7 +18,7 @@ from .vectors import dot
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
-VERTEX_RATIO = 2.0**-30  # the same for the sake of a corner that is seen
+VERTEX_RATIO = 2.0**-26  # the same for the sake of a corner that is seen
 
 
 Plane = tuple[float, float, float, float]  # (a, b, c, d): inside is a right + b up + c depth + d >= 0

@@ -29,6 +29,7 @@ DEFAULTS = {
     "edge_color": (0.0, 0.0, 0.0),
     "edge_width": 1.0,
     "ground": False,
+    "min_opacity": 0.0,
 }
 
 
