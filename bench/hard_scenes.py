@@ -182,7 +182,7 @@ def crowded_pixel(is_small):
 # ── depth and perspective ─────────────────────────────────────────────────────────────────────────────────
 
 
-@case("depths from 1 to 10³ … 10⁷ in one triangle", path="entries, exact")
+@case("depths from 1 to 10³ … 10⁷ in one triangle", path="exact")
 def deep_triangles(_):
     """Interpolation is that of I/w and 1/w, in float64 where a triangle's perspective needs it."""
     points = [(4.0, 4.0), (92.0, 10.0), (40.0, 69.0)]
@@ -643,11 +643,11 @@ def convex_polygon(_):
     return Scene(rz.Scene(mesh, (*LIGHTS, LAMP), rz.Camera.perspective((0, 0, 4))))
 
 
-@case("what is nearer than 2⁻²⁰ of the furthest distance", path="entries")
+@case("what is nearer than 2⁻²⁶ of the furthest distance", path="entries")
 def nearer_than_near(_):
     """A limit: it is clipped, the rest is as it was."""
     points = [(8, 60), (88, 60), (48, 8)] * 2
-    faces, depths = [[0, 1, 2], [3, 4, 5]], np.repeat([2.0**-22, 1.0], 3)
+    faces, depths = [[0, 1, 2], [3, 4, 5]], np.repeat([2.0**-28, 1.0], 3)
     return Scene(on_screen(SIZE, points, depths, faces, is_perspective=True), expect=only(1))
 
 
