@@ -88,7 +88,9 @@ class _Beside:
         table = {"name": material.name}
         for field in fields(Material):
             value = getattr(material, field.name)
-            default = Material().diffuse if field.name == "diffuse" else getattr(plain, field.name)
+            default = getattr(plain, field.name)
+            if field.name == "diffuse":  # not given, it depends on whether there is a texture
+                default = Material(texture=material.texture).diffuse
             if field.name in TEXTURES and value is not None:
                 table[field.name] = self._texture(value, is_picture=field.name == "texture")
             elif value != default or isinstance(value, Spectrum):

@@ -119,7 +119,7 @@ def test_what_is_no_model(folder):
         (
             ([(0, 0, 0), (1, 0, 0), (0, np.nan, 0)], [(0, 1, 2)]),
             rz.ModelError,
-            r"=True of load\(\) and Mesh, --drop-bad-",
+            "--drop-bad-faces",
         ),
         ({}, rz.ModelError, "a mesh must be"),
     ):
