@@ -174,11 +174,12 @@ def test_color_ranges():
         assert (picture.rgb == emitting(expected).rgb).all(), color_range
     corners = np.array([layer((4, 4), 2.0), layer((4, 4), 2.0)]).reshape(-1, 3)
     corners[1:3, 0] = 0.0  # the first sheet ends in the middle of the picture, and wins where both are
-    colors = np.repeat([[1.9, 1.9, 0.0], [0.95, 0.475, 0.2375]], 4, axis=0)
-    picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), colors=colors, color_range="global")
+    bright = [AmbientLight(4.0)]
+    colors = np.repeat([[1.0, 1.0, 0.0], [0.5, 0.25, 0.125]], 4, axis=0)
+    picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), lights=bright, colors=colors, color_range="global")
     assert not differences(picture.rgb[:, :2], (255, 255, 0))
     assert not differences(picture.rgb[:, 2:], tuple(emitting((0.5, 0.25, 0.125)).rgb[0, 0]))
-    picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), colors=colors, color_range="local")
+    picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), lights=bright, colors=colors, color_range="local")
     assert not differences(picture.rgb[:, :2], (255, 255, 0))
     assert not differences(picture.rgb[:, 2:], tuple(emitting((1.0, 0.5, 0.25)).rgb[0, 0]))
     assert not differences(emitting((0.5, 0.2, 0.1), color_range="local").rgb, emitting((0.5, 0.2, 0.1)).rgb)
