@@ -124,14 +124,17 @@ def add_messages(group) -> None:
 
 def add_arrays(parser) -> None:
     """Add arrays, in place of pictures or beside them."""
-    add = parser.add_argument_group(
+    group = parser.add_argument_group(
         "array", "-o '{stem}.{array}.png' makes a file of each, as an -o after each does. Arrays have one sample a "
-        f"pixel, but for color and rgb with --samples.\n{_ARRAYS}").add_argument
+        f"pixel, but for color and rgb with --samples.\n{_ARRAYS}")
+    add = group.add_argument
     add("--array", dest="outputs", action="append", choices=tuple(_HELD), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
         "(repeat it; default MODEL.npz)")
     add("--scale", type=values.number, metavar="UNITS",
         help="scene units of 1 in a .png of the depth, which takes 1 to 65535 (default 0.001)")
+    _add_option(group, "min_opacity", "from which opacity on a surface counts for arrays but color and rgb "
+                "(default 0: all do)", type=values.fraction, metavar="A")
 
 
 def add_processes(group) -> None:
@@ -243,8 +246,6 @@ def add_look(parser, is_compared=False):
                     "all (default: none)", type=values.edge_types, metavar="LIST")
         _add_option(group, "edge_color", "of the edges (default black)", type=values.color, metavar="COLOR")
         _add_option(group, "edge_width", "of the edges, in pixels", metavar="PX")
-        _add_option(group, "min_opacity", "from which opacity on a surface counts for arrays but color and rgb "
-                    "(default 0: all do)", type=values.fraction, metavar="A")
 
     group = parser.add_argument_group("speed")
     if not is_compared:

@@ -186,7 +186,12 @@ def test_edges_are_drawn_in_their_colour_and_width(capsys):
 
 # --- what `raster render` has, other commands that draw have, too ------------------------------------------------
 
-NO_ARRAYS = {"--array": "it writes pictures", "--scale": "of arrays", "--seed": "datasets are made by render and batch"}
+NO_ARRAYS = {
+    "--array": "it writes pictures",
+    "--scale": "of arrays",
+    "--min-opacity": "of arrays",
+    "--seed": "datasets are made by render and batch",
+}
 ONE_PROCESS = {"--processes": "one model follows the other: `raster batch` draws in several"}
 LACKING = {
     "batch": {},

@@ -66,6 +66,7 @@ SAME = {
 UNSEEN = {
     "tolerance": ("--tolerance 1/256", {"tolerance": 1 / 256}),
     "threads": ("--threads 2", {"threads": 2}),
+    "min-opacity": ("--min-opacity 0.5", {"min_opacity": 0.5}),
     "drop-bad-faces": ("--drop-bad-faces", {"drop_bad_faces": True}),
     "allow-outside": ("--allow-outside", {"allow_outside": True}),
 }

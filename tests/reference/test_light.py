@@ -176,7 +176,9 @@ def test_color_ranges():
     corners[1:3, 0] = 0.0  # the first sheet ends in the middle of the picture, and wins where both are
     bright = [AmbientLight(4.0)]
     colors = np.repeat([[1.0, 1.0, 0.0], [0.5, 0.25, 0.125]], 4, axis=0)
-    picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), lights=bright, colors=colors, color_range="global")
+    picture = draw(
+        corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), lights=bright, colors=colors, color_range="global"
+    )
     assert not differences(picture.rgb[:, :2], (255, 255, 0))
     assert not differences(picture.rgb[:, 2:], tuple(emitting((0.5, 0.25, 0.125)).rgb[0, 0]))
     picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), lights=bright, colors=colors, color_range="local")
