@@ -158,8 +158,8 @@ def cull(triangles: Triangles, vertices: Vertices, render_pass: Pass, threads) -
         hidden_sides = np.zeros(n_face, np.int8)
     is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > MIN_THREADED_TIME
     n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
-    if render_pass.opacity is not None:  # a sample has a fragment for each transparent surface
-        n_row = max(factor, n_row // 4 // factor * factor)
+    if render_pass.opacity is not None and is_mostly_clear(triangles.material, render_pass.opacity.is_opaque):
+        n_row = max(factor, n_row // 4 // factor * factor)  # a sample has a fragment for each transparent surface
     while True:
         grid = Grid(width, height, n_row)
         parts = find_visible(triangles.vertex_idx, vertices, grid, hidden_sides, threads, sort_into_bands)
@@ -173,6 +173,12 @@ def cull(triangles: Triangles, vertices: Vertices, render_pass: Pass, threads) -
                 "draw a larger picture"
             )
         n_row = max(factor, n_row // 2 // factor * factor)
+
+
+def is_mostly_clear(material, is_opaque) -> bool:
+    """Tell whether most triangles are transparent, by some of them; `material` (n,) is empty where all have one."""
+    some = material[:: max(1, len(material) // 256)] if len(material) else np.zeros(1, np.uint32)
+    return 2 * np.count_nonzero(is_opaque[some]) < len(some)
 
 
 def choose_band_rows(width, height, n_thread, factor) -> int:
