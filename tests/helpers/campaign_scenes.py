@@ -420,6 +420,9 @@ def make_material(dice, is_grey, has_texture, is_clear) -> rz.Material:
         texture=make_texture(dice.rng) if has_texture else None,
         **brush,
     )
+    if has_texture and material.texture.has_alpha and int(1e6 * n) % 3 == 0:  # no draw of its own: scenes stay theirs
+        material = replace(material, alpha_cutoff=0.5)
+        dice.words.append("cut out")
     notes = ("clear", not material.is_opaque), (getattr(material.texture, "filter", ""), has_texture)
     dice.words += [word for word, is_it in (*notes, ("normalized", material.normalized)) if is_it]
     return material
