@@ -15,7 +15,7 @@ import pickle
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import suppress
 from queue import SimpleQueue
 from time import monotonic
@@ -32,6 +32,7 @@ from ..scene.validate import whole
 MAX_PROCESSES = 1024
 LONGEST_RUN = 8  # pictures of a job
 _MOST_ALONE = 2  # times that a picture is drawn alone before it is named as what ends processes
+_SOON = 5.0  # seconds in which an executor that is broken says so to all who wait
 _MAX_FAILED = 2  # times that processes are started once more, because the first one ended before it had started
 MAX_SHARED = 2  # models that a process keeps, of those that it was sent
 
@@ -303,7 +304,12 @@ class LocalPool(Pool):
             return self.executor.submit(work, message, path)
         except BrokenExecutor:
             self._start(n)
+        try:
             return self.executor.submit(work, message, path)
+        except BrokenExecutor as fault:  # the new processes have ended, too: `wait` says what that means
+            ended: Future = Future()
+            ended.set_exception(fault)
+            return ended
 
     def _start(self, n: int) -> None:
         self._n_failed = self._n_failed + 1 if self._has_failed() else 0
@@ -311,9 +317,10 @@ class LocalPool(Pool):
         self.executor, self._first = start_processes(n)
         self._n_started = n
 
-    def _has_failed(self) -> bool:
-        """Tell whether no process could be started, or one ended before it was."""
-        return self._first.done() and self._first.exception() is not None
+    def _has_failed(self, seconds: float = 0.0) -> bool:
+        """Tell whether no process could be started, or one ended before it was; wait so long for that to be known."""
+        wait([self._first], seconds)
+        return self._first.done() and not self._first.cancelled() and self._first.exception() is not None
 
     def _end(self) -> None:
         if self._n_started:
@@ -338,7 +345,7 @@ class LocalPool(Pool):
         Raises RasterizerError where no process could be started, again and again.
         """
         job, outcome = super().wait()
-        if isinstance(outcome, Died) and self._has_failed():
+        if isinstance(outcome, Died) and self._has_failed(_SOON):
             if self._n_failed >= _MAX_FAILED:
                 raise RasterizerError(f"processes can't be started: the first one {outcome.how}")
             self.submit(job)
