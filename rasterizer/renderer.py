@@ -327,8 +327,8 @@ class Renderer:
             plan=self.plan,
         )
         # What a frame picks with draws the surfaces that it shows, and no colours.
-        shown_as = {"shading": options.shading, "cull": options.cull, "outputs": "face", "samples": 1, "threads": 1}
-        shown_as["min_opacity"] = options.min_opacity
+        kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
+        shown_as = kept | {"outputs": "face", "samples": 1, "threads": 1}
         make_renderer = cache(partial(Renderer, self.scene, options.size, **shown_as))
 
         def draw_pick(x: int, y: int) -> Pick | None:

@@ -27,10 +27,13 @@ def screen_of(camera, view, n_sample, geometry, bounds) -> tuple[Screen, bool]:
     """
     depths, projection = depths_of_boxes(view, bounds), camera.projection(n_sample)
     (near, far), far_clip = fit_depth_range(camera, depths)
-    if camera.is_perspective and camera.near is None and depths[0] < near:
-        near = nearest_vertex(geometry.positions, view, projection, n_sample, (far * NEAREST_VERTEX, near))
     screen, seen = fit_screen(view, projection, (near, far), far_clip, geometry, n_sample, depths)
-    return screen, camera.near is None and seen < near
+    if camera.near is not None or seen >= near:
+        return screen, False
+    before = nearest_vertex(geometry.positions, view, projection, n_sample, (far * NEAREST_VERTEX, near))
+    if before < near:
+        screen, seen = fit_screen(view, projection, (before, far), far_clip, geometry, n_sample, depths)
+    return screen, seen < before
 
 
 def nearest_vertex(positions, view, projection, n_sample, depths) -> float:

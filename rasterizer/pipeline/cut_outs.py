@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper
+from ..geometry.vectors import dot
 from . import setup as s
-from .setup import DepthScale
-from .textures import FILTER_NEAREST, WRAP_CLAMP, WRAP_MIRROR, Texture, Textures, texture_of
-from .transform import HALF, SUBPIXEL
+from .setup import DepthScale, ExactTriangle, corner_weights, inverse_sum
+from .textures import FILTER_NEAREST, Texture, Textures, texture_of, without_repeats, wrap_texcoord
 
 
 class CutOuts(NamedTuple):
@@ -31,9 +31,8 @@ class CutOut(NamedTuple):
 
     threshold: float
     texture: Texture
-    corners: tuple  # x0, y0, and the edges dx1, dy1, dx2, dy2 that leave it, int64, 1/256 px
-    inv_w: tuple  # at the three corners, and texture coordinates there, float64
-    u: tuple
+    triangle: ExactTriangle
+    u: tuple  # texture coordinates at the three corners, float64
     v: tuple
 
 
@@ -46,60 +45,45 @@ def threshold_of(k, cut_outs, block):
 
 
 @helper
-def cut_out_of(k, cut_outs, block):
-    """Return what says which samples of triangle k of the block are there; None where no texture does."""
+def cut_out_of(k, triangle, cut_outs, block):
+    """Return what says which samples of triangle k of the block, a Triangle of scan.py, are there; None where no
+    texture does."""
     if cut_outs is not None:
-        return cut_out_with(k, cut_outs, cut_outs.textures, block)
+        return cut_out_with(k, triangle, cut_outs, cut_outs.textures, block)
     return None
 
 
 @helper
-def cut_out_with(k, cut_outs, textures, block):
+def cut_out_with(k, triangle, cut_outs, textures, block):
     """See `cut_out_of`; `textures` are those of `cut_outs`."""
     if textures is not None:
         material = np.int64(block.ints[s.MATERIAL + k])
         ints, depths, uv = block.ints, cut_outs.depths, cut_outs.uv
-        x0, y0 = np.int64(ints[s.X0 + k]), np.int64(ints[s.Y0 + k])
-        x1, y1 = np.int64(ints[s.X1 + k]), np.int64(ints[s.Y1 + k])
-        x2, y2 = np.int64(ints[s.X2 + k]), np.int64(ints[s.Y2 + k])
+        x0, y0, x1, y1, x2, y2 = triangle
+        dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
         c0, c1, c2 = np.uint32(ints[s.CORNER0 + k]), np.uint32(ints[s.CORNER1 + k]), np.uint32(ints[s.CORNER2 + k])
         inv_w = s.linear_in_z(k, depths.inv_w_offset, depths.inv_w_scale, block)
         texture = texture_of(textures, material)
         u = without_repeats((uv[c0, 0], uv[c1, 0], uv[c2, 0]), texture.wraps[0])
         v = without_repeats((uv[c0, 1], uv[c1, 1], uv[c2, 1]), texture.wraps[1])
-        corners = (x0, y0, x1 - x0, y1 - y0, x2 - x0, y2 - y0)
-        return CutOut(cut_outs.thresholds[material], texture, corners, inv_w, u, v)
+        exact = ExactTriangle(x0, y0, dx1, dy1, dx2, dy2, inv_w, float(dx1 * dy2 - dx2 * dy1))
+        return CutOut(cut_outs.thresholds[material], texture, exact, u, v)
     return None
-
-
-@helper
-def without_repeats(values, wrap):
-    """Take whole repeats of the picture off a texture coordinate of three corners, so that large ones keep their
-    digits."""
-    period = 2.0 if wrap == WRAP_MIRROR else 1.0
-    repeats = 0.0 if wrap == WRAP_CLAMP else period * np.floor(values[0] / period)
-    return values[0] - repeats, values[1] - repeats, values[2] - repeats
 
 
 @helper
 def is_there(cut, x, y):
     """Tell whether a sample of the triangle is there."""
-    x0, y0, dx1, dy1, dx2, dy2 = cut.corners
-    across, down = x * SUBPIXEL + HALF - x0, y * SUBPIXEL + HALF - y0
-    e1, e2 = across * dy2 - down * dx2, down * dx1 - across * dy1
-    q0 = float(dx1 * dy2 - dx2 * dy1 - e1 - e2) * cut.inv_w[0]
-    q1, q2 = float(e1) * cut.inv_w[1], float(e2) * cut.inv_w[2]
-    inverse = 1.0 / (q0 + q1 + q2)
-    u = (q0 * cut.u[0] + q1 * cut.u[1] + q2 * cut.u[2]) * inverse
-    v = (q0 * cut.v[0] + q1 * cut.v[1] + q2 * cut.v[2]) * inverse
-    return alpha_at(cut.texture, u, v) >= cut.threshold
+    q = corner_weights(cut.triangle, x, y)
+    inverse = inverse_sum(q)
+    return alpha_at(cut.texture, dot(q, cut.u) * inverse, dot(q, cut.v) * inverse) >= cut.threshold
 
 
 @helper
 def alpha_at(texture, u, v):
     """Return the alpha of a texture's picture, float64."""
-    across = wrapped(u * float(texture.width), float(texture.width), texture.wraps[0])
-    down = wrapped((1.0 - v) * float(texture.height), float(texture.height), texture.wraps[1])
+    across = wrap_texcoord(u, texture.wraps[0]) * float(texture.width)
+    down = wrap_texcoord(1.0 - v, texture.wraps[1]) * float(texture.height)
     pitch = np.int64(texture.width + 2)
     if texture.filter == FILTER_NEAREST:
         return alpha_of_texel(texture, np.int64(np.floor(across)) + 1 + (np.int64(np.floor(down)) + 1) * pitch)
@@ -109,17 +93,6 @@ def alpha_at(texture, u, v):
     above = mixed(alpha_of_texel(texture, texel), alpha_of_texel(texture, texel + 1), right)
     under = mixed(alpha_of_texel(texture, texel + pitch), alpha_of_texel(texture, texel + pitch + 1), right)
     return mixed(above, under, below)
-
-
-@helper
-def wrapped(place, n, wrap):
-    """Bring a place on a picture of n texels into 0..n; what is no number becomes 0."""
-    if wrap != WRAP_CLAMP:
-        period = 2.0 * n if wrap == WRAP_MIRROR else n
-        place -= period * np.floor(place / period)
-        place = period - place if place > n else place
-    place = place if place > 0.0 else 0.0
-    return place if place < n else n
 
 
 @helper

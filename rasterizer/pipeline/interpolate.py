@@ -16,7 +16,8 @@ from ..compiler.kernels import helper
 from .gradients import Coding
 from .records import ATTRIBUTE, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
-from .transform import HALF, SUBPIXEL
+from .setup import ExactTriangle, corner_weights
+from .transform import SUBPIXEL
 from .visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
 
 
@@ -33,19 +34,6 @@ class ScannedBand(NamedTuple):
     def uncoded(self) -> "ScannedBand":
         """Return the band for kernels that don't ask how it is coded: they are compiled once for all codings."""
         return self._replace(coding=None)
-
-
-class ExactTriangle(NamedTuple):
-    """What the weights q_i of an exact record's three corners are computed from."""
-
-    x0: int  # the first vertex and the two edges that leave it, 1/256 px
-    y0: int
-    dx1: int
-    dy1: int
-    dx2: int
-    dy2: int
-    inv_w: tuple  # at the three vertices
-    area: float  # Σ e_i: 1/w = Σ q_i / area
 
 
 # ---------------------------------------------------------------- runs of samples
@@ -144,20 +132,6 @@ def corner_vectors(records, record, attribute):
 
 
 @helper
-def corner_weights(triangle, x, y):
-    """Return the perspective weights q_i of the three corners at the sample in column x of row y; not normalised.
-
-    The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
-    """
-    sx, sy = x * SUBPIXEL + HALF, y * SUBPIXEL + HALF
-    ux, uy = sx - triangle.x0, sy - triangle.y0
-    e1 = ux * triangle.dy2 - uy * triangle.dx2
-    e2 = uy * triangle.dx1 - ux * triangle.dy1
-    e0 = (triangle.dx1 * triangle.dy2 - triangle.dx2 * triangle.dy1) - e1 - e2
-    return float(e0) * triangle.inv_w[0], float(e1) * triangle.inv_w[1], float(e2) * triangle.inv_w[2]
-
-
-@helper
 def sample_weights(triangle, first, k):
     """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (samples.py)."""
     return corner_weights(triangle, first[0] + k, first[1])
@@ -177,12 +151,6 @@ def weight_steps(triangle):
 
 
 # ---------------------------------------------------------------- means
-
-
-@helper
-def inverse_sum(q):
-    """Return 1 / Σ q_i."""
-    return 1.0 / (q[0] + q[1] + q[2])
 
 
 @helper

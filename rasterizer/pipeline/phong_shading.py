@@ -25,7 +25,6 @@ from .interpolate import (
     exact_triangle,
     has_exact,
     has_planes,
-    inverse_sum,
     mean,
     mean_vector,
     next_exact_run,
@@ -37,6 +36,7 @@ from .interpolate import (
 from .lighting import light_batch, normalize_normals, view_from_direction
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes
+from .setup import inverse_sum
 from .shade import fill_weights
 from .texcoords import S_PLANE
 from .texturing import RED, look_up_colors, put_in_metals

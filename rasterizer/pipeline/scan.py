@@ -370,8 +370,8 @@ def fill(visibility, y_start, box, k, payload, block):
 @helper
 def fill_cut_out(visibility, y_start, box, k, payload, cut_outs, block):
     """Fill the samples of triangle k of the block that are there, span by span."""
-    cut_out = cut_out_of(k, cut_outs, block)
-    fill_spans(visibility, y_start, box, surface_of(k, payload, block), None, cut_out)
+    surface = surface_of(k, payload, block)
+    fill_spans(visibility, y_start, box, surface, None, cut_out_of(k, surface.triangle, cut_outs, block))
 
 
 # ---------------------------------------------------------------- small boxes

@@ -376,3 +376,42 @@ def compute_plane_at(out, k, a0, a1, a2, block):
 def depth_rounding(k, block):
     """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see MAX_LEVERAGE."""
     return 0.5 * float(block.ints[EXTENT_X + k] + block.ints[EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING
+
+
+# ---------------------------------------------------------------- weights of the corners at a sample, without planes
+
+# With the edge functions e_i of a sample, q_i = e_i/w_i, an attribute is Σ q_i·a_i/Σ q_i (Blinn 1992, "Hyperbolic
+# interpolation").
+
+
+class ExactTriangle(NamedTuple):
+    """What the weights q_i of a triangle's three corners are computed from."""
+
+    x0: int  # the first vertex and the two edges that leave it, 1/256 px
+    y0: int
+    dx1: int
+    dy1: int
+    dx2: int
+    dy2: int
+    inv_w: tuple  # at the three vertices
+    area: float  # Σ e_i: 1/w = Σ q_i / area
+
+
+@helper
+def corner_weights(triangle, x, y):
+    """Return the perspective weights q_i of the three corners at the sample in column x of row y; not normalised.
+
+    The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
+    """
+    sx, sy = x * SUBPIXEL + HALF, y * SUBPIXEL + HALF
+    ux, uy = sx - triangle.x0, sy - triangle.y0
+    e1 = ux * triangle.dy2 - uy * triangle.dx2
+    e2 = uy * triangle.dx1 - ux * triangle.dy1
+    e0 = (triangle.dx1 * triangle.dy2 - triangle.dx2 * triangle.dy1) - e1 - e2
+    return float(e0) * triangle.inv_w[0], float(e1) * triangle.inv_w[1], float(e2) * triangle.inv_w[2]
+
+
+@helper
+def inverse_sum(q):
+    """Return 1 / Σ q_i."""
+    return 1.0 / (q[0] + q[1] + q[2])

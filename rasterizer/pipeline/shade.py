@@ -31,7 +31,6 @@ from .interpolate import (
     depth_at,
     exact_triangle,
     has_exact,
-    inverse_sum,
     mean,
     needs_decoding,
     next_exact_run,
@@ -39,6 +38,7 @@ from .interpolate import (
 )
 from .records import ATTRIBUTE, VALUES, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values
+from .setup import inverse_sum
 from .visibility import CLEAR, IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, is_exact, record_of
 
 

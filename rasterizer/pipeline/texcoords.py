@@ -24,10 +24,20 @@ import numpy as np
 from ..compiler.kernels import helper
 from ..geometry.vectors import scale
 from .fragments import BARYCENTRIC, BATCH_SIZE, INVERSE_SUM, TEXCOORD_T, TEXCOORD_U, get_vector, set_vector
-from .interpolate import corner_values, exact_triangle, inverse_sum, mean, next_exact_run, sample_weights, weight_steps
+from .interpolate import corner_values, exact_triangle, mean, next_exact_run, sample_weights, weight_steps
 from .records import ATTRIBUTE, material_of
 from .samples import skip_to
-from .textures import FILTER_TRILINEAR, ONE, REFERENCE_BITS, WRAP_CLAMP, WRAP_MIRROR, ZERO
+from .setup import inverse_sum
+from .textures import (
+    FILTER_TRILINEAR,
+    ONE,
+    REFERENCE_BITS,
+    WRAP_CLAMP,
+    WRAP_MIRROR,
+    ZERO,
+    without_repeats,
+    wrap_texcoord,
+)
 from .visibility import LANES, record_of
 
 # The batch is one flat array of float32, one quantity after the other, each for BATCH_SIZE samples, as in fragments.py.
@@ -136,33 +146,6 @@ def corner_texcoords(records, record, attribute, wraps):
     us = without_repeats(corner_values(records.reals, record, column), wraps[0])
     vs = without_repeats(corner_values(records.reals, record, column + 3), wraps[1])
     return us, (1.0 - vs[0], 1.0 - vs[1], 1.0 - vs[2])
-
-
-@helper
-def without_repeats(corners, wrap):
-    """Return texture coordinates of three corners, moved by whole periods so that the first lies within one.
-
-    Exact, where all three are of about the same size: multiples of their last bits, and not larger than they were.
-    """
-    if wrap == WRAP_CLAMP:
-        return corners
-    period = 2.0 if wrap == WRAP_MIRROR else 1.0
-    start = period * np.floor(corners[0] / period)
-    return corners[0] - start, corners[1] - start, corners[2] - start
-
-
-@helper
-def wrap_texcoord(x, wrap):
-    """Return the fraction of the picture, 0..1, that stands for any texture coordinate along an axis, from the left or
-    from the top; 0 for what is infinite or no number."""
-    if wrap == WRAP_CLAMP:
-        wrapped = min(max(x, 0.0), 1.0)
-    elif wrap == WRAP_MIRROR:
-        x = x - 2.0 * np.floor(0.5 * x)
-        wrapped = min(x, 2.0 - x)
-    else:
-        wrapped = x - np.floor(x)
-    return wrapped if (wrapped >= 0.0) & (wrapped <= 1.0) else 0.0
 
 
 @helper

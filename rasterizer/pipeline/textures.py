@@ -171,6 +171,36 @@ def halve_texels(rows, out):
                 target[texel + k] = np.float32((of_left + of_right) * 0.25)
 
 
+# ---------------------------------------------------------------- texture coordinates within the picture
+
+
+@helper
+def without_repeats(corners, wrap):
+    """Return texture coordinates of three corners, moved by whole periods so that the first lies within one.
+
+    Exact, where all three are of about the same size: multiples of their last bits, and not larger than they were.
+    """
+    if wrap == WRAP_CLAMP:
+        return corners
+    period = 2.0 if wrap == WRAP_MIRROR else 1.0
+    start = period * np.floor(corners[0] / period)
+    return corners[0] - start, corners[1] - start, corners[2] - start
+
+
+@helper
+def wrap_texcoord(x, wrap):
+    """Return the fraction of the picture, 0..1, that stands for any texture coordinate along an axis, from the left or
+    from the top; 0 for what is infinite or no number."""
+    if wrap == WRAP_CLAMP:
+        wrapped = min(max(x, 0.0), 1.0)
+    elif wrap == WRAP_MIRROR:
+        x = x - 2.0 * np.floor(0.5 * x)
+        wrapped = min(x, 2.0 - x)
+    else:
+        wrapped = x - np.floor(x)
+    return wrapped if (wrapped >= 0.0) & (wrapped <= 1.0) else 0.0
+
+
 # ---------------------------------------------------------------- where a mip level begins
 
 ONE, ZERO = np.int32(1), np.int32(0)
