@@ -53,6 +53,7 @@ class SceneTables:
     reflected_lights : the lights that some material reflects something of
     has_shadows : some of these cast shadows
     is_opaque : nothing shows through anything
+    has_cut_outs : some material has an `alpha_cutoff`
     has_texture, has_vertex_colors, has_hues : (n_material,) bool: it has a texture; it is one of meshes with colours;
         some of these aren't grey
     n_texcoord : texture coordinates of a point
@@ -103,10 +104,11 @@ class SceneTables:
     def _read_surfaces(self) -> None:
         """Find out what materials need, how large meshes are, and what colours textures and meshes bring."""
         n_material, products, boxes, largest = len(self.materials), self.products, [], 1.0
-        self.is_opaque, self.max_texel, self.n_texcoord = True, 1.0, 2
+        self.is_opaque, self.has_cut_outs, self.max_texel, self.n_texcoord = True, False, 1.0, 2
         self.has_texture, self.has_vertex_colors, self.has_hues, is_reflecting = np.zeros((4, n_material), np.bool_)
         for k, material in enumerate(self.materials):
             self.is_opaque &= material.is_opaque
+            self.has_cut_outs |= material.is_cut_out
             is_reflecting[k] = any(material.diffuse) or any(material.specular)
             self.has_texture[k] = material.texture is not None
         if self.has_texture.any():

@@ -194,6 +194,8 @@ def make_cut_outs(plan: Plan, geometry: Geometry, depths: DepthScale, min_opacit
     ----------
     min_opacity : what has less isn't there, either
     """
+    if min_opacity == 0.0 and not plan.tables.has_cut_outs:
+        return None
     thresholds = np.zeros(len(plan.tables.materials))
     for k, material in enumerate(plan.tables.materials):
         least = max(min_opacity, material.alpha_cutoff or 0.0)
