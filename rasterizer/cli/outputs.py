@@ -234,9 +234,10 @@ def _check_places(targets, models, request) -> None:
             folder = os.path.dirname(folder)
         if not os.path.isdir(folder):
             raise OutputError(f"can't write {target.output}: {folder} is no folder")
-        if read.get(identity) in models:  # a picture in the place of a model: that no model is read from it says more
-            formats.format_of(read[identity], request.look.format)
-        refuse_inputs([target.output], read)
+        if identity in read:
+            if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
+                formats.format_of(read[identity], request.look.format)
+            refuse_inputs([target.output], read)
 
 
 # --- pictures and arrays ----------------------------------------------------------------------------------------------
