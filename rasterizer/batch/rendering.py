@@ -15,7 +15,7 @@ from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io.camera_file import viewpoint_of
-from ..io.files import identity_of, make_folder_of, refuse_inputs, write_all
+from ..io.files import identity_of, refuse_inputs, write_outputs
 from ..io.loader import SceneFile, read_source
 from ..keywords import checked_keywords
 from ..options import Options
@@ -361,10 +361,7 @@ class Batch:
         while len(self._inputs) > _MAX_KNOWN:
             self._inputs.popitem(last=False)
         try:
-            refuse_inputs(paths, self._inputs)
-            for output in paths:
-                make_folder_of(output)
-            write_all(drawn.contents)
+            write_outputs(drawn.contents, self._inputs)
             if self._manifest is not None:
                 files = item.task.named_files(drawn.options or item.options)
                 self._manifest.add(item.number, files, _said_of(item.task, files) | (drawn.said or {}))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from ..choices import ARRAY_SUFFIXES
 from ..errors import OutputError, SceneError
 from ..io import formats
-from ..io.files import identity_of, make_folder_of, refuse_inputs, write_all
+from ..io.files import identity_of, refuse_inputs, write_outputs
 from .messages import STDIO, write_stdout
 from .models import list_models
 from .request import seed_of, suffix_of
@@ -355,7 +355,4 @@ class Outputs:
         while self.files_read:
             path = self.files_read.pop()
             self._inputs[identity_of(path)] = path
-        refuse_inputs(contents, self._inputs)
-        for output in contents:
-            make_folder_of(output)
-        write_all(contents)
+        write_outputs(contents, self._inputs)

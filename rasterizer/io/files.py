@@ -291,6 +291,15 @@ def refuse_inputs(outputs: Iterable[str], inputs: Mapping[tuple[int, int] | None
             raise OutputError(f"can't write {output}: it is {inputs[identity]}, which is read; give another name")
 
 
+def write_outputs(contents: Mapping[str, bytes], inputs: Mapping[tuple[int, int] | None, str]) -> None:
+    """Write the files of a picture as `write_all` does, and make their folders; what `refuse_inputs` refuses isn't
+    written."""
+    refuse_inputs(contents, inputs)
+    for output in contents:
+        make_folder_of(output)
+    write_all(contents)
+
+
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
