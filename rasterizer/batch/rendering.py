@@ -279,22 +279,17 @@ class Batch:
         if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
                 return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs))
-        if path is not None:
-            refuse_inputs(outputs, {identity_of(path): path})
-        if path is not None and not self._pool.is_here:
-            path = os.path.abspath(path)
-        return Item(index, task, options, path, None if path is not None else self._share(task.source, task.loading))
+        if path is None:
+            return Item(index, task, options, None, self._share(task.source, task.loading))
+        refuse_inputs(outputs, {identity_of(path): path})
+        return Item(index, task, options, path if self._pool.is_here else os.path.abspath(path), None)
 
     def _share(self, source: Any, settings: Mapping[str, Any]) -> SharedObject:
         """Return a model that is an object as what is sent once; one that may change is copied, by loading it."""
-        is_frozen = isinstance(source, (Scene, SceneFile, Mesh, bytes))
-        shared = self._objects.get(id(source)) if is_frozen else None
-        if shared is None:
-            shared = SharedObject(source if is_frozen else read_source(source, **settings))
-            if is_frozen:
-                self._objects[id(source)] = shared
-        if is_frozen:
-            self._objects.move_to_end(id(source))
+        if not isinstance(source, (Scene, SceneFile, Mesh, bytes)):
+            return SharedObject(read_source(source, **settings))
+        shared = self._objects.setdefault(id(source), SharedObject(source))
+        self._objects.move_to_end(id(source))
         if len(self._objects) > _MAX_OBJECTS:
             self._objects.popitem(last=False)
         return shared
