@@ -79,8 +79,8 @@ class Manifest:
         except OSError as fault:
             raise OutputError(f"can't write {self._partial}: {fault.strerror or fault}") from fault
 
-    def finish(self) -> bool:
-        """Put the lines in order; return whether there are any, raises OutputError."""
+    def finish(self) -> None:
+        """Put the lines in order, if there are any; raises OutputError."""
         found = []
         for _, (start, length) in sorted(self._places.items()):
             self._stream.seek(start)
@@ -89,7 +89,6 @@ class Manifest:
             write_whole(self.path, b"".join(found))
         self.close()
         os.unlink(self._partial)
-        return bool(found)
 
     def close(self) -> None:
         """Close the partial file, which stays."""
