@@ -93,15 +93,7 @@ def _describe(model, look, messages) -> dict:
     source = source_of(model, look.format)
     said, files_read = [], []
     with noted_warnings() as texts:
-        scene = load(
-            source,
-            format=look.format,
-            drop_bad_faces=look.drop_bad_faces,
-            camera="file",
-            allow_outside=look.allow_outside,
-            log=said.append,
-            files_read=files_read,
-        )
+        scene = load(source, camera="file", **look.reading, log=said.append, files_read=files_read)
     for text in said:
         messages.detail(text)
     entry = formats.format_of(model, look.format)
