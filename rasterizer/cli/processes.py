@@ -66,7 +66,7 @@ def draw_in_processes(
     results = Results(messages, sum(map(len, plan)), is_told=not request.is_json)
     failures, summary = Failures(messages, request.is_json), RenderSummary()
     told: dict[str, dict[str, Exception]] = {shot.source: {} for shot in shots}  # by the model and the text
-    draw = partial(draw_shots, draw, request)
+    draw = partial(draw_shots, draw, replace(request, models=(), views=()))  # a shot has its own of both
     with compilation_shown(messages), Batch(iter(shots), pool, existing, manifest, draw) as batch:
         try:
             for record in batch:
