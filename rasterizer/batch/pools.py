@@ -297,9 +297,7 @@ class LocalPool(Pool):
             message = pickle.dumps((job.function, job.argument), protocol=pickle.HIGHEST_PROTOCOL)
             path = None if job.shared is None else self._share(job.shared)
         except Exception as fault:  # noqa: BLE001  whatever an object does that is pickled
-            future: Future = Future()
-            future.set_exception(fault)
-            return future
+            return _failed(fault)
         try:
             return self.executor.submit(work, message, path)
         except BrokenExecutor:
@@ -307,9 +305,7 @@ class LocalPool(Pool):
         try:
             return self.executor.submit(work, message, path)
         except BrokenExecutor as fault:  # the new processes have ended, too: `wait` says what that means
-            ended: Future = Future()
-            ended.set_exception(fault)
-            return ended
+            return _failed(fault)
 
     def _start(self, n: int) -> None:
         self._n_failed = self._n_failed + 1 if self._has_failed() else 0
@@ -370,6 +366,13 @@ class LocalPool(Pool):
         if self._folder:
             remove_folder(self._folder)
             self._folder = ""
+
+
+def _failed(fault: Exception) -> Future:
+    """Return the future of a job that could not be sent."""
+    future: Future = Future()
+    future.set_exception(fault)
+    return future
 
 
 def has_kernels() -> bool:
