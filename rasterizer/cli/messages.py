@@ -72,6 +72,11 @@ class Messages:
 
             traceback.print_exception(error, file=sys.stderr)
 
+    def fault(self, failure, error) -> None:
+        """Show where an error happened if its failure, as `failure_of` returns it, is a fault of the program's own."""
+        if getattr(failure, "is_internal", False):
+            self.traceback(failure.__cause__ or error)
+
     def say(self, text) -> None:
         """Say a line, whatever the level."""
         if sys.stderr is not None:  # None where the process was started without one
@@ -95,6 +100,12 @@ def _line_of(text) -> str:
 
 
 # --- what failed, and what is done ------------------------------------------------------------------------------------
+
+
+def failure_of(model: str, size, error: Exception) -> Exception:
+    """Return what is said of whatever went wrong at a model; `size` is that of its picture, or None."""
+    at = f" at {size}" if size is not None and isinstance(error, MemoryError) else ""
+    return error_of(f"{model}{at}", error)
 
 
 class Failures(list):
@@ -125,12 +136,10 @@ class Failures(list):
         except BrokenPipeError:
             raise
         except Exception as error:  # noqa: BLE001  whatever it is, one model that fails does not stop the rest
-            at = f" at {size}" if size is not None and isinstance(error, MemoryError) else ""
-            failure = error_of(f"{model}{at}", error)
+            failure = failure_of(model, size, error)
             self.append(failure)
             self.tell(model, failure, is_stdout_taken)
-            if getattr(failure, "is_internal", False):
-                self._messages.traceback(error.__cause__ if failure is error and error.__cause__ else error)
+            self._messages.fault(failure, error)
 
     def tell(self, model: str, failure: Exception, is_stdout_taken: bool = False) -> None:
         """Say what went wrong at a model."""

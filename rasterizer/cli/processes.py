@@ -18,10 +18,10 @@ from ..batch.rendering import Batch
 from ..batch.tasks import RenderSummary, RenderTask
 from ..choices import RANDOM
 from ..compiler.kernels import noticing_compilation
-from ..errors import RasterizerError, error_of
+from ..errors import RasterizerError
 from ..options import Options
 from .drawing import make_renderer
-from .messages import STDIO, Failures, Messages, Results, compilation_shown
+from .messages import STDIO, Failures, Messages, Results, compilation_shown, failure_of
 from .models import Loaded, load_scene
 from .outputs import Target, by_view
 from .request import seed_of
@@ -152,10 +152,8 @@ def draw_shots(draw, request, run: Run, shared, kept) -> list[Drawn] | None:
                     frame = draw(shot.targets, made[0], loaded, request, messages, output, start)
                     said = made[1].annotate(frame) if run.is_annotated else None
                 except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
-                    at = f" at {request.options.size}" if isinstance(fault, MemoryError) else ""
-                    error = error_of(f"{run.name}{at}", fault)
-                    if getattr(error, "is_internal", False):
-                        messages.traceback(error.__cause__ or fault)
+                    error = failure_of(run.name, request.options.size, fault)
+                    messages.fault(error, fault)
                     error = error.with_traceback(None)
             of_model = ((), None) if loaded is None else (tuple(files_read), loaded.request.options)
             contents = {} if error else output.contents
