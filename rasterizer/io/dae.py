@@ -29,9 +29,9 @@ from .model_file import (
     check_indices,
     cut_faces,
     make_opaque,
+    mend_unused,
     name_in,
     within_1,
-    without_unused,
 )
 from .other_formats import Graph, Pictures, beside, check_tree, member_of, unpacked
 
@@ -219,7 +219,7 @@ class _Reader:
             parts += [part] if len(part["faces"]) else []
         for vertices in {id(part["vertices"]): part["vertices"] for part in parts}.values():
             own = [part for part in parts if part["vertices"] is vertices]
-            vertices = without_unused(self._model, vertices, np.concatenate([part["faces"] for part in own]))
+            vertices = mend_unused(self._model, vertices, np.concatenate([part["faces"] for part in own]))
             for part in own:
                 used, faces = np.unique(part["faces"], return_inverse=True)
                 part["vertices"], part["faces"] = vertices[used].astype(np.float64), faces.reshape(-1, 3)

@@ -43,10 +43,10 @@ from .model_file import (
     Report,
     bytes_of_copy,
     materials_of,
+    mend_unused,
     name_in,
     within_1,
     without_none,
-    without_unused,
 )
 
 if TYPE_CHECKING:
@@ -470,7 +470,7 @@ def _mend(model, part: Part) -> None:
     vertices, faces = part["vertices"], part["faces"]
     if faces.max() >= len(vertices) or faces.min() < 0:
         return  # Mesh refuses it
-    part["vertices"] = without_unused(model, vertices, faces)
+    part["vertices"] = mend_unused(model, vertices, faces)
     if "uv" in part and not (is_fine := np.isfinite(part["uv"])).all():
         model.mend("texture coordinate", "not finite: taken as 0", (~is_fine.all(axis=-1)).sum())
         part["uv"] = np.where(is_fine, part["uv"], 0.0)

@@ -14,9 +14,9 @@ import numpy as np
 
 from ..errors import ModelError, counted, cut, warn_caller
 from ..scene.material import WHITE, Material
+from ..scene.mesh_arrays import without_unused
 from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
-from ..scene.validate import COORDINATE_LIMIT
 from .files import Folder, LongFile
 
 MAX_MESSAGE = 250  # letters of a message, beside the file's name
@@ -184,15 +184,12 @@ def within_1(model, colors: np.ndarray, noun: str = "colour") -> np.ndarray:
     return colors
 
 
-def without_unused(model, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return vertices (n, 3) of which those that no face uses are finite."""
-    vertices = np.asarray(vertices, np.float64)
-    if np.abs(vertices).max(initial=0.0) <= COORDINATE_LIMIT:
-        return vertices
-    is_bad = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
-    is_bad[faces] = False
-    model.mend("vertex", "used by no face, not finite: left out", is_bad.sum())
-    return np.where(is_bad[:, None], vertices[faces[0, 0]], vertices)
+def mend_unused(model, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return vertices (n, 3) of which those that no face uses are finite; others are counted."""
+    vertices, n_bad = without_unused(np.asarray(vertices, np.float64), faces)
+    if n_bad:
+        model.mend("vertex", "used by no face, not finite: left out", n_bad)
+    return vertices
 
 
 SCALED_AWAY = "node", "of scale 0: left out"

@@ -32,10 +32,10 @@ from .model_file import (
     Part,
     bytes_of,
     cut_faces,
+    mend_unused,
     name_in,
     report_progress,
     text_of,
-    without_unused,
 )
 from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
@@ -97,7 +97,7 @@ def _read_parts(model, lines) -> list[Part]:
 
     cut = cut_faces(model, points[:, :3], corners.v, corners.counts, place)
     whole = _make_part(model, lines, points, corners, cut)
-    without_unused(model, points[:, :3], whole["faces"])  # counts them; parts have those alone that they use
+    mend_unused(model, points[:, :3], whole["faces"])  # counts them; parts have those alone that they use
     face_lines = cut.of_polygons(corners.lines)
     material_begins, names = _in_force(lines, "usemtl", face_lines)
     object_begins, objects = _in_force(lines, "o", face_lines)

@@ -28,11 +28,10 @@ from .arrays import plain_array
 from .camera import Camera
 from .lights import Light
 from .material import Material
-from .mesh_arrays import checked_vertices, has_any_area, triangulate
+from .mesh_arrays import checked_vertices, has_any_area, triangulate, without_unused
 from .of_gltf import camera_of, emission_of, light_of, lit_fields
 from .of_mtl import COLORS, NUMBERS, Doubts, material_of, value_of
 from .texture import Texture
-from .validate import COORDINATE_LIMIT
 
 _NOT_GIVEN = [102, 102, 102]  # what trimesh has for it
 _LIGHT_NOT_GIVEN = [60, 60, 60]
@@ -77,7 +76,7 @@ class Foreign:
         """Add a mesh, of whose arguments those count that are not None."""
         vertices = checked_vertices(vertices)
         faces, cut_from = triangulate(faces, vertices)
-        part = {"vertices": self._mended(vertices, faces), "faces": faces}
+        part = {"vertices": without_unused(vertices, faces)[0], "faces": faces}
         part |= {key: value for key, value in others.items() if value is not None and (key != "name" or value)}
         for key in ("colors", "face_colors"):
             if key in part and part[key].shape[-1] == 4:
@@ -101,12 +100,6 @@ class Foreign:
             self.leave_out("a node of scale 0")
             return
         self.parts.append((part, matrix))
-
-    def _mended(self, vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[Any]:
-        """Return vertices of which those that no face uses are finite."""
-        is_bad: Any = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
-        is_bad[faces] = False
-        return np.where(is_bad[:, None], vertices[faces[0, 0]], vertices) if is_bad.any() else vertices
 
     def _without_textures(self, material: Any) -> Any:
         """Return materials that a mesh without texture coordinates can have."""

@@ -125,6 +125,15 @@ def _has_bad(array: NDArray, limit: float = _LARGEST) -> bool:
     return array.size > 0 and not (array.min() >= -limit and array.max() <= limit)
 
 
+def without_unused(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> tuple[NDArray[np.float64], int]:
+    """Return vertices (n, 3) of which those that no face uses are finite, and how many of these were not."""
+    if not _has_bad(vertices, COORDINATE_LIMIT):
+        return vertices, 0
+    is_bad: Any = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
+    is_bad[faces] = False
+    return np.where(is_bad[:, None], vertices[faces[0, 0]], vertices), int(is_bad.sum())
+
+
 def without_bad_vertices(
     vertices: NDArray[np.float64], faces: NDArray[np.uint32], polygons: NDArray[np.int32] | None, drop_bad_faces: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_] | None]:
