@@ -33,6 +33,7 @@ from ..scene.of_gltf import (
     light_of,
     lit_fields,
     numbers_of,
+    opacity_fields,
     unlit_fields,
 )
 from ..scene.texture import Texture, decode_ahead, least_of, read_picture
@@ -671,13 +672,7 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise pictures.model.error(f"alphaMode must be OPAQUE, MASK or BLEND; given {mode!r}")
     texture = None if use is None else pictures.texture(use["index"], mode == "OPAQUE")
-    common = {
-        "opacity": 1.0 if mode == "OPAQUE" else alpha,
-        "texture": texture,
-        "name": name_in(source.get("name", "")),
-    }
-    if mode == "MASK":  # a cutoff above 1 leaves nothing
-        common |= {"alpha_cutoff": min(cutoff, 1.0), "opacity": alpha if cutoff <= 1.0 else 0.0}
+    common = opacity_fields(mode, alpha, cutoff) | {"texture": texture, "name": name_in(source.get("name", ""))}
     place = () if texture is None else _placement(use)
     base = (red, green, blue)
     if UNLIT in source.get("extensions", {}):  # it shows its base color whatever the light

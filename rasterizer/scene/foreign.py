@@ -29,7 +29,7 @@ from .camera import Camera
 from .lights import Light
 from .material import Material
 from .mesh_arrays import checked_vertices, has_any_area, triangulate, without_unused
-from .of_gltf import camera_of, emission_of, light_of, lit_fields
+from .of_gltf import camera_of, emission_of, light_of, lit_fields, opacity_fields
 from .of_mtl import COLORS, NUMBERS, Doubts, material_of, value_of
 from .texture import Texture
 
@@ -122,10 +122,7 @@ class Foreign:
     def metallic(self, source: "Surface", has_colors: bool) -> Material:
         """Return a material of metal and roughness, as glTF has them."""
         (red, green, blue, alpha), mode = source.base, source.alpha_mode or "OPAQUE"
-        common: dict[str, Any] = {"opacity": 1.0 if mode == "OPAQUE" else alpha}
-        if mode == "MASK":
-            cutoff = 0.5 if source.alpha_cutoff is None else float(source.alpha_cutoff)
-            common |= {"alpha_cutoff": min(cutoff, 1.0), "opacity": alpha if cutoff <= 1.0 else 0.0}
+        common = opacity_fields(mode, alpha, 0.5 if source.alpha_cutoff is None else source.alpha_cutoff)
         texture = None
         if source.image is not None:
             texture = self.texture(source.image, _opaque if mode == "OPAQUE" else Texture)

@@ -63,6 +63,14 @@ def emission_of(source: dict[str, Any]) -> tuple[float, ...]:
     return tuple(strength * value for value in numbers_of(source.get("emissiveFactor", BLACK), 3))
 
 
+def opacity_fields(mode: str, alpha: float, cutoff: Any) -> dict[str, Any]:
+    """Return the fields of Material that `alphaMode`, the alpha of the base color and `alphaCutoff` say."""
+    if mode != "MASK":
+        return {"opacity": 1.0 if mode == "OPAQUE" else alpha}
+    cutoff = float(cutoff)  # above 1 it leaves nothing
+    return {"alpha_cutoff": min(cutoff, 1.0), "opacity": alpha if cutoff <= 1.0 else 0.0}
+
+
 def unlit_fields(base: Any, is_multiplied: bool) -> dict[str, Any]:
     """Return the fields of Material of an unlit surface.
 
