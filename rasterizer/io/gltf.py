@@ -556,7 +556,7 @@ class Pictures:
         if key not in self._textures:
             pixels = self._read(image)
             if pixels is not None and is_opaque:
-                pixels = _with_alphas(pixels, np.full(256, 255, np.uint8))
+                pixels = _opaque(pixels)
             self._textures[key] = None if pixels is None else self._sampled(pixels, sampling, image)
         return self._textures[key]
 
@@ -772,18 +772,13 @@ def textures_of(source: dict) -> list[dict]:
     return [use for use in uses if use is not None]
 
 
-def _with_alphas(pixels, alphas) -> np.ndarray:
-    """Return pixels, (h, w) or (h, w, 1..4), with what a table (256,) says of each alpha in its place; those without
-    alpha have 255."""
+def _opaque(pixels) -> np.ndarray:
+    """Return pixels, (h, w) or (h, w, 1..4), of whose alphas, if they have any, all are 255."""
     pixels = pixels.reshape(*pixels.shape[:2], -1)
-    if pixels.shape[2] in (1, 3):
-        if alphas[255] == 255:
-            return pixels
-        return np.concatenate([pixels, np.broadcast_to(alphas[255], (*pixels.shape[:2], 1))], axis=2)
-    if alphas[255] == 255 and least_of(pixels)[-1] == 255:
+    if pixels.shape[2] in (1, 3) or least_of(pixels)[-1] == 255:
         return pixels
     pixels = pixels.copy()
-    pixels[..., -1] = 255 if alphas.min() == 255 else alphas[pixels[..., -1]]
+    pixels[..., -1] = 255
     return fixed(pixels)
 
 
