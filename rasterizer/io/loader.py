@@ -443,13 +443,8 @@ def _without_useless_textures(model, part: Part) -> Part:
     what = f"mesh '{cut(part['name'], 80)}' has no texture coordinates"
     model.warn(f"{what}; it is drawn without the texture of its material {names}")
     if "materials" in part:
-        return {**part, "materials": tuple(_without_textures(material) for material in part["materials"])}
-    return {**part, "material": _without_textures(part["material"])}
-
-
-def _without_textures(material):
-    """Return a material without its texture, and with the means of what a texture says of metal and roughness."""
-    return replace(material.with_means(), texture=None)
+        return {**part, "materials": tuple(material.without_textures() for material in part["materials"])}
+    return {**part, "material": part["material"].without_textures()}
 
 
 def _is_worth_drawing(part: Part, drop_bad_faces) -> bool:

@@ -103,14 +103,12 @@ class Foreign:
 
     def _without_textures(self, material: Any) -> Any:
         """Return materials that a mesh without texture coordinates can have."""
-        from dataclasses import replace
-
         if isinstance(material, tuple):
             return tuple(map(self._without_textures, material))
         if material.texture is None:
             return material
         self.leave_out("a texture, for want of texture coordinates")
-        return replace(material.with_means(), texture=None)
+        return material.without_textures()
 
     def texture(self, image: Any, make: Callable[[Any], Texture]) -> Texture:
         """Return the texture that is made of an image, each once."""

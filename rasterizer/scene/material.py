@@ -259,6 +259,11 @@ class Material:
         roughness: Any = self.roughness if isinstance(self.roughness, tuple) else max(self.roughness * green**2, least)
         return replace(self, metallic_roughness=None, metallic=self.metallic * blue, roughness=roughness)
 
+    def without_textures(self) -> "Material":
+        """Return the same for a mesh without texture coordinates: with the means of `metallic_roughness` in its place,
+        and nothing in that of `texture`."""
+        return replace(self.with_means(), texture=None)
+
     @classmethod
     def named(cls, name: str, /, **changes: Any) -> "Material":
         """Return one of the materials of the classic table: "gold", "jade", "red plastic", ...
