@@ -72,8 +72,8 @@ class Foreign:
         if self._left_out:
             warn_caller(f"not drawn of the mesh given: {', '.join(self._left_out)}")
 
-    def part(self, vertices: Any, faces: Any, matrix: Any = None, **others: Any) -> None:
-        """Add a mesh, of whose arguments those count that are not None."""
+    def part(self, vertices: Any, faces: Any, **others: Any) -> dict[str, Any]:
+        """Return the arguments of a Mesh, of which those count that are not None."""
         vertices = checked_vertices(vertices)
         faces, cut_from = triangulate(faces, vertices)
         part = {"vertices": without_unused(vertices, faces)[0], "faces": faces}
@@ -96,7 +96,11 @@ class Foreign:
             for key, value in part.items():
                 if key in ("material", "materials"):
                     part[key] = self._without_textures(value)
-        if matrix is not None and not has_any_area(vertices @ matrix[:3, :3].T, faces):
+        return part
+
+    def place(self, part: dict[str, Any], matrix: Any = None) -> None:
+        """Add what `part` has returned, also once more, at a place."""
+        if matrix is not None and not has_any_area(part["vertices"] @ matrix[:3, :3].T, part["faces"]):
             self.leave_out("a node of scale 0")
             return
         self.parts.append((part, matrix))
@@ -206,16 +210,23 @@ def _colors_of_bytes(colors: Any) -> NDArray[np.uint8]:
 
 
 def _read_trimesh_scene(found: Foreign, scene: Any) -> None:
+    parts: dict[Any, dict[str, Any]] = {}  # each is made once, however many nodes show it
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
         geometry = scene.geometry[name]
-        if len(getattr(geometry, "faces", ())):
-            _read_trimesh(found, geometry, str(name), matrix)
-        else:
+        if not len(getattr(geometry, "faces", ())):
             found.leave_out(f"the {type(geometry).__name__} '{str(name)[:40]}'")
+            continue
+        if name not in parts:
+            parts[name] = _trimesh_part(found, geometry, str(name))
+        found.place(parts[name], matrix)
 
 
-def _read_trimesh(found: Foreign, mesh: Any, name: str = "", matrix: Any = None) -> None:
+def _read_trimesh(found: Foreign, mesh: Any) -> None:
+    found.place(_trimesh_part(found, mesh))
+
+
+def _trimesh_part(found: Foreign, mesh: Any, name: str = "") -> dict[str, Any]:
     visual: Any = getattr(mesh, "visual", None)
     kind, n_vertex = getattr(visual, "kind", None), len(mesh.vertices)
     others: dict[str, Any] = {"normals": _given_normals(mesh)}
@@ -236,7 +247,7 @@ def _read_trimesh(found: Foreign, mesh: Any, name: str = "", matrix: Any = None)
         else:
             others["material"] = made[0]
     name = name or (getattr(mesh, "metadata", None) or {}).get("name") or ""
-    found.part(mesh.vertices, mesh.faces, matrix, name=name if isinstance(name, str) else "", **others)
+    return found.part(mesh.vertices, mesh.faces, name=name if isinstance(name, str) else "", **others)
 
 
 def _given_normals(mesh: Any) -> Any:
@@ -353,7 +364,7 @@ def _read_open3d(found: Foreign, mesh: Any, material: Material | None = None, na
         else:
             others["material"] = made[0]
     if len(faces):
-        found.part(vertices, faces, **others)
+        found.place(found.part(vertices, faces, **others))
 
 
 def _read_open3d_model(found: Foreign, model: Any) -> None:
@@ -390,7 +401,7 @@ def _read_open3d_tensor(found: Foreign, mesh: Any) -> None:
         mode = "BLEND" if base[3] < 1.0 else None
         surface = Surface(base, image, metallic, roughness, alpha_mode=mode)
         material = found.metallic(surface, colors is not None)
-    found.part(
+    part = found.part(
         vertex["positions"],
         triangle["indices"],
         normals=vertex.get("normals"),
@@ -398,6 +409,7 @@ def _read_open3d_tensor(found: Foreign, mesh: Any) -> None:
         uv=uv,
         material=material,
     )
+    found.place(part)
 
 
 # --- VTK and PyVista --------------------------------------------------------------------------------------------------
@@ -450,7 +462,7 @@ def _read_vtk(found: Foreign, mesh: Any, name: str = "") -> None:
             others[key] = vtk_to_numpy(found_colors)[n_before if key == "face_colors" else 0 :]
         elif active is not None:
             found.leave_out(f"the active scalars '{active.GetName()}': no colormap is applied")
-    found.part(vtk_to_numpy(mesh.GetPoints().GetData()), faces, **others)
+    found.place(found.part(vtk_to_numpy(mesh.GetPoints().GetData()), faces, **others))
 
 
 def _holds_colors(array: Any) -> bool:
@@ -479,7 +491,7 @@ def _read_meshio(found: Foreign, mesh: Any) -> None:
     data, cell_data = mesh.point_data, {}
     for key, columns in mesh.cell_data.items():
         cell_data[key] = np.concatenate([np.asarray(columns[k]) for k, _ in blocks])
-    found.part(
+    part = found.part(
         mesh.points[:, :3] if mesh.points.shape[1] > 2 else np.pad(mesh.points, ((0, 0), (0, 1))),
         faces,
         normals=_columns(data, ("nx", "ny", "nz"), "obj:vn"),
@@ -487,6 +499,7 @@ def _read_meshio(found: Foreign, mesh: Any) -> None:
         colors=_meshio_colors(data),
         face_colors=_meshio_colors(cell_data),
     )
+    found.place(part)
 
 
 def _meshio_colors(data: Any) -> Any:

@@ -464,7 +464,7 @@ def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
         elif is_foreign(each):
             n_before = len(found.parts)
             found.add(each)
-            meshes += [_foreign_mesh(part, matrix, settings) for part, matrix in found.parts[n_before:]]
+            meshes += _foreign_meshes(found.parts[n_before:], settings)
         elif isinstance(each, (tuple, list)) and len(each) == 2:
             meshes.append(Mesh(each[0], each[1], **settings))
         else:
@@ -488,15 +488,20 @@ def is_one_mesh(source: object) -> bool:
     return np.ndim(points) == 2 or (hasattr(points, "__dlpack__") and not hasattr(points, "ndim"))
 
 
-def _foreign_mesh(part: dict[str, Any], matrix: Any, settings: dict[str, Any]) -> Mesh:
-    """Make a mesh of another library's, at its place; vertices at one position are joined where normals are averaged,
-    as the readers of files do."""
+def _foreign_meshes(parts: list[tuple[dict[str, Any], Any]], settings: dict[str, Any]) -> list[Mesh]:
+    """Make the meshes of another library's, each once, and move them to their places; vertices at one position are
+    joined where normals are averaged, as the readers of files do."""
     from ..geometry.weld import weld
 
-    if "normals" not in part or settings.get("crease_angle") is not None:
-        part = weld(part)
-    mesh = Mesh(**part | settings)
-    return mesh if matrix is None or np.array_equal(matrix, np.eye(4)) else mesh.transformed(matrix)
+    made: dict[int, Mesh] = {}
+    meshes = []
+    for part, matrix in parts:
+        if id(part) not in made:
+            is_averaged = "normals" not in part or settings.get("crease_angle") is not None
+            made[id(part)] = Mesh(**(weld(part) if is_averaged else part) | settings)
+        mesh = made[id(part)]
+        meshes.append(mesh if matrix is None or np.array_equal(matrix, np.eye(4)) else mesh.transformed(matrix))
+    return meshes
 
 
 def _no_mesh(source: Any) -> ModelError:
