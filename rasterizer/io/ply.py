@@ -197,13 +197,14 @@ def _colors(model, table, element) -> np.ndarray | None:
         types = {each.name: each.type for each in element.properties}
         dtype = types[names[0]]
         most = 255 if dtype == "u1" else colors[:, :3].max(initial=0)
-        if dtype[0] == "f" or most <= 255:
-            white = None if dtype[0] == "f" else 255.0
-            if dtype[0] != "f" and most <= 1:
-                white = 1.0
-                model.mend("colour", "of whole numbers up to 1: taken as 0..1", len(colors))
-        else:
-            white = np.iinfo(dtype).max if dtype[0] == "u" else 255.0
+        white = 255.0
+        if dtype[0] == "f":
+            white = None
+        elif most <= 1:
+            white = 1.0
+            model.mend("colour", "of whole numbers up to 1: taken as 0..1", len(colors))
+        elif most > 255 and dtype[0] == "u":
+            white = np.iinfo(dtype).max
         return bytes_of(model, colors, white)
     return None
 
