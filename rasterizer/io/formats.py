@@ -175,7 +175,9 @@ FORMATS = {
 }
 
 
-_BY = {"3mf": "lib3mf or trimesh", "dae": "pycollada", "zae": "pycollada"}
+_BY = {  # whose package reads a format, where it is not our own
+    "3mf": "lib3mf or trimesh", "dae": "pycollada", "zae": "pycollada", "3dxml": "trimesh", "xaml": "trimesh",
+}  # fmt: skip
 
 
 def formats() -> list[dict[str, Any]]:
@@ -188,14 +190,13 @@ def formats() -> list[dict[str, Any]]:
     """
     found = []
     for entry in FORMATS.values():
-        own = "rasterizer" if not entry.reader.startswith("rasterizer.io.other_formats:") else "trimesh"
         missing = entry.missing
         found.append(
             {
                 "name": entry.name,
                 "suffixes": [f".{entry.name}"],
                 "reads": "scene" if entry.is_scene else "model",
-                "by": _BY.get(entry.name, own),
+                "by": _BY.get(entry.name, "rasterizer"),
                 "needs": list(missing),
                 "is_readable": not missing,
             }
