@@ -199,8 +199,7 @@ def read_source(
         if changes := mesh_settings.arguments():
             settings["meshes"] = meshes_from(source.meshes, changes)
         return SceneFile(replace(source, **settings) if settings else source)
-    is_file = hasattr(source, "read") and not is_one_mesh(source)  # a meshio.Mesh has a function of that name
-    if not (isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or is_file):
+    if not _is_file(source):
         lights, camera = lights_and_camera(source)
         own = {"lights": lights, "camera": camera if is_own_camera else None, "up": _up_of(source)}
         return SceneFile(Scene(meshes_from(source, mesh_settings.arguments()), **without_none(own) | settings))
@@ -229,6 +228,12 @@ def read_source(
         return read if camera is None else read._replace(framing=None)
 
 
+def _is_file(source) -> bool:
+    """Tell a file, or what is in one, from a mesh, of which one of meshio has a function `read`, too."""
+    is_named = isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview))
+    return is_named or (hasattr(source, "read") and not is_one_mesh(source))
+
+
 _UNTOLD_UP = ("obj", "stl", "ply", "off")  # formats that don't say which axis points upwards
 _MAX_LOOKED_AT = 50_000  # faces, when that is guessed: more make no other share of the area
 
@@ -243,8 +248,7 @@ def doubt_of_up(scene: Scene, source: Any, format: str | None = None) -> tuple[s
     source, format : as `load` got them
     """
     if not is_foreign(source):
-        is_file = isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")
-        entry = formats.find(format or Path(name_of(source)).suffix) if is_file else None
+        entry = formats.find(format or Path(name_of(source)).suffix) if _is_file(source) else None
         if entry is None or entry.name not in _UNTOLD_UP:
             return None
     step, points, faces, n_point = scene.n_face // _MAX_LOOKED_AT + 1, [], [], 0
