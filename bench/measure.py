@@ -205,16 +205,16 @@ def warm(stack: ExitStack, scene, size, options) -> rz.Renderer:
     return renderer
 
 
-# ── two processes that draw ───────────────────────────────────────────────────────────────────────────────
+# ── scripts that are asked ────────────────────────────────────────────────────────────────────────────────
 
 
-class Worker:
-    """A process that draws frames of works whenever it is asked to; worker.py says what a work is."""
+class Helper:
+    """A script in a process of its own, which answers lines with lines of JSON until its input ends."""
 
-    def __init__(self, works: list[dict], folder: Path = ROOT, painter="ours"):
-        self._name = painter if folder == ROOT else f"the package in {folder}"
-        command = [sys.executable, str(HERE / "worker.py"), str(folder), painter, json.dumps(works, default=str)]
-        self._process = subprocess.Popen(command, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    def __init__(self, *command: str):
+        self._process = subprocess.Popen(
+            [sys.executable, *command], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
 
     def __enter__(self):
         return self
@@ -223,6 +223,17 @@ class Worker:
         self._process.stdin.close()
         self._process.wait()
         self._process.stdout.close()
+
+
+# ── two processes that draw ───────────────────────────────────────────────────────────────────────────────
+
+
+class Worker(Helper):
+    """A process that draws frames of works whenever it is asked to; worker.py says what a work is."""
+
+    def __init__(self, works: list[dict], folder: Path = ROOT, painter="ours"):
+        super().__init__(str(HERE / "worker.py"), str(folder), painter, json.dumps(works, default=str))
+        self._name = painter if folder == ROOT else f"the package in {folder}"
 
     def hear(self) -> dict:
         """The next answer; the first one comes when every work has been drawn once."""
@@ -296,20 +307,11 @@ def add_turns(parser, frames=20, pairs=1, seconds=4.0) -> None:
 RASTER = [sys.executable, "-c", "import sys; from rasterizer.cli import main; sys.exit(main())"]  # as pip installs it
 
 
-class Launcher:
+class Launcher(Helper):
     """Run programs by launch.py."""
 
     def __init__(self):
-        command = [sys.executable, "-S", str(HERE / "launch.py")]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._process.stdin.close()
-        self._process.wait()
-        self._process.stdout.close()
+        super().__init__("-S", str(HERE / "launch.py"))
 
     def run(self, command: list, **environment) -> dict:
         """Run a program; return its `ms`, `cpu_ms` and `peak_mib`."""
