@@ -20,13 +20,12 @@ from helpers.command import (
     PLAIN,
     SMALL,
     assert_refused,
-    end_by_signal,
+    end_once_it_says_now,
     errors,
     one_error,
     picture,
     raster,
     run,
-    start_with,
 )
 from helpers.odd_format import odd_format
 from helpers.raster import ROOT
@@ -397,9 +396,7 @@ def test_a_signal_while_writing_leaves_nothing(folder, number, alone):
         "sys.argv[1:] = ['render', sys.argv[1], '-s', '16', '-o', 'x.png', '--preset', 'studio']\n"
         "sys.exit(main())"
     )
-    process = start_with(code)
-    assert process.stdout.readline() == b"now\n"
-    end_by_signal(process, number)
+    end_once_it_says_now(code, number)
     assert not os.listdir(folder)
 
 
@@ -428,9 +425,7 @@ def test_a_signal_that_a_library_swallows_or_takes_for_another_fault_ends_it(fol
         "cli._run = run\n"
         "sys.exit(cli.main())"
     )
-    process = start_with(code)
-    assert process.stdout.readline() == b"now\n"
-    end_by_signal(process, number)
+    end_once_it_says_now(code, number)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

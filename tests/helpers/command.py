@@ -78,6 +78,13 @@ def end_by_signal(process, number):
     assert process.returncode == (143 if number == signal.SIGTERM else 130) and b"Traceback" not in err
 
 
+def end_once_it_says_now(code, number):
+    """Start a program in Python and send it a signal when it has printed "now": it must end by that."""
+    process = start_with(code)
+    assert process.stdout.readline() == b"now\n"
+    end_by_signal(process, number)
+
+
 def errors(capsys) -> str:
     """What was said on stderr; nothing was said on stdout, and nothing looks like a traceback."""
     out, err = capsys.readouterr()
