@@ -293,7 +293,7 @@ def ratios_of(first: list[dict], second: list[dict]) -> dict:
             "bytes": "same" if is_same else "differ"}  # fmt: skip
 
 
-def add_turns(parser, frames=20, pairs=1, seconds=4.0) -> None:
+def add_turns(parser, frames, pairs=1, seconds=4.0) -> None:
     """Put on a command line what `compare` needs to know."""
     add = parser.add_argument
     add("--pairs", type=int, default=pairs, help="of new processes (default: %(default)s)")

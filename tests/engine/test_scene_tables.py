@@ -77,14 +77,14 @@ def test_negative_components_stay_in_colours_and_end_in_bytes():
 # ── exposure ────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def exposed(shading, background=None, tolerance=0, **options):
+def exposed(shading, **options):
     """A picture of a ball; `options` are those of the picture, and the material's opacity."""
     vertices, faces = octasphere(2)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight(DIRECTION, (0.5, 0.4, 0.3)), rz.PointLight((2, 3, 4), 0.3))
     look = {"opacity": options.pop("opacity", 1.0)}
     material = rz.Material(diffuse=(0.6, 0.5, 0.4), specular=0.2, emissive=0.02, **look)
     mesh = rz.Mesh(vertices * 3, faces, material=material)
-    return draw(mesh, lights, shading, background, tolerance=tolerance, **options)
+    return draw(mesh, lights, shading, **options)
 
 
 def test_exposure_multiplies_by_powers_of_2_exactly():

@@ -13,19 +13,17 @@ from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.shadow_maps import draw_maps, gather_casters, plan_maps
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
-from rasterizer.scene.camera import View
 
 KINDS = ("directional", "point", "spot", "point inside")
 MOVED = 3  # texels: what a filter of one reaches, and one, twice, as the sine of 1 at most has it
 MATTE = rz.Material(diffuse=0.7, specular=0)
-VIEW = View(np.array([0.0, 0.0, 5.0]), *np.eye(3))
 DOUBLE = np.dtype(float)
 
 
-def drawn_map(light, meshes, view=VIEW, inner_sides=None):
+def drawn_map(light, meshes, view):
     """The maps of a light, in float64; None where none is drawn."""
     bounds = np.stack([mesh.bounds for mesh in meshes])
-    casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None, inner_sides)
+    casters = gather_casters(gather_geometry(rz.Scene(meshes).meshes, False), bounds, None)
     planned = plan_maps(light, view, casters)
     return planned and draw_maps(planned, casters, DOUBLE, WorkspacePool(), Workers(1))
 

@@ -25,18 +25,18 @@ SMALL, FINE = Shadow(128), Shadow(256)  # of which a texel is about as large as 
 ABOVE = rz.Camera.orthographic((0, 0, 10), (0, 0, 0), up=(0, 1, 0), height=FLOOR_HEIGHT)
 
 
-def make_light(kind, elevation, azimuth, distance=4.0, center=(0, 0, 0), shadow=True):
-    """A light of a kind in a direction as seen from `center`: degrees above the plane z = 0 and round it."""
+def make_light(kind, elevation, azimuth, shadow):
+    """A light of a kind in a direction as seen from the origin, 4 away: degrees above the plane z = 0 and round it."""
     e, a = np.radians([elevation, azimuth])
     toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    place, across = center + distance * toward, unit(np.cross(toward, (0.3, 0.2, 0.7)))
+    place, across = 4.0 * toward, unit(np.cross(toward, (0.3, 0.2, 0.7)))
     if kind == "directional":
         return rz.DirectionalLight(-toward, 0.8, shadow=shadow)
     if kind == "point":
         return rz.PointLight(place, 0.8, shadow=shadow)
     if kind == "spot":
         return rz.SpotLight(place, -toward, 0.8, outer=60, shadow=shadow)
-    edges = 0.3 * distance * across, 0.3 * distance * np.cross(toward, across)
+    edges = 1.2 * across, 1.2 * np.cross(toward, across)
     return rz.AreaLight(place, *edges, 0.8, (2, 2), shadow=shadow)
 
 
@@ -70,9 +70,9 @@ def n_different(*arguments, **options):
     return int(is_changed(frame, bare).sum())
 
 
-def lit_share(frame, bare, material=MATTE):
+def lit_share(frame, bare):
     """The part of the light that arrives at every pixel, where any could."""
-    ambient = AMBIENT * np.array(material.ambient)
+    ambient = AMBIENT * np.array(MATTE.ambient)
     return ((frame.color - ambient) / np.maximum(bare.color - ambient, 1e-9))[..., 0]
 
 

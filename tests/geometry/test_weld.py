@@ -53,10 +53,10 @@ UV = np.array([(0, 0), (0.5, 0), (0.5, 1), (0.6, 0), (1, 0), (0.6, 1)])
 COLORS = np.array([(255, 0, 0)] * 3 + [(0, 0, 255)] * 3)
 
 
-def obj(colors=False, uv=False, normals=False) -> bytes:
+def obj(colors=False, uv=False) -> bytes:
     rows = [" ".join(map(str, row)) for row in (np.hstack([ROOF, COLORS]) if colors else ROOF)]
-    lines = [f"v {row}" for row in rows] + [f"vt {a} {b}" for a, b in UV] * uv + ["vn 0 0 1"] * normals
-    corner = {(False, False): "{0}", (True, False): "{0}/{0}", (False, True): "{0}//1"}[uv, normals]
+    lines = [f"v {row}" for row in rows] + [f"vt {a} {b}" for a, b in UV] * uv
+    corner = "{0}/{0}" if uv else "{0}"
     return "\n".join([*lines, *("f " + " ".join(corner.format(k + 1) for k in face) for face in FACES)]).encode()
 
 

@@ -8,13 +8,13 @@ from rasterizer.pipeline.workspace import WorkspaceShape, make_picture, make_wor
 from rasterizer.scene.color import srgb_from_linear
 
 
-def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_grey=False):
+def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0)):
     """How linear colour becomes 8 bits."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    return with_blank(Encoding(is_grey, np.array(tint, np.float32), behind, background is not None, policy, scale))
+    return with_blank(Encoding(False, np.array(tint, np.float32), behind, background is not None, policy, scale))
 
 
-def fill(covered, radiance, factor=1, dtype=np.float32):
+def fill(covered, radiance, dtype=np.float32):
     """A workspace with the intensities (n_channel, rows, columns) where `covered`, rubbish elsewhere."""
     n_row, width = covered.shape
     workspace = make_workspace(WorkspaceShape(width, n_row, len(radiance), 1, np.dtype(dtype), 0, False), 1)
@@ -34,7 +34,7 @@ def fill(covered, radiance, factor=1, dtype=np.float32):
 
 def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, height=None, y_start=0):
     """Resolve one band; return (picture, bytes (h, w, 4), workspace, samples covered)."""
-    workspace = fill(covered, radiance, factor, dtype)
+    workspace = fill(covered, radiance, dtype)
     n_row, width = covered.shape[0] // factor, covered.shape[1] // factor
     picture = make_picture((width, height or n_row), with_color)
     for array in picture:

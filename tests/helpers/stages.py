@@ -29,10 +29,10 @@ SERIAL = Workers(1)
 NO_MATERIALS = np.empty(0, np.uint32)
 
 
-def plain_screen(is_perspective=True, depths=(1.0, 100.0), far_clip=np.inf, scale=1.0, center=(0.0, 0.0)):
+def plain_screen(is_perspective=True, depths=(1.0, 100.0), far_clip=np.inf, scale=1.0):
     """A screen whose camera at the origin looks down -z; orthographic, scale 1: one unit is one pixel."""
     view = View(np.zeros(3), *np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0]]))
-    return screen_of(view, Projection(scale, scale, *center, is_perspective), depths, far_clip)
+    return screen_of(view, Projection(scale, scale, 0.0, 0.0, is_perspective), depths, far_clip)
 
 
 def screen_of(view, projection, depths, far_clip=np.inf):
@@ -98,9 +98,7 @@ def drawables_of(triangles, z, attributes, is_inverted=None, material=NO_MATERIA
     return Drawables(Triangles(columns, columns, is_inverted, np.asarray(material, np.uint32)), vertices, rows)
 
 
-def scan_alone(
-    triangles, depth, attributes, coding, screen, size, is_inverted=None, n_channel=0, material=NO_MATERIALS, **options
-):
+def scan_alone(triangles, depth, attributes, coding, screen, size, material=NO_MATERIALS, **options):
     """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, k) into one band.
 
     Parameters
@@ -118,14 +116,14 @@ def scan_alone(
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
     n_attribute = attributes.shape[2]
     dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
-    kind = WorkspaceShape(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, 0, False)
+    kind = WorkspaceShape(size[0], size[1], n_attribute, n_attribute, dtype, 0, False)
     workspace = make_workspace(kind, options.get("room", n * max_units(coding)))
     fill = options.get("fill", 0)
     workspace.records.integers.fill(np.max(fill))
     workspace.records.int_planes.reshape(-1, UNIT)[...] = fill
     y_start = options.get("y_start", 0)
     band = Band(np.arange(n, dtype=np.uint32), y_start, y_start + size[1])
-    drawables = drawables_of(triangles, z, attributes[None], is_inverted, material)
+    drawables = drawables_of(triangles, z, attributes[None], material=material)
     counts = options.get("run", scan)(
         band, drawables, coding, workspace.block, workspace.visibility, workspace.records, options.get("deferred")
     )

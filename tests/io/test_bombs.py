@@ -216,14 +216,12 @@ def npy(descr, shape, data=b"") -> bytes:
     return stream.getvalue() + data
 
 
-def archive_of(vertices, n_byte=None) -> bytes:
-    """An .npz file of a mesh; `n_byte` is how long its vertices are, as the archive says."""
+def archive_of(vertices) -> bytes:
+    """An .npz file of a mesh."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("mesh0_vertices.npy", vertices)
         archive.writestr("mesh0_faces.npy", npy("<i8", (1, 3), np.arange(3).tobytes()))
-        if n_byte:
-            archive.getinfo("mesh0_vertices.npy").file_size = n_byte
     return stream.getvalue()
 
 

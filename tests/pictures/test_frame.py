@@ -5,7 +5,6 @@ import os
 import stat
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -78,17 +77,10 @@ def test_transparency_is_laid_on_white_where_a_format_has_none(tmp_path):
         assert suffix != ".jpg" or np.asarray(Image.open(path)).min() >= 250, f"{suffix} is not white"
 
 
-def noisy_frame(n_thread, alpha=None) -> Frame:
-    """A frame of several bands of PNG's rows, noisy in one half."""
+def test_options_of_a_png_file_are_passed_to_pillow():
     rgba = np.zeros((400, 500, 4), np.uint8)
     rgba[200:] = np.random.default_rng(1).integers(0, 256, (200, 500, 4))
-    if alpha is not None:
-        rgba[..., 3] = alpha
-    return Frame(rgba, {}, replace(STATS, threads=n_thread), (500, 400))
-
-
-def test_options_of_a_png_file_are_passed_to_pillow():
-    frame = noisy_frame(2)
+    frame = Frame(rgba, {}, STATS, (500, 400))
     plain, small = frame.encode("PNG"), frame.encode("PNG", compress_level=9, dpi=(72, 72))
     assert "dpi" in Image.open(io.BytesIO(small)).info and not Image.open(io.BytesIO(plain)).info
     assert not differences(np.asarray(Image.open(io.BytesIO(small))), frame.rgba)

@@ -23,7 +23,6 @@ from rasterizer.pipeline.buffers import (
 from rasterizer.pipeline.cull import Band
 from rasterizer.pipeline.scan import scan_index
 from rasterizer.pipeline.transform import compute_z
-from rasterizer.pipeline.visibility import CLEAR, IS_EXACT
 
 SIZE = (90, 70)
 DEPTHS = (1.0, 40.0)
@@ -31,39 +30,28 @@ ALL = ("depth", "face", "normal")
 NO_FACE = np.empty(0, np.uint32)
 
 
-def write(triangles, depth, normals, screen, names=ALL, sources=NO_FACE, is_inverted=None, all_exact=False):
-    """Scan and write the buffers, from entries that are all marked as exact or not; return (buffers, workspace, samples
-    covered)."""
-    workspace, surfaces = scan_for_buffers(triangles, depth, normals, screen, is_inverted)
-    if all_exact:
-        entries = workspace.visibility.entries
-        entries[entries < CLEAR] |= IS_EXACT
-    surfaces, out = surfaces._replace(sources=sources), SimpleNamespace()
-    for name in names:
+def write(triangles, depth, normals, screen):
+    """Scan and write the buffers; return them, and how many samples are covered."""
+    coding = plain_coding("exact", screen, 3, np.float64)
+    workspace, _ = scan_alone(triangles, depth, normals, coding, screen, SIZE, run=scan_places)
+    drawables = drawables_of(triangles, compute_z(np.asarray(depth, float), screen), normals[None])
+    every = np.arange(len(triangles), dtype=np.uint32)
+    surfaces = VisibleSurfaces(
+        workspace.visibility, every, drawables, NO_FACE, coding.depths, screen.is_perspective, workspace.batch
+    )
+    out = SimpleNamespace()
+    for name in ALL:
         buffer = BUFFER_TABLE[name].make(SIZE)
         buffer[...] = BUFFER_TABLE[name].empty
-        BUFFER_TABLE[name].write(surfaces, Band(np.arange(len(triangles), dtype=np.uint32), 0, SIZE[1]), buffer)
+        BUFFER_TABLE[name].write(surfaces, Band(every, 0, SIZE[1]), buffer)
         setattr(out, name, buffer)
-    return out, workspace, clear_band(workspace.visibility, SIZE[1])
+    return out, clear_band(workspace.visibility, SIZE[1])
 
 
 def scan_places(band, drawables, _coding, block, visibility, *_):
     """`scan_index`, called as `scan` is."""
     scan_index(band, drawables, block, visibility)
     return 0, 0, 0, 0, -1
-
-
-def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None):
-    """Scan; return the workspace and VisibleSurfaces."""
-    coding = plain_coding("exact", screen, 3, np.float64)
-    workspace, _ = scan_alone(triangles, depth, normals, coding, screen, SIZE, is_inverted, run=scan_places)
-    z = compute_z(np.asarray(depth, float), screen)
-    drawables = drawables_of(triangles, z, normals[None], is_inverted)
-    surfaces = VisibleSurfaces(
-        workspace.visibility, np.arange(len(triangles), dtype=np.uint32), drawables, NO_FACE,
-        coding.depths, screen.is_perspective, workspace.batch,
-    )  # fmt: skip
-    return workspace, surfaces
 
 
 def unit_normals(rng, n):
@@ -87,7 +75,7 @@ def test_depths_and_normals_are_exact_to_float32():
                 rng.uniform(*DEPTHS, 3),
                 unit_normals(rng, 1),
             )
-            out, _, n_covered = write([triangle], depth[None], normals, screen)
+            out, n_covered = write([triangle], depth[None], normals, screen)
             assert n_covered == len(rows), case
             found = out.depth[rows, columns].astype(float)
             low, high = np.float32(depth.min() * (1 - 1e-9)), np.float32(depth.max() * (1 + 1e-9))

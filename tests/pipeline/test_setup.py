@@ -4,7 +4,7 @@ fractions."""
 from fractions import Fraction
 
 import numpy as np
-from helpers.stages import NO_MATERIALS, drawables_of, random_triangles, slivers
+from helpers.stages import drawables_of, random_triangles, slivers
 
 from rasterizer.compiler.kernels import kernel
 from rasterizer.pipeline import setup as s
@@ -36,16 +36,13 @@ def triangles(seed):
     return found
 
 
-def block_of(corners, z, attributes, n_side=1, material=NO_MATERIALS, is_double=(True,)):
-    """Set up triangles (n, 3, 2) with z-buffer depths (n, 3); return the block, and which triangles are inverted."""
-    n = len(corners)
-    inverted = (np.arange(n) % 3 == 0).astype(np.uint8)
-    values = attributes.reshape(n_side, n, 3, attributes.shape[-1])
-    block = s.make_block()
+def block_of(corners, z):
+    """Set up triangles (n, 3, 2) with z-buffer depths (n, 3), every third of them inverted; return the block."""
+    n, block = len(corners), s.make_block()
     band = Band(np.arange(n, dtype=np.uint32), *ROWS)
-    drawables = drawables_of(corners, z, values, inverted, material)
-    set_up(band, drawables, SIZE[0], values.shape[3], np.array(is_double), block)
-    return block, inverted
+    drawables = drawables_of(corners, z, np.zeros((1, n, 3, 0)), np.arange(n) % 3 == 0)
+    set_up(band, drawables, SIZE[0], 0, np.array([True]), block)
+    return block
 
 
 def exact_plane(corners, z):
@@ -84,7 +81,7 @@ def test_planes_of_depth_are_those_of_fractions():
     for seed in (0, 1):
         corners, rng = triangles(seed), np.random.default_rng(seed)
         z = rng.uniform(2.0**23, 2.0**38 - 2.0**23, (len(corners), 3))
-        block, _ = block_of(corners, z, np.zeros((len(corners), 3, 0)))
+        block = block_of(corners, z)
         for k, plane in enumerate(map(exact_plane, corners, z)):
             if plane is None:
                 continue

@@ -25,16 +25,16 @@ DTYPES = [np.float32, np.float64]
 WHITE = np.ones(3, np.float32)
 
 
-def shade(scanned, coding, size, n_channel, tint=WHITE):
+def shade(scanned, coding, size, n_channel):
     """Intensities (n_channel, rows, columns) of a band of entries, planes or exact records."""
     workspace, counts = scanned
     workspace.radiance[:] = np.nan
     band = band_of(workspace, coding, counts, size[1])
-    shade_interpolated(band, tint, workspace.batch, workspace.radiance[:n_channel])
+    shade_interpolated(band, WHITE, workspace.batch, workspace.radiance[:n_channel])
     return workspace.radiance[:n_channel].reshape(n_channel, size[1], -1)[:, :, : size[0]]
 
 
-def exact_coding(base, screen, n_attributes, dtypes=np.float32, **options):
+def exact_coding(base, screen, n_attributes, dtypes, **options):
     """A coding under which all records are exact: in float32 that of intensities ("values") or of normals, as scenes
     have it."""
     if dtypes is np.float64:

@@ -21,11 +21,11 @@ THREADS = 1, 1, 2, 7  # a second run is as the first
 TOLERANCES = 0.0, 1 / 4096
 
 
-def assert_same(case, scene, size=SIZE, threads=THREADS, **options):
+def assert_same(case, scene, **options):
     """Refuse frames that differ in any bit."""
-    frames = [rz.render(scene, size, threads=n, outputs=BUFFERS, **options) for n in threads]
+    frames = [rz.render(scene, SIZE, threads=n, outputs=BUFFERS, **options) for n in THREADS]
     assert frames[0].alpha.sum() > 500 and np.ptp(frames[0].color) > 0.1
-    for n, other in zip(threads[1:], frames[1:], strict=True):
+    for n, other in zip(THREADS[1:], frames[1:], strict=True):
         for name in (*BUFFERS, "alpha", "rgba"):
             here, there = getattr(frames[0], name), getattr(other, name)
             assert here.tobytes() == there.tobytes(), (

@@ -15,9 +15,9 @@ from rasterizer.pipeline.transform import (
 )
 
 
-def place(points, screen, workers=SERIAL):
+def place(points, screen):
     """Transform points (n, 3); return (vertices, number that must be clipped)."""
-    return transform(np.ascontiguousarray(points, float).reshape(-1, 3), screen, workers)
+    return transform(np.ascontiguousarray(points, float).reshape(-1, 3), screen, SERIAL)
 
 
 def test_places_are_rounded_half_to_even():

@@ -16,16 +16,15 @@ SIZE = (8, 8)
 RED, GREEN, BLUE = np.eye(3)
 
 
-def pane(color, opacity, depth, is_perspective=True, corners=None, **options):
+def pane(color, opacity, depth, is_perspective=True, **options):
     """A sheet across the picture that shines by itself."""
     material = Material(diffuse=0.0, specular=0.0, emissive=color, opacity=opacity, **options)
-    corners = layer(SIZE, depth, is_perspective) if corners is None else corners
-    return Mesh(np.array(corners), QUAD, material=material, uv=np.zeros((4, 2)))
+    return Mesh(np.array(layer(SIZE, depth, is_perspective)), QUAD, material=material, uv=np.zeros((4, 2)))
 
 
-def show(meshes, shading="gouraud", background=None, camera=None, size=SIZE, **options):
+def show(meshes, shading="gouraud", background=None, camera=None, **options):
     scene = Scene(meshes, lights=AmbientLight(), camera=camera or eye_camera(), background=background)
-    return render(scene, size, shading=shading, **options)
+    return render(scene, SIZE, shading=shading, **options)
 
 
 @pytest.mark.parametrize("shading, is_perspective", [("flat", True), ("gouraud", False), ("phong", True)])

@@ -158,10 +158,10 @@ def test_vertex_and_face_colors_are_the_albedo():
 # ── resolve ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def emitting(emissive, size=(4, 4), edge=None, **options):
-    """Render a sheet that shines by itself, from the left border to `edge` in pixels."""
-    edge = size[0] + 9 if edge is None else edge
-    corners = [at_pixel(size, *place, 2.0) for place in ((-9, -9), (edge, -9), (edge, size[1] + 9), (-9, size[1] + 9))]
+def emitting(emissive, **options):
+    """Render a sheet that shines by itself and fills the picture."""
+    size = (4, 4)
+    corners = [at_pixel(size, *place, 2.0) for place in ((-9, -9), (13, -9), (13, 13), (-9, 13))]
     material = Material(diffuse=0.0, specular=0.0, emissive=emissive)
     return draw(corners, QUAD, size, lights=(), material=material, **options)
 

@@ -33,9 +33,9 @@ def floor_samples(picture, size=SIZE):
     return picture.face < 2, x, y
 
 
-def show(meshes, lights, shading="phong", size=SIZE, camera=None, **options):
-    scene = Scene(meshes, lights=lights, camera=camera or sheet_camera(size[1]))
-    return render(scene, size, shading=shading, **options)
+def show(meshes, lights, shading="phong", **options):
+    scene = Scene(meshes, lights=lights, camera=sheet_camera(SIZE[1]))
+    return render(scene, SIZE, shading=shading, **options)
 
 
 # ── edges ───────────────────────────────────────────────────────────────────────────────────────────────

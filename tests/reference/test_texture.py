@@ -15,16 +15,16 @@ ROWS = np.random.default_rng(7).random((3, 4, 3)).astype(np.float32)  # a pictur
 STILL = np.zeros((1, 2, 2))
 
 
-def sheet(size, depth=2.0, is_perspective=True):
+def sheet(size, is_perspective=True):
     """The corners of a sheet that fills the picture exactly, from the upper left one clockwise."""
     width, height = size
     places = ((0, 0), (width, 0), (width, height), (0, height))
-    return [at_pixel(size, *place, depth, is_perspective) for place in places]
+    return [at_pixel(size, *place, 2.0, is_perspective) for place in places]
 
 
-def painted(image=ROWS, filter="nearest", wrap="repeat", **options):
+def painted():
     """A material that shows a texture as it is under the light of `draw`."""
-    return Material(ambient=1.0, diffuse=0.0, specular=0.0, texture=Texture(image, filter, wrap), **options)
+    return Material(ambient=1.0, diffuse=0.0, specular=0.0, texture=Texture(ROWS, "nearest", "repeat"))
 
 
 def at(texture, u, v):

@@ -30,10 +30,10 @@ def margins(camera, points, size):
     return pixels.min(axis=0) / size, 1.0 - pixels.max(axis=0) / size
 
 
-def assert_framed(camera, points, size=(640, 480), tight=1e-6, centered=1e-9, what=""):
+def assert_framed(camera, points, size=(640, 480), centered=1e-9, what=""):
     """Check that the points keep the margin, reach it in one direction, and are centred."""
     low, high = margins(camera, points, size)
-    assert abs(min(low.min(), high.min()) - 0.05) <= tight, f"{what}: margins {low}, {high}"
+    assert abs(min(low.min(), high.min()) - 0.05) <= 1e-6, f"{what}: margins {low}, {high}"
     off = np.abs(low - high).max()
     assert off <= centered, f"{what}: off the middle by {off:.3g} > {centered:.3g}"
 
