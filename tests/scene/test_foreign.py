@@ -5,11 +5,11 @@ import warnings
 
 import numpy as np
 import pytest
+from helpers.small_scenes import MODELS
 from PIL import Image
 
 import rasterizer as rz
 
-MODELS = rz.demo_model().parents[2] / "models"
 # A box without seams, whose numbers are exact in every file.
 VERTICES = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 1.5)])
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -26,8 +26,7 @@ def picture(source, **words):
     """Return the bytes of a picture of one or several sources, and the texts of what was warned of."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        scene = rz.load(source, **{key: words.pop(key) for key in ("camera",) if key in words})
-        frame = rz.render(scene, (60, 48), **words)
+        frame = rz.render(rz.load(source), (60, 48), **words)
     return frame.rgba.tobytes(), [str(each.message) for each in caught if each.category is UserWarning]
 
 
@@ -38,7 +37,7 @@ def of_files(paths, **words):
 # --- each library, with what a mesh may have ------------------------------------------------------------------------
 
 
-def trimesh_rows(folder):
+def trimesh_rows():
     trimesh = pytest.importorskip("trimesh")
     visual, image = trimesh.visual, Image.fromarray(PIXELS)
 
@@ -48,7 +47,7 @@ def trimesh_rows(folder):
     def scene(*geometry):
         made = trimesh.Scene()
         for k, each in enumerate(geometry):
-            made.add_geometry(each, geom_name=f"g{k}", transform=np.diag([1.0, 1, 1, 1]) if k == 0 else TURNED.copy())
+            made.add_geometry(each, geom_name=f"g{k}", transform=TURNED.copy() if k else np.eye(4))
         return made
 
     def textured(material):
@@ -85,7 +84,7 @@ def trimesh_rows(folder):
     }, lambda source, path: source.export(path)
 
 
-def open3d_rows(folder):
+def open3d_rows():
     o3d = pytest.importorskip("open3d", exc_type=ImportError)
 
     def vector(rows):  # a copy: trimesh may have made the rows read-only
@@ -113,7 +112,7 @@ def open3d_rows(folder):
     }, lambda source, path: (o3d.t.io if isinstance(source, tensor) else o3d.io).write_triangle_mesh(str(path), source)
 
 
-def pyvista_rows(folder):
+def pyvista_rows():
     pyvista = pytest.importorskip("pyvista")
 
     def mesh(faces=FACES, **arrays):
@@ -123,8 +122,7 @@ def pyvista_rows(folder):
         return made
 
     def save(source, path):
-        names = [name for name in source.array_names if name == "RGB"]
-        source.save(path, recompute_normals=False, texture=names[0] if names else None)
+        source.save(path, recompute_normals=False, texture="RGB" if "RGB" in source.array_names else None)
 
     laid, normal = mesh(), mesh()
     laid.active_texture_coordinates = UV.astype(np.float32)
@@ -149,7 +147,7 @@ def pyvista_rows(folder):
     )
 
 
-def meshio_rows(folder):
+def meshio_rows():
     meshio = pytest.importorskip("meshio")
     colors = {name: COLORS[:8, k].copy() for k, name in enumerate(("red", "green", "blue"))}
 
@@ -168,7 +166,7 @@ def meshio_rows(folder):
 
 @pytest.mark.parametrize("rows_of", [trimesh_rows, open3d_rows, pyvista_rows, meshio_rows])
 def test_a_mesh_in_memory_and_its_file_give_one_picture(tmp_path, rows_of):
-    rows, save = rows_of(tmp_path)
+    rows, save = rows_of()
     faults = {}
     for name, (source, suffix) in rows.items():
         folder = tmp_path / name
@@ -208,10 +206,9 @@ def test_normals_and_lights_that_trimesh_makes_when_they_are_looked_at_do_not_co
         assert looked_at.vertex_normals is not None
         assert picture(looked_at) == picture(other)
         assert picture(looked_at.apply_transform(turn)) == picture(other.apply_transform(turn))
-    given, scenes = trimesh.Trimesh(VERTICES, FACES, vertex_normals=NORMALS, process=False), []
+    given = trimesh.Trimesh(VERTICES, FACES, vertex_normals=NORMALS, process=False)
     assert picture(given) == picture(rz.Mesh(VERTICES, FACES, NORMALS)) != picture(rz.Mesh(VERTICES, FACES))
-    for _ in range(2):
-        scenes.append(trimesh.Scene([given]))
+    scenes = [trimesh.Scene([given]) for _ in range(2)]
     assert scenes[0].lights and scenes[0].camera
     assert picture(scenes[0]) == picture(scenes[1])
 
