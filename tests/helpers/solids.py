@@ -44,6 +44,12 @@ def sphere(n):
     return vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.uint32)
 
 
+def area_of(mesh):
+    """The area of all triangles of a mesh."""
+    corners = mesh.vertices[mesh.faces]
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+
+
 def corner_normals(split):
     return split.normals[split.faces]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.model_bytes import box, exported
 from helpers.refusals import assert_refused
+from helpers.solids import area_of
 
 import rasterizer as rz
 
@@ -15,11 +16,6 @@ RED, GREEN = [255, 0, 0], [0, 255, 0]
 def one(text, **options):
     (mesh,) = rz.load(text.encode(), format="off", **options).meshes
     return mesh
-
-
-def area_of(mesh):
-    corners = mesh.vertices[mesh.faces]
-    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
 
 
 HEADS = (

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.refusals import assert_refused
+from helpers.solids import area_of
 from PIL import Image
 
 from rasterizer.errors import ModelError
@@ -32,14 +33,9 @@ def only(data, **options):
     return mesh
 
 
-def area(mesh):
-    corners = mesh.vertices[mesh.faces]
-    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
-
-
 def test_polygons_and_face_colours_come_in_the_order_of_the_file():
     mesh = only(text(FACES.format(n=1), points() + "6 0 1 2 3 4 5\n"))
-    assert mesh.n_face == 4 and abs(area(mesh) - 28) < 1e-12, "concave"
+    assert mesh.n_face == 4 and abs(area_of(mesh) - 28) < 1e-12, "concave"
     colors = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
     rows = "4 0 1 2 3 255 0 0\n3 0 1 2 0 255 0\n5 0 1 2 3 5 0 0 255\n"
     mesh = only(text(FACES.format(n=3) + colors, points() + rows))
@@ -76,7 +72,7 @@ def test_binary_files_of_every_kind(order):
         assert mesh.polygons.tolist() == [0, 0, 0, 0, 1], (
             f"{(count, index)}: {mesh.polygons.tolist()} != {[0, 0, 0, 0, 1]}"
         )
-        assert abs(area(mesh) - 36) < 1e-12, (count, index)
+        assert abs(area_of(mesh) - 36) < 1e-12, (count, index)
         assert mesh.colors.shape == (6, 4), f"{(count, index)}: {mesh.colors.shape} != {(6, 4)}"
         assert mesh.colors[0, :3].tolist() == [1, 0, 0], (
             f"{(count, index)}: {mesh.colors[0, :3].tolist()} != {[1, 0, 0]}"
