@@ -2,12 +2,10 @@
 a defect."""
 
 import base64
-import io
 import json
 import re
 
 import numpy as np
-from PIL import Image
 
 from helpers.model_bytes import CORE, MATERIALS, threemf
 from helpers.other_models import XAML
@@ -26,13 +24,6 @@ def model(**parts) -> dict:
         "uv": None, "colors": None, "material": None, "opacity": None, "missing": False, "picture": None, "nodes": [1],
     }  # fmt: skip
     return square | parts
-
-
-def picture(name=PICTURE) -> dict[str, bytes]:
-    """Return a file of a picture by its name."""
-    stream = io.BytesIO()
-    Image.new("RGB", (2, 2), (200, 100, 50)).save(stream, "png")
-    return {name: stream.getvalue()}
 
 
 def _only(given, *keys) -> None:
@@ -181,8 +172,8 @@ def threemf_of(given) -> dict[str, bytes]:
     if bool(given["uv"]) != bool(given["picture"]):
         raise Cannot("uv")
     points = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in given["points"])
-    look = 'pid="{}" p1="{}" p2="{}" p3="{}"' if given["picture"] or given["missing"] else ""
-    look = look.replace("{}", "77", 1) if given["missing"] else look.replace("{}", "4", 1)
+    group = 77 if given["missing"] else 4
+    look = f'pid="{group}" p1="{{}}" p2="{{}}" p3="{{}}"' if given["picture"] or given["missing"] else ""
     faces = "".join(
         '<triangle v1="{}" v2="{}" v3="{}" '.format(*face) + look.format(*face) + "/>" for face in given["faces"]
     )

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import pytest
 from helpers import defects
-from helpers.defects import PICTURE, Cannot, files_of, model, picture
+from helpers.defects import PICTURE, Cannot, files_of, model
+from helpers.other_models import png
 
 import rasterizer as rz
 
@@ -44,7 +45,7 @@ def _laid(place):
 
 
 TEXTURED = {"uv": UV, "picture": PICTURE}
-BESIDE = {"beside": picture()}
+BESIDE = {"beside": {PICTURE: png()}}
 DEFECTS = {
     # --- what touches nothing
     "no defect": Defect("drawn", model()),
