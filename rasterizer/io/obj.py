@@ -14,8 +14,10 @@ warned of. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
 
 import re
 from bisect import bisect_left
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +39,7 @@ from .model_file import (
     report_progress,
     text_of,
 )
-from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
+from .text_numbers import FEW, read_words
 
 
 def read_obj(model: ModelFile) -> Contents:
@@ -282,9 +284,9 @@ def _with_materials(model, part: Part, palette, name) -> Part:
 
 _ATTRIBUTES = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
-_BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
-_LETTERS = 1 << 18  # that are looked at in one go, likewise
-FEW = 1 << 20  # letters of a file that is read without waiting for a compiler, or for the code that it made
+_BLOCK = 1 << 13  # lines that a thread reads
+_LETTERS = 1 << 18  # that are looked at in one go: their arrays stay in the cache
+_CORNER = re.compile(rb"([+-]?\d{1,18})(?:/([+-]?\d{1,18})?(?:/([+-]?\d{1,18})?(?:/.*)?)?)?")
 
 
 class LineError(Exception):
@@ -313,7 +315,7 @@ class ObjLines:
         self._workers = Workers(n_core() if self._is_long else 1)
         text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
         self._index(text)
-        if (self._heads & 255 == BLANK).any():
+        if (self._heads & 255 == ord(" ")).any():
             self._index(re.sub(rb"^ +", b"", text, flags=re.MULTILINE))
 
     def _index(self, text) -> None:
@@ -327,7 +329,7 @@ class ObjLines:
 
     def _lines_from(self, begin: int) -> tuple[NDArray[np.int64], NDArray[np.uint16]]:
         """Return where lines end in some letters, and the first two letters of the line behind each of them."""
-        ends = np.flatnonzero(self._letters[begin : begin + _LETTERS] == NEWLINE) + begin
+        ends = np.flatnonzero(self._letters[begin : begin + _LETTERS] == ord("\n")) + begin
         first, second = self._letters.take(ends + 1, mode="clip"), self._letters.take(ends + 2, mode="clip")
         return ends, first | second.astype(np.uint16) << 8
 
@@ -413,7 +415,7 @@ class ObjLines:
             out = np.empty((len(lines), n_column))
             if n_column >= max(_LEAST[keyword], 2) and read_rows(self._letters, starts, POWERS, out):
                 return out
-        return _read_rows(keyword, lines, self._words_of(keyword, lines))
+        return _read_rows(keyword, lines, self._words_in(keyword, lines))
 
     def _corners_in(self, lines) -> tuple[NDArray, ...]:
         """Return what `Corners` holds of some face lines, but for these, and how many name a vt, and a vn, that the
@@ -429,21 +431,12 @@ class ObjLines:
                 indices, missing, is_bad = _find_vertices(self._given, lines, counts, out[:, :n_corner])
                 if not is_bad.any():
                     return counts, *indices, missing
-        return _read_corners(self._given, lines, self._words_of("f", lines))
+        return _read_corners(self._given, lines, self._words_in("f", lines))
 
-    def _words_of(self, keyword, lines) -> Words:
-        """Return the words of lines without keyword and comments."""
-        is_next = np.diff(lines) == 1
-        starts = self._starts[lines[np.append(True, ~is_next)[: len(lines)]]].tolist()
-        ends = self._ends[lines[np.append(~is_next, True)[: len(lines)]]].tolist()
-        text = b" " * LEAD + b"".join([self._text[a : b + 1] for a, b in zip(starts, ends, strict=True)])
-        if b"#" in text:
-            text = re.sub(rb"#.*", lambda found: b" " * len(found[0]), text)
-        letters = np.frombuffer(bytearray(text), np.uint8)
-        lengths = self._ends[lines] + 1 - self._starts[lines]
-        line_starts = np.cumsum(lengths) - lengths + LEAD
-        letters[line_starts[:, None] + np.arange(len(keyword))] = BLANK
-        return split_words(letters, line_starts)
+    def _words_in(self, keyword, lines) -> list[list[bytes]]:
+        """Return the words of each line, without keyword and comment."""
+        places = zip((self._starts[lines] + len(keyword)).tolist(), self._ends[lines].tolist(), strict=True)
+        return [self._text[start:end].partition(b"#")[0].split() for start, end in places]
 
 
 def _tidy(data) -> tuple[bytes, list[int]]:
@@ -467,46 +460,64 @@ def _tidy(data) -> tuple[bytes, list[int]]:
     return data, joints
 
 
-def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
-    """Return the numbers of some lines, as many as all of these have."""
-    counts, least = np.diff(words.first), _LEAST[keyword]
-    column = np.arange(max(int(counts.min(initial=len(words.starts))), least, 2))
-    values, is_number = read_decimals(words)
-    if is_number.all() and (counts == len(column)).all():  # as nearly always
-        return values.reshape(-1, len(column))
-    places = np.where(column < counts[:, None], words.first[:-1, None] + column, -1)
-    is_bad = np.append(~is_number, False)[places]
-    if is_bad.any() or counts.min(initial=least) < least:
-        row = int(((counts < least) | is_bad.any(axis=1)).argmax())
-        if is_bad[row].any():
-            word = cut(words.text(places[row, is_bad[row].argmax()]), 60)
-            raise LineError(int(lines[row]), f"'{word}' is not a number")
-        raise LineError(int(lines[row]), f"a {_ATTRIBUTES[keyword]} has {counts[row]} numbers, {least} are needed")
-    return np.append(values, 0.0)[places]
+def _read_rows(keyword, lines, rows) -> NDArray[np.float64]:
+    """Return the numbers of some lines, as many as all of these have; `rows` are their words."""
+    least = _LEAST[keyword]
+    n_least = min(map(len, rows), default=least)
+    width = max(n_least, least, 2)
+    full = [row if len(row) >= width else [*row, b"0"] for row in rows]  # the second number of a vt
+    values = read_words([*chain.from_iterable(row[:width] for row in full)])
+    if values is not None and n_least >= least:
+        return values.reshape(-1, width)
+    raise next(_faults(keyword, lines, [row[:width] for row in rows]))
 
 
-def _read_corners(given, lines, words) -> tuple[NDArray, ...]:
+def _faults(keyword, lines, rows) -> Iterator[LineError]:
+    """Yield what is wrong with the numbers of some lines."""
+    for line, row in zip(lines.tolist(), rows, strict=True):
+        for word in row:
+            if read_words([word]) is None:
+                yield LineError(line, f"'{_shown(word)}' is not a number")
+        if len(row) < _LEAST[keyword]:
+            yield LineError(line, f"a {_ATTRIBUTES[keyword]} has {len(row)} numbers, {_LEAST[keyword]} are needed")
+
+
+class _Corners(dict):
+    """Number the different corners that faces have, as they are met; `numbers` holds v, vt and vn of each, 0 where it
+    has none, and where the word is no corner."""
+
+    def __init__(self):
+        super().__init__()
+        self.numbers: list[tuple[int, ...]] = []
+
+    def __missing__(self, word: bytes) -> int:
+        found = _CORNER.fullmatch(word)
+        v, vt, vn = found.groups("0") if found else "000"
+        self.numbers.append((int(v), int(vt), int(vn)))
+        return self.setdefault(word, len(self))
+
+
+def _read_corners(given, lines, rows) -> tuple[NDArray, ...]:
     """Return the same of words that may be anything; `given` are all lines of v, vt and vn."""
-    pieces, counts = divide(words, b"/"), np.diff(words.first)
-    numbers, is_number = read_integers(pieces)
-    places = pieces.first[:-1] + np.arange(len(given))[:, None]
-    places = np.where(places < pieces.first[1:], places, -1)
-    numbers, is_number = np.append(numbers, 0)[places], np.append(is_number, True)[places]
+    words, known = [*chain.from_iterable(rows)], _Corners()
+    counts = np.fromiter(map(len, rows), np.int64, len(rows))
+    which = np.fromiter(map(known.__getitem__, words), np.int64, len(words))
+    numbers = np.array(known.numbers, np.int64).reshape(-1, len(given))[which].T
     indices, missing, is_bad = _find_vertices(given, lines, counts, numbers)
-    is_bad |= ~is_number
     if is_bad.any():
-        corner = int(is_bad.any(axis=0).argmax())
-        k = int(is_bad[:, corner].argmax())
-        attribute, given_lines = list(given.items())[k]
-        line = int(lines[np.searchsorted(words.first, corner, side="right") - 1])
-        so_far, total, bad = np.searchsorted(given_lines, line), len(given_lines), int(numbers[k, corner])
-        what = "the first one is 1" if bad == 0 else f"only {so_far} stand before it"
-        reason = f"face refers to {_ATTRIBUTES[attribute]} {bad}, {what if bad <= 0 else f'the file has {total}'}"
-        word = words.text(corner)
-        if word.startswith("/") or not is_number[k, corner]:
-            reason = f"'{cut(word, 60)}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
-        raise LineError(line, reason)
+        corner = int(is_bad.argmax())
+        line = int(lines[np.searchsorted(np.cumsum(counts), corner, side="right")])
+        if _CORNER.fullmatch(words[corner]) is None:
+            raise LineError(line, f"'{_shown(words[corner])}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)")
+        so_far, bad = np.searchsorted(given["v"], line), int(numbers[0, corner])
+        what = f"only {so_far} stand before it" if bad < 0 else f"the file has {len(given['v'])}"
+        raise LineError(line, f"face refers to vertex {bad}, {what if bad else 'the first one is 1'}")
     return counts, *indices, missing
+
+
+def _shown(word: bytes) -> str:
+    """Return a word of a line for a message."""
+    return cut(word.decode("utf-8", "replace"), 60)
 
 
 def _find_vertices(given, lines, counts, numbers) -> tuple[list[NDArray | None], list[int], NDArray[np.bool_]]:

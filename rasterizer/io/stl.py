@@ -10,9 +10,8 @@ from ..cores import Workers, n_core
 from ..errors import counted
 from ..geometry.weld import weld_triangles
 from ..scene.material import WHITE, Material
-from .files import LONG
 from .model_file import ModelFile, Part, report_progress, text_of
-from .text_numbers import numbers_in
+from .text_numbers import FEW, numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _HEAD = 4096  # bytes in which a text shows that it is one
@@ -111,7 +110,7 @@ def _corners_in(text: bytes, begin: int, end: int) -> NDArray[np.float64] | None
         rows = np.empty((len(places), 3))
         return rows if read_rows(letters, places + len(_VERTEX), POWERS, rows) else rows[:0]
 
-    if end - begin >= LONG:
+    if end - begin >= FEW:
         with Workers(n_core()) as workers:
             rows = np.concatenate(workers.map(read, range(begin, end, _BLOCK)))
         if len(rows) == 3 * n_loop:

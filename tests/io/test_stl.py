@@ -131,7 +131,7 @@ def test_long_texts_are_read_as_short_ones(monkeypatch):
 
     expected = [outcome(text) for text in texts]
     assert 8 <= sum(isinstance(each, str) for each in expected) <= 11
-    monkeypatch.setattr("rasterizer.io.stl.LONG", 0)
+    monkeypatch.setattr("rasterizer.io.stl.FEW", 0)
     for block in (16, 100, 10**6):
         monkeypatch.setattr("rasterizer.io.stl._BLOCK", block)
         for text, wanted in zip(texts, expected, strict=True):
