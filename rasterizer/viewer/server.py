@@ -23,7 +23,6 @@ from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -34,8 +33,6 @@ from .session import Reply, Session
 HOST = "127.0.0.1"
 _OWN_NAMES = ("127.0.0.1", "localhost", "::1")  # with any port: it may have been forwarded
 _PATIENCE = 60.0  # seconds that a connection may be silent
-_UNTIL_TOKEN = 2.0  # seconds in which a connection must have shown the token, silent or not
-_MAX_CONNECTIONS = 32  # with the token, and as many without it
 _GRACE = 2.0  # seconds after which a page that has gone is not being loaded once more
 _FOLDER = Path(__file__).parent / "page"
 _FILES = {  # name: file and type
@@ -73,7 +70,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     block_on_close = False  # connections that are held open end with the process
-    request_queue_size = _MAX_CONNECTIONS
+    request_queue_size = 32
 
     def __init__(
         self,
@@ -87,9 +84,6 @@ class Server(ThreadingHTTPServer):
         self.note = note or (lambda _: None)
         self.token = secrets.token_urlsafe(24)
         self._pages = _Pages()
-        self._lock = threading.Lock()
-        self._strangers: dict[socket.socket, float] = {}  # that have not shown the token, and since when; oldest first
-        self._known: set[socket.socket] = set()
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as fault:
@@ -122,42 +116,6 @@ class Server(ThreadingHTTPServer):
     def _end_with_the_last_page(self) -> None:
         self._pages.wait_for_the_end()
         self.shutdown()
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer on a thread of its own; the oldest one of too many that have not shown the token makes room."""
-        with self._lock:
-            if len(self._strangers) >= _MAX_CONNECTIONS:
-                self._hang_up(next(iter(self._strangers)))
-            self._strangers[request] = monotonic()
-        super().process_request(request, client_address)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer the requests of one connection."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            with self._lock:
-                self._strangers.pop(request, None)
-                self._known.discard(request)
-
-    def admit(self, connection: socket.socket) -> bool:
-        """Keep a connection that has shown the token; False where there are too many."""
-        with self._lock:
-            if self._strangers.pop(connection, None) is not None and len(self._known) < _MAX_CONNECTIONS:
-                self._known.add(connection)
-            return connection in self._known
-
-    def service_actions(self) -> None:
-        """Close connections that have not shown the token in time; the base class calls this ten times a second."""
-        with self._lock:
-            for connection, since in list(self._strangers.items()):
-                if monotonic() - since > _UNTIL_TOKEN:
-                    self._hang_up(connection)
-
-    def _hang_up(self, connection: socket.socket) -> None:
-        del self._strangers[connection]
-        with suppress(OSError):  # it is closed already
-            connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Connections that break are no fault; nothing is printed."""
@@ -224,14 +182,6 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a message with a picture."""
         self._answer(self._post)
 
-    def _refuse_method(self) -> None:
-        def refuse(_: str) -> None:
-            raise _Refusal(HTTPStatus.METHOD_NOT_ALLOWED, f"{self.command} is not answered", Allow="GET, POST")
-
-        self._answer(refuse)
-
-    do_HEAD = do_PUT = do_DELETE = do_OPTIONS = do_PATCH = do_TRACE = do_CONNECT = _refuse_method
-
     def _answer(self, work: Callable[[str], None]) -> None:
         """Check who asks, and do the work for the name that is asked for."""
         try:
@@ -253,13 +203,9 @@ class _Handler(BaseHTTPRequestHandler):
         is_known = hmac.compare_digest(token.encode("utf-8", "replace"), self.server.token.encode())
         if not (is_known and slash and self.path.startswith("/")):
             raise _Refusal(HTTPStatus.FORBIDDEN, "the token is wrong: open the address that the program has printed")
-        if not self.server.admit(self.connection):
-            raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"there are {_MAX_CONNECTIONS} connections already")
         return name
 
     def _get(self, name: str) -> None:
-        if self.headers.get("Content-Length", "0") != "0" or self.headers.get("Transfer-Encoding"):
-            raise _Refusal(HTTPStatus.BAD_REQUEST, "GET has no body")
         if name == "alive":
             self._hold()
         elif name in _FILES:
@@ -291,19 +237,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _read_body(self) -> bytes:
         """Return the message; refuse one without a length, or a long one, before it is read."""
-        if self.headers.get("Transfer-Encoding"):
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit()) or self.headers.get("Transfer-Encoding"):
             raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a message needs a Content-Length")
-        lengths = self.headers.get_all("Content-Length") or []
-        if len(lengths) != 1:
-            raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "a message needs one Content-Length")
-        if not (lengths[0].isascii() and lengths[0].isdigit()):
-            raise _Refusal(HTTPStatus.BAD_REQUEST, "Content-Length must be a number")
-        if len(lengths[0]) > 9 or int(lengths[0]) > MAX_BYTES:
+        if len(length) > 9 or int(length) > MAX_BYTES:
             raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a message has at most {MAX_BYTES} bytes")
-        body = self.rfile.read(int(lengths[0]))
-        if len(body) != int(lengths[0]):
-            raise _Refusal(HTTPStatus.BAD_REQUEST, "the message ends too early")
-        return body
+        return self.rfile.read(int(length))
 
     def _hold(self) -> None:
         """Keep the connection open, so that either side notices when the other one ends."""

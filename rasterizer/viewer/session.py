@@ -8,6 +8,7 @@ file: the picture that `rasterizer.render` draws through the same camera, byte f
 """
 
 import io
+import math
 import threading
 from collections import OrderedDict
 from dataclasses import fields, replace
@@ -21,12 +22,13 @@ from ..errors import SceneError, shown
 from ..frame import Frame
 from ..locks import renew_in_child
 from ..options import Options
+from ..picking import Pick
 from ..renderer import Renderer
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import PRESETS, studio
 from ..scene.scene import Scene
-from .controls import LIGHTS, SHADINGS, Aim, Picked, State, apply, pick, projection_of, read_message
+from .controls import LIGHTS, SHADINGS, Aim, State, apply, describe_pick, projection_of, read_message
 from .orbit import Orbit, camera_flags
 
 PAPER = "#ffffff"  # behind the scene until a page says what its own is
@@ -106,7 +108,7 @@ class Session:
         return self._home() if self._state.orbit is None else self._state.orbit.camera
 
     @property
-    def picked(self) -> Picked | None:
+    def picked(self) -> Pick | None:
         """The point that was picked last; None if there is none."""
         return self._state.picked
 
@@ -155,12 +157,13 @@ class Session:
 
     def _pick(self, aim: Aim) -> None:
         """Pick what is seen at a pixel, and turn about it from now on if that is asked for."""
-        frame, *_ = self._draw_at_rest()
-        picked = pick(frame, self.scene, self.camera, aim.x, aim.y)
+        x, y, (width, height) = math.floor(aim.x), math.floor(aim.y), self._size
+        is_inside = 0 <= x < width and 0 <= y < height
+        picked = self._renderer_at_rest().pick(x, y, self.camera) if is_inside else None
         orbit = self._state.orbit
         if aim.is_pivot and picked is not None:
             orbit = (orbit or Orbit.of(self._home(), self.scene)).about(np.array(picked.position))
-        said = "nothing is there" if picked is None else str(picked)
+        said = "nothing is there" if picked is None else describe_pick(picked)
         self._state = self._state._replace(picked=picked, orbit=orbit, said=said)
 
     def _reply_at_rest(self) -> Reply:
@@ -179,17 +182,19 @@ class Session:
         return Reply(self._status(divisor, False, seconds), content, "image/jpeg")
 
     def _draw_at_rest(self) -> tuple[Frame, bytes, float]:
-        """Draw the picture as good as it gets, with the buffers that picking needs, and tell the seconds that it took;
-        or return it where it is drawn."""
+        """Draw the picture as good as it gets, with buffers, and tell the seconds that it took; one that is drawn is
+        returned."""
         shown_now = (self.camera, self._state.shading, self._state.lights, self._size, self._background)
         if self._at_rest is None or self._at_rest[0] != shown_now:
-            outputs = ("rgb", "face", "depth", "normal")
-            renderer = self._renderer({"size": self._size, "samples": self._samples, "outputs": outputs})
-            start = perf_counter()
+            renderer, start = self._renderer_at_rest(), perf_counter()
             frame = renderer.render(self.camera)
             content = frame.encode("PNG")
             self._at_rest = shown_now, frame, content, perf_counter() - start
         return self._at_rest[1:]
+
+    def _renderer_at_rest(self) -> Renderer:
+        outputs = ("rgb", "face", "depth", "normal")
+        return self._renderer({"size": self._size, "samples": self._samples, "outputs": outputs})
 
     def _renderer(self, settings: dict[str, Any]) -> Renderer:
         """Return what draws such pictures, which is kept for the next one."""
@@ -238,7 +243,7 @@ class Session:
                 "lights": state.lights,
                 "projection": projection_of(state, self._home()),
             },
-            "picked": None if picked is None else str(picked),
+            "picked": None if picked is None else describe_pick(picked),
             "marker": None if picked is None else orbit.position_of(np.array(picked.position), self._size),
             "camera": self._flags(),
         }

@@ -14,11 +14,11 @@ from ..io.camera_file import viewpoint_of
 from ..keywords import divided, takes_words
 from ..look import Look
 from ..options import Options
+from ..picking import Pick
 from ..renderer import load_look, render
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from ..viewpoint import Viewpoint
-from .controls import Picked
 from .session import Session
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ class SceneView(Protocol):
         """The camera as it stands now: `rz.render(widget.scene, camera=widget.camera)` draws what is seen."""
 
     @property
-    def picked(self) -> Picked | None:
-        """The point that was clicked last: its face, object, position and normal; None if there is none."""
+    def picked(self) -> Pick | None:
+        """What was clicked last, as `Frame.pick` tells it; None if nothing was."""
 
     @property
     def frame(self) -> Frame | None:

@@ -12,6 +12,7 @@ from helpers.browser import browser, canvas_pixels, missing, page_in, screen_pix
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.viewer.controls import describe_pick
 from rasterizer.viewer.server import Server
 from rasterizer.viewer.session import Session
 
@@ -153,7 +154,7 @@ def test_a_click_leaves_the_picture_as_large_as_it_is(program, size, name):
         page.wait_for_selector(".raster-mark:not([hidden])")
         page.wait_for_timeout(100)
         wait_for_rest(page)
-        assert session.picked.name == name and name[:20] in page.locator(".raster-status").text_content()
+        assert session.picked.object_name == name and name[:20] in page.locator(".raster-status").text_content()
         assert page.locator("canvas").bounding_box() == box and session.frame is before
         for numbers in ("", "1 face, 9×9, 1.0 ms", "1,310,720 faces, 1920×1080, 1/8 size, 12345.6 ms"):
             page.locator(".raster-numbers").evaluate("(element, text) => { element.textContent = text }", numbers)
@@ -164,9 +165,9 @@ def test_a_click_tells_what_is_seen_and_marks_it(page, server):
     page.mouse.click(*middle(page))
     page.wait_for_selector(".raster-mark:not([hidden])")
     picked = server.session.picked
-    assert picked.face == server.session.frame.face[picked.pixel[1], picked.pixel[0]]
+    assert picked.face == server.session.frame.face[picked.y, picked.x]
     text = page.locator(".raster-status").text_content()
-    assert text == str(picked) == page.locator("[role=status]").text_content()
+    assert text == describe_pick(picked) == page.locator("[role=status]").text_content()
     mark, (x, y) = page.locator(".raster-mark").bounding_box(), middle(page)
     assert abs(mark["x"] + mark["width"] / 2 - x) < 2 and abs(mark["y"] + mark["height"] / 2 - y) < 2
     page.locator("canvas").press("Escape")
@@ -213,7 +214,7 @@ def test_a_screen_with_finer_pixels_gets_a_finer_picture(program, server):
         assert canvas_pixels(page).shape[1] == 960
         page.mouse.click(*middle(page))
         page.wait_for_selector(".raster-mark:not([hidden])")
-        assert abs(server.session.picked.pixel[0] - 480) <= 1
+        assert abs(server.session.picked.x - 480) <= 1
 
 
 def test_a_dark_page_has_a_dark_picture_and_text_that_can_be_read(program, server):

@@ -15,6 +15,7 @@ from helpers.viewing import SIZE, click, drag, key, message, rest, switch, zoom
 from PIL import Image
 
 import rasterizer as rz
+from rasterizer.viewer.controls import describe_pick
 from rasterizer.viewer.orbit import camera_flags
 from rasterizer.viewer.session import BUDGET, DIVISORS, Resolution, Session, encode_jpeg
 
@@ -130,15 +131,15 @@ def test_the_background_is_the_pages_own_unless_the_scene_has_one(session, scene
 def test_a_click_tells_face_object_position_and_normal(session):
     reply = session.answer(message(click(40.4, 30.9)))
     picked = session.picked
-    assert reply.status["is_full"] and picked.pixel == (40, 30)
-    assert picked.face == session.frame.face[30, 40] == picked.face_of_mesh
-    mesh = session.scene.meshes[picked.mesh]
+    assert reply.status["is_full"] and (picked.x, picked.y) == (40, 30)
+    assert picked.face == session.frame.face[30, 40] == picked.object_face
+    mesh = session.scene.meshes[picked.object]
     corners = mesh.vertices[mesh.faces[picked.face]]
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normal /= np.linalg.norm(normal)
     assert abs((np.array(picked.position) - corners[0]) @ normal) <= 1e-5
     assert abs(np.dot(picked.normal, normal)) == pytest.approx(1, abs=1e-6)
-    assert reply.status["picked"] == str(picked) == reply.status["said"]
+    assert reply.status["picked"] == describe_pick(picked) == reply.status["said"]
     assert not deviations(reply.status["marker"], (40.5, 30.5), atol=0.001)
 
 
@@ -149,8 +150,8 @@ def test_an_object_is_told_by_its_name_and_its_own_face(session):
     camera = rz.Camera.perspective((2.5, 2.5, 9), (2.5, 2.5, 2))
     session = Session(rz.Scene(meshes), camera=camera, threads=1)
     session.answer(message(click(40, 30)))
-    assert session.picked.mesh == 1 and session.picked.face == 2 + session.picked.face_of_mesh
-    assert repr(names[1]) in str(session.picked)
+    assert session.picked.object == 1 and session.picked.face == 2 + session.picked.object_face
+    assert repr(names[1]) in describe_pick(session.picked)
 
 
 def test_beside_the_object_nothing_is_picked(session):
@@ -178,7 +179,7 @@ def test_a_double_click_turns_about_the_point(session):
 
 def test_the_keyboard_picks_what_is_in_the_middle(session):
     session.answer(message(key("Enter")))
-    assert session.picked.pixel == (40, 30)
+    assert (session.picked.x, session.picked.y) == (40, 30)
 
 
 def test_the_flags_of_a_view_draw_the_same_picture(session, folder):
