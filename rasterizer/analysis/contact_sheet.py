@@ -38,7 +38,7 @@ def sheet(
     columns : pictures in a row; None = about as many columns as rows
     gap : pixels between neighbours and around the sheet
     background : colour as `linear_rgb` reads it; None = transparent
-    labels : sequence of text, one a picture, written below it; None = no text
+    labels : sequence of text, one a picture, written below it, its middle left out where it is too wide; None = no text
 
     Returns
     -------
@@ -73,7 +73,7 @@ def sheet(
     image = Image.fromarray(paper if background is None else _laid_on(paper, linear_rgb(background, "the background")))
     for i, label in enumerate(labels or ()):
         middle = gap + i % columns * step_x + cell_width / 2
-        _write(image, label, middle, gap + i // columns * step_y + cell_height + 2)
+        _write(image, _fitted(label, cell_width + gap), middle, gap + i // columns * step_y + cell_height + 2)
     return image
 
 
@@ -116,9 +116,13 @@ def _label_height() -> int:
     return math.ceil(bottom) + 4
 
 
-def label_width(label: str) -> float:
-    """How wide a label is, pixels."""
-    return _font().getlength(label)
+def _fitted(label: str, width: int) -> str:
+    """Cut a label in its middle, so that it is no wider than its cell: names differ at both ends."""
+    label, font = " ".join(label.split()), _font()
+    if font.getlength(label) <= width:
+        return label
+    cuts = (f"{label[: (n + 1) // 2]}...{label[len(label) - n // 2 :]}" for n in range(len(label) - 2, 1, -1))
+    return next((cut for cut in cuts if font.getlength(cut) <= width), "")
 
 
 def _font() -> "ImageFont.FreeTypeFont | ImageFont.ImageFont":
@@ -132,5 +136,4 @@ def _write(image: "Image.Image", label: str, middle: float, top: float) -> None:
     from PIL import ImageDraw
 
     draw, font = ImageDraw.Draw(image), _font()
-    label = " ".join(label.split())
     draw.text((middle - draw.textlength(label, font) / 2, top), label, _LABEL_GREY[: len(image.getbands())], font)

@@ -44,11 +44,6 @@ _NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud
 _TIMES = {0: "", 1: ", subdivided once", 2: ", subdivided twice"}
 
 
-def subdivision_words(times: int) -> str:
-    """What is said of a model whose triangles were cut in four some times; "" for none."""
-    return _TIMES.get(times, f", subdivided {times} times")
-
-
 class Method(NamedTuple):
     """A method of drawing a scene."""
 
@@ -63,7 +58,7 @@ class Method(NamedTuple):
     @property
     def name(self) -> str:
         """Shading and subdivision in words."""
-        return _NAMES[self.shading] + subdivision_words(self.subdivisions)
+        return _NAMES[self.shading] + _TIMES.get(self.subdivisions, f", subdivided {self.subdivisions} times")
 
     @property
     def options(self) -> dict:
@@ -388,57 +383,24 @@ def printed(error: float) -> float:
 def advise(rows: Sequence[Row], left_out: Sequence[Method] = (), samples: int = 4) -> str:
     """Say in a sentence or two which method to choose.
 
-    With a fixed number of samples, that is the quickest method whose error is within 10 % of the least; of those whose
-    times are too close to call, the one with the least error, so that another run says the same. What another number of
-    samples would change follows, and which methods were left out: nothing is said of these.
+    With a fixed number of samples, that is the quickest method whose error is within 10 % of the least. Of those whose
+    times are too close to call it is the one with the least error, so that another run says the same. Which methods
+    were left out is said, too.
     """
     if not rows:
         return ""
-    numbers = sorted({row.method.samples for row in rows})
-    samples = min(numbers, key=lambda n: abs(n - samples))
-    alike = _alike(rows, samples)
-    names = dict.fromkeys(row.method.name for row in alike)
-    of_each = [_choose([row for row in alike if row.method.name == name]) for name in names]
-    quickest = min(of_each, key=lambda row: row.ms)
-    close = sorted((row for row in of_each if _is_tied(row, quickest)), key=lambda row: (row.error.rms, row.method))
-    best, chosen = min(alike, key=lambda row: row.error.rms), close[0]
-    others = [row for row in of_each if row is not chosen]
-    text = f"Choose {chosen.method}: rms {_figure(chosen.error.rms)}"
-    if len(close) > 1:
-        rivals = " and ".join(f"{row.method.name} with {_figure(row.error.rms)}" for row in close[1:])
-        spread = 100.0 * max(_AS_QUICK - 1.0, *(row.spread for row in close))
-        text += f". The time of {rivals} is too close to call: times vary by {_figure(spread)} %."
-    elif chosen.method.name != best.method.name:
-        # Against the quickest row of that method: the least error may be that of tolerance 0, by a digit nobody sees.
-        (rival,) = (row for row in others if row.method.name == best.method.name)
-        ratio = _figure(rival.ms / chosen.ms)
-        text += f" is as exact as {best.method.name} with {_figure(best.error.rms)} here, and {ratio} times as fast."
-    elif others:
-        other = min(others, key=lambda row: row.ms)
-        text += (
-            f". {other.method.name} is no nearer to the truth, and takes {_figure(other.ms / chosen.ms)} times as long."
-        )
-    else:
-        text += f". No other shading{' that was measured' if left_out else ''} comes within 10 % of that."
-    text += _other_tolerance(rows, chosen)
-    same = [row for row in rows if row.method.name == chosen.method.name and row.method.samples != samples]
-    text += "".join(_other_samples(same, chosen, n) for n in sorted({row.method.samples for row in same}))
+    samples = min((row.method.samples for row in rows), key=lambda n: abs(n - samples))
+    rows = [row for row in rows if row.method.samples == samples]
+    best = min(rows, key=lambda row: row.error.rms)
+    alike = [row for row in rows if row.error.rms <= _ALIKE * best.error.rms]
+    quickest = min(alike, key=lambda row: row.ms)
+    close = [row for row in alike if _is_tied(row, quickest)]
+    chosen = min(close, key=lambda row: (printed(row.error.rms), row.method.tolerance == 0.0, row.method))
+    text = f"Choose {chosen.method}: {_figures(chosen)}."
+    if chosen.method.name != best.method.name:
+        text += f" The least error with as many samples has {best.method}: {_figures(best)}."
     unknown = " and ".join(dict.fromkeys(method.name for method in left_out))
     return text + (f" Not measured: {unknown}." if unknown else "")
-
-
-def _alike(rows: Sequence[Row], samples: int) -> list[Row]:
-    """The rows of a number of samples whose error is like the least."""
-    rows = [row for row in rows if row.method.samples == samples]
-    least = min(row.error.rms for row in rows)
-    return [row for row in rows if row.error.rms <= _ALIKE * least]
-
-
-def _choose(rows: Sequence[Row]) -> Row:
-    """The quickest row of a method; of those that are as quick, the one with the smallest tolerance above 0."""
-    quickest = min(rows, key=lambda row: row.ms)
-    tied = [row for row in rows if _is_tied(row, quickest)]
-    return min(tied, key=lambda row: (row.method.tolerance == 0.0, row.method.tolerance))
 
 
 def _is_tied(a: Row, b: Row) -> bool:
@@ -446,31 +408,8 @@ def _is_tied(a: Row, b: Row) -> bool:
     return abs(a.ms - b.ms) <= max(_AS_QUICK - 1.0, a.spread + b.spread) * min(a.ms, b.ms)
 
 
-def _other_tolerance(rows: Sequence[Row], chosen: Row) -> str:
-    """What tolerance 0 costs, and a larger one gains."""
-    same = {
-        row.method.tolerance: row
-        for row in rows
-        if row.method._replace(tolerance=0.0) == chosen.method._replace(tolerance=0.0)
-    }
-    text = ""
-    if chosen.method.tolerance > 0.0 and 0.0 in same:
-        text = f" Tolerance 0 takes {_figure(same[0.0].ms / chosen.ms)} times as long."
-    larger = [row for tolerance, row in same.items() if tolerance > chosen.method.tolerance > 0.0]
-    if larger:
-        quickest = min(larger, key=lambda row: row.ms)
-        gain = 100.0 * (1.0 - quickest.ms / chosen.ms)
-        is_less = quickest.ms > chosen.ms or _is_tied(quickest, chosen)
-        text += " A larger one gains nothing that could be told." if is_less else f" A larger one gains {gain:.0f} %."
-    return text
-
-
-def _other_samples(rows: Sequence[Row], chosen: Row, samples: int) -> str:
-    """What another number of samples would change, out of rows of the same method."""
-    other = _choose([row for row in rows if row.method.samples == samples])
-    time, error = other.ms / chosen.ms, other.error.rms / max(chosen.error.rms, 1e-300)
-    words = f"{_figure(time)} times the time for {_figure(error)} times the error"
-    return f" {counted(samples, 'sample').capitalize()}: {words} ({other.method.name})."
+def _figures(row: Row) -> str:
+    return f"rms {row.error.rms:.2g} in {row.ms:.3g} ms"
 
 
 def tolerance_text(tolerance: float) -> str:
@@ -478,7 +417,3 @@ def tolerance_text(tolerance: float) -> str:
     fraction = Fraction(tolerance).limit_denominator(10**6)
     is_inverse = fraction.numerator == 1 and fraction.denominator > 1 and float(fraction) == tolerance
     return str(fraction) if is_inverse else f"{tolerance:g}"
-
-
-def _figure(value: float) -> str:
-    return f"{value:.2g}" if value < 10.0 else f"{value:.0f}"

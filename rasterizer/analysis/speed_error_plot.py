@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 from ..errors import counted
 from .comparison import require
-from .speed_error import Row, tolerance_text
+from .speed_error import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
 
 
 # ----------------------------------------------------------------
@@ -60,10 +59,6 @@ _PALER = 0.45  # of a method's colour towards white, for each subdivision
 _MARKERS = {1: "v", 4: "o", 9: "D", 16: "s"}
 _SIZE = (9.0, 6.0)  # inches
 _MIN_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
-# Where a label may stand beside its point, points (1/72 inch) to the right and up, the best place first; pixels that a
-# point takes to each side.
-_OFFSETS = ((6, 5), (-6, -13), (6, -13), (-6, 5), (6, 17), (-6, -25), (6, -25), (-6, 17), (6, 29), (-6, -37))
-_HALF = 5
 
 
 def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
@@ -92,9 +87,7 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     axes.margins(0.08)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    legend = axes.legend(loc="best", fontsize=9)
-    figure.draw_without_rendering()  # settles where everything lies
-    _label_front(axes, rows, legend.get_window_extent())
+    axes.legend(loc="best", fontsize=9)
     return figure_bytes(figure, suffix, dpi=120)
 
 
@@ -123,25 +116,6 @@ def _draw_front(axes: "Axes", front: Sequence[Row]) -> None:
     times, errors = zip(*sorted(_place_of(row) for row in front), strict=True)
     axes.step(times, errors, where="post", color="black", linewidth=1.0, zorder=3,
               label="front: nothing is quicker and nearer")  # fmt: skip
-
-
-def _label_front(axes: "Axes", rows: Sequence[Row], legend: "Bbox") -> None:
-    """Name the rows of the front, the quickest first, where there is room: within the plot, and over nothing else."""
-    from matplotlib.transforms import Bbox
-
-    plot, taken = axes.get_window_extent(), [legend]
-    taken += [Bbox.from_bounds(x - _HALF, y - _HALF, 2 * _HALF, 2 * _HALF)
-              for x, y in axes.transData.transform([_place_of(row) for row in rows])]  # fmt: skip
-    for row in sorted((row for row in rows if not row.is_beaten), key=lambda row: row.ms):
-        name = f"{row.method.name}, {row.method.samples}×, {tolerance_text(row.method.tolerance)}"
-        for right, up in _OFFSETS:
-            text = axes.annotate(name, _place_of(row), xytext=(right, up), textcoords="offset points",
-                                 ha="left" if right > 0 else "right", fontsize=8)  # fmt: skip
-            box = text.get_window_extent()
-            if plot.x0 <= box.x0 and box.x1 <= plot.x1 and not box.count_overlaps(taken):
-                taken.append(box)
-                break
-            text.remove()
 
 
 def _place_of(row: Row) -> tuple[float, float]:

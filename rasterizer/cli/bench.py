@@ -14,7 +14,7 @@ from ..errors import SceneError, counted
 from ..options import Options
 from . import values
 from .flags import add_camera, add_json, add_look, add_messages, add_models, add_size
-from .messages import QUIET, Bar, print_text
+from .messages import QUIET, Bar, aligned, print_text
 
 IMPORTS = ("drawing",)
 _OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
@@ -38,7 +38,7 @@ With --all also:
   method, sampling   what makes that error: where light is evaluated, and how
                      many samples see it (rms)
 """
-_COLUMNS = ("", "shading", "samples", "tolerance", "ms", "rms", "max", "over 1", "ΔE", "of method",
+_COLUMNS = ("shading", "samples", "tolerance", "ms", "rms", "max", "over 1", "ΔE", "of method",
             "of sampling", "FLIP")  # fmt: skip
 
 
@@ -125,8 +125,7 @@ def _bench_model(targets, request, messages, output, measure, has_all) -> None:
         if request.is_json:
             messages.record(_record(target, options, scene, seconds, machine, loaded.warnings, found))
         elif request.level > QUIET:
-            table = [_LEGEND, "", *_table(found)] if has_all else _front(found)
-            print_text("\n".join([title, *table, "", found.advice]) + "\n")
+            print_text("\n".join([title, _LEGEND, "", *_table(found, has_all), "", found.advice]) + "\n")
 
 
 def _measure(scene, chosen, messages, methods, seconds, with_flip):
@@ -151,10 +150,8 @@ def _measure(scene, chosen, messages, methods, seconds, with_flip):
 
 # --- what is printed ----------------------------------------------------------------------------------------
 
-_LEGEND = (
-    "rms, max: error against Phong's shading at 64 samples a pixel with tolerance 0, linear intensity; over 1: 8-bit "
-    "values\nmore than a level off; of method, of sampling: what makes the rms"
-)
+_LEGEND = "rms, max: error against Phong's shading at 64 samples a pixel, in linear intensity where white is 1"
+_N_USUAL = 6  # columns without --all
 
 
 def _title(target, scene, options, machine) -> str:
@@ -164,57 +161,24 @@ def _title(target, scene, options, machine) -> str:
     return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
 
 
-def _front(found) -> list[str]:
-    """The rows that nothing beats as lines, and how many others there are."""
+def _table(found, has_all) -> list[str]:
+    """The rows that nothing beats as lines, and the others with --all."""
+    n_column = len(_COLUMNS) - (found.rows[0].error.flip is None) if has_all else _N_USUAL
+    texts = aligned([line[:n_column] for line in (_COLUMNS, *map(_cells, found.rows))])
+    n_line = 1 + sum(not row.is_beaten for row in found.rows)
+    note = f"{counted(len(texts) - n_line, 'other')}, both slower and further off"
+    return [*texts[:n_line], *([f"{note}:", *texts[n_line:]] if has_all else [f"{note}: --all"])]
+
+
+def _cells(row) -> tuple[str, ...]:
     from ..analysis.speed_error import tolerance_text
 
-    front = [row for row in found.rows if not row.is_beaten]
-    lines = [_COLUMNS[1:7]]
-    for row in front:
-        words = row.method.name, str(row.method.samples), tolerance_text(row.method.tolerance)
-        lines.append((*words, f"{row.ms:.2f}", f"{row.error.rms:.2e}", f"{row.error.max:.2f}"))
-    n_beaten = len(found.rows) - len(front)
-    legend = "rms, max: error against Phong's shading at 64 samples a pixel, in linear intensity where white is 1"
-    return [legend, "", *_aligned(lines, n_left=1), f"{counted(n_beaten, 'other')}, both slower and further off: --all"]
-
-
-def _table(found) -> list[str]:
-    """The rows as lines; those of the front have numbers, the others say which of them beats them."""
-    from ..analysis.speed_error import tolerance_text
-
-    front = [row for row in found.rows if not row.is_beaten]
-    lines = [_COLUMNS]
-    for row in found.rows:
-        method, error = row.method, row.error
-        mark = str(front.index(row) + 1) if not row.is_beaten else f"<{_winner(row, front)}"
-        delta_e = "" if error.delta_e is None else f"{error.delta_e:.3f}"
-        errors = f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%", delta_e
-        parts = f"{row.of_method:.1e}", f"{row.of_sampling:.1e}", "" if error.flip is None else f"{error.flip:.4f}"
-        words = method.name, str(method.samples), tolerance_text(method.tolerance)
-        lines.append((mark, *words, f"{row.ms:.2f}", *errors, *parts))
-    n_column = len(_COLUMNS) - (found.rows[0].error.flip is None)
-    texts = _aligned([line[:n_column] for line in lines], n_left=2)
-    n_front = len(front) + 1
-    beaten = ["", "both slower and further off than the row whose number stands after <:", *texts[n_front:]]
-    return texts[:n_front] + (beaten if len(texts) > n_front else [])
-
-
-def _winner(row, front) -> int:
-    """The number of the nearest row of the front that isn't slower."""
-    from ..analysis.speed_error import printed
-
-    rms = printed(row.error.rms)
-    return max(k for k, other in enumerate(front, 1) if other.ms <= row.ms and printed(other.error.rms) <= rms)
-
-
-def _aligned(lines, n_left) -> list[str]:
-    """Lines of cells in columns, the first ones to the left."""
-    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
-
-    def cell(text, k):
-        return text.ljust(widths[k]) if k < n_left else text.rjust(widths[k])
-
-    return ["  ".join(cell(text, k) for k, text in enumerate(line)).rstrip() for line in lines]
+    method, error = row.method, row.error
+    words = method.name, str(method.samples), tolerance_text(method.tolerance)
+    delta_e = "" if error.delta_e is None else f"{error.delta_e:.3f}"
+    errors = f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%", delta_e
+    parts = f"{row.of_method:.1e}", f"{row.of_sampling:.1e}", "" if error.flip is None else f"{error.flip:.4f}"
+    return *words, f"{row.ms:.2f}", *errors, *parts
 
 
 def _record(target, options, scene, seconds, machine, warnings, found) -> dict:

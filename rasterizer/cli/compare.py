@@ -14,7 +14,7 @@ from ..choices import ARRAY_SUFFIXES
 from ..errors import SceneError, counted
 from . import values
 from .flags import add_camera, add_look, add_models, add_output
-from .messages import QUIET, STDIO, print_text
+from .messages import QUIET, STDIO, aligned, print_text
 
 IMPORTS = ("drawing",)
 SIZE = (320, 240)  # four pictures beside each other, one of them by the reference, which is slow
@@ -33,7 +33,6 @@ The table says of each method:
                      slope per pixel, across the edge of two polygons where
                      the surface is smooth; slope rms: over all such places
 """
-_NAMES = {"flat": "flat", "lambert": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
 _REFERENCE = "reference: Phong, float64"
 # A face takes the reference as long as many pixels, counted as 60. Beyond this it takes a while.
 _SLOW = 20_000  # faces and pixels / 60 together
@@ -120,7 +119,6 @@ def _compare_model(targets, request, messages, output, methods, has_reference) -
             for method, picture in drawn.items()
         }
         figures[against] = figures[against]._replace(max=None, rms=None, over_one=None)
-        note = _explain_slopes(figures, scene, options)
         image, scale = _lay_out(drawn, against, figures, scene.background)
         output.write({target.output: encode_sheet(image, target.output)})
         seconds, start = perf_counter() - start, perf_counter()
@@ -138,11 +136,10 @@ def _compare_model(targets, request, messages, output, methods, has_reference) -
                 "against": against,
                 "scale": scale,
                 "methods": {method: of_method._asdict() for method, of_method in figures.items()},
-                "note": note,
             }
             messages.record(record, target.output == STDIO)
         elif request.level > QUIET:
-            print_text(_table(target, figures, note), target.output == STDIO)
+            print_text(_table(target, figures), target.output == STDIO)
 
 
 def _draw_methods(scene, methods, chosen) -> tuple[dict, dict, Any]:
@@ -190,12 +187,10 @@ def _scene_of(method, scene):
 
 def _name_of(method) -> str:
     """A method as a title."""
-    from ..analysis.speed_error import subdivision_words
+    from ..analysis.speed_error import Method
 
     shading, _, times = method.partition("+")
-    if shading not in _NAMES:
-        return _REFERENCE
-    return _NAMES[shading] + (subdivision_words(int(times)) if times else "")
+    return _REFERENCE if method == "reference" else Method(shading, int(times or 0), 1, 0.0).name
 
 
 def _draw_reference(scene, chosen) -> Drawn:
@@ -220,29 +215,6 @@ def _measure(picture, expected, scene, ms) -> Figures:
     return Figures(ms, error.max, error.rms, over_one, *jumps)
 
 
-def _explain_slopes(figures, scene, chosen) -> str | None:
-    """Say why the slope jumps more in Phong's picture than in Gouraud's, where it does: both are measured again without
-    highlights."""
-    from ..analysis.mach import mach_bands
-
-    phong, gouraud = (figures[name].slope_jump if name in figures else None for name in ("phong", "gouraud"))
-    if phong is None or gouraud is None or phong <= gouraud:
-        return None
-    meshes = []
-    for mesh in scene.meshes:
-        dull = tuple(replace(material, specular=0.0) for material in mesh.palette)
-        meshes.append(replace(mesh, material=dull[0], materials=dull if mesh.materials is not None else None))
-    dull, jumps = replace(scene, meshes=tuple(meshes)), []
-    for shading in ("phong", "gouraud"):
-        frame = _draw_exactly(dull, _options_of(chosen) | {"shading": shading})
-        jumps.append(mach_bands(frame, dull).slope_jump)
-    larger = f"slope jump: phong's {phong:.3g} is above gouraud's {gouraud:.3g}"
-    without = f"without highlights they are {jumps[0]:.3g} and {jumps[1]:.3g}"
-    if jumps[0] <= jumps[1]:
-        return f"{larger} because of a highlight, which Gouraud's method smears or misses; {without}"
-    return f"{larger}, not for a highlight: {without}; normals turn within faces, where Gouraud's method is even"
-
-
 # --- the sheet ----------------------------------------------------------------------------------------------
 
 
@@ -260,26 +232,16 @@ def _lay_out(drawn, against, figures, background):
     scale = _rounded_up(max(quantiles, default=0.0))
     pictures, labels = [picture.rgba for picture in drawn.values()], []
     for method, of_method in figures.items():
-        name, jump = _name_of(method), of_method.slope_rms
-        jumps = [] if jump is None else [f"{name}, slope jumps {jump:.2g} a pixel (rms)", f"{name}, jumps {jump:.2g}"]
-        labels.append(_label([*jumps, name, method, ""], shape))
+        jump = "" if of_method.slope_rms is None else f", slope jumps {of_method.slope_rms:.2g}"
+        labels.append(f"{_name_of(method)}{jump}")
     for method, error in errors.items():
         pictures.append(_heat(error / scale, is_covered))
-        largest, rms = figures[method].max, figures[method].rms
-        words = [f"error: rms {rms:.2g}, at most {largest:.2g}", f"rms {rms:.2g}, max {largest:.2g}", f"rms {rms:.2g}"]
-        labels.append(_label([*words, f"{rms:.2g}", ""], shape))
+        labels.append(f"error: rms {figures[method].rms:.2g}, max {figures[method].max:.2g}")
     ramp = np.linspace(0.0, 1.0, shape[1])[None].repeat(max(shape[0] // 12, 1), axis=0)
     pictures.append(_heat(ramp, np.ones(ramp.shape, bool)))
-    labels.append(_label([f"0 to {scale:g} of linear intensity, and more", f"0 to {scale:g}", ""], shape))
+    labels.append(f"0 to {scale:g} of linear intensity")
     paper = _PAPER if background is None else background
     return sheet(pictures, columns=len(drawn), gap=GAP, background=paper, labels=labels), scale
-
-
-def _label(texts, shape) -> str:
-    """The longest of some labels, the longest first, that fits below a picture and half of the gaps beside it."""
-    from ..analysis.contact_sheet import GAP, label_width
-
-    return next(text for text in texts if label_width(text) <= shape[1] + GAP)
 
 
 def _rounded_up(value) -> float:
@@ -302,8 +264,8 @@ def _heat(share, is_covered):
 # --- the figures --------------------------------------------------------------------------------------------
 
 
-def _table(target, figures, note) -> str:
-    """The figures of a picture, a line a method, and what is to be noted."""
+def _table(target, figures) -> str:
+    """The figures of a picture, a line a method."""
     rows = [("", "ms", "max", "rms", "levels over 1", "value jump", "slope jump", "slope rms")]
     for method, of_method in figures.items():
         cells = (
@@ -311,7 +273,4 @@ def _table(target, figures, note) -> str:
         )
         rows.append((method, *cells))
     view = f" {target.view}" if target.view else ""
-    lines = [f"{target.model}{view}: {target.output}"]
-    width = max(len(row[0]) for row in rows) + 1
-    lines += [f"{row[0]:<{width}}" + "".join(f"{cell:>15}" for cell in row[1:]) for row in rows]
-    return "\n".join([*lines, *filter(None, [note])]) + "\n"
+    return "\n".join([f"{target.model}{view}: {target.output}", *aligned(rows)]) + "\n"

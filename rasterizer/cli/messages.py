@@ -205,6 +205,13 @@ def _finite(value):
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def aligned(rows) -> list[str]:
+    """Return rows of cells, texts, as lines in columns: the first one to the left."""
+    first, *others = ([len(cell) for cell in column] for column in zip(*rows, strict=True))
+    widths = [max(lengths) for lengths in others]
+    return ["  ".join([name.ljust(max(first)), *map(str.rjust, cells, widths)]).rstrip() for name, *cells in rows]
+
+
 def print_text(text: str, is_stdout_taken: bool = False) -> None:
     """Print lines that were asked for: on stdout, or on stderr where a picture goes to stdout."""
     if not is_stdout_taken:

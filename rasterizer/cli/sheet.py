@@ -86,10 +86,8 @@ def run(request, messages, *, columns, rows, gap, has_labels) -> tuple[list, int
             if columns is None and len(plan) > 1 and len(plan[0]) > 1:
                 columns = len(plan[0])
             columns = columns if rows is None else -(-len(pictures) // rows)
-            width = request.options.size[0] + gap
-            labels = [_fitted(label, width) for label in labels] if has_labels else None
             background = None if request.look.background == "transparent" else request.look.background
-            image = sheet(pictures, columns, gap, background, labels)
+            image = sheet(pictures, columns, gap, background, labels if has_labels else None)
             content = encode_sheet(image, plan[0][0].output)
             outputs.write({plan[0][0].output: content})
             results = Results(messages, 1, is_told=not request.is_json)
@@ -151,16 +149,3 @@ def _labels(targets, name, is_one_of_many, is_failed) -> list[str]:
         words += [target.view] if target.view and len(targets) > 1 else []
         found.append(" ".join(words or [name]) + (": failed" if is_failed else ""))
     return found
-
-
-def _fitted(label, width) -> str:
-    """Cut a label in its middle, so that it is no wider than its picture: names differ at both ends."""
-    from ..analysis.contact_sheet import label_width
-
-    if label_width(label) <= width:
-        return label
-    for n_letter in range(len(label) - 2, 1, -1):
-        cut = f"{label[: (n_letter + 1) // 2]}...{label[len(label) - n_letter // 2 :]}"
-        if label_width(cut) <= width:
-            return cut
-    return ""

@@ -125,55 +125,20 @@ def test_advice_names_the_quickest_that_is_as_exact():
     phong, gouraud = Method("phong", 0, 4, 1 / 4096), Method("gouraud", 1, 4, 1 / 4096)
     text = advise([make_row(7.0, 0.0100, phong), make_row(5.0, 0.0105, gouraud), make_row(3.0, 0.2)])
     assert text == (
-        "Choose Gouraud, subdivided once, 4 samples, tolerance 1/4096: rms 0.011 is as exact as Phong with 0.01 here, "
-        "and 1.4 times as fast."
+        "Choose Gouraud, subdivided once, 4 samples, tolerance 1/4096: rms 0.011 in 5 ms. The least error with as many "
+        "samples has Phong, 4 samples, tolerance 1/4096: rms 0.01 in 7 ms."
     )
     text = advise([make_row(7.0, 0.0100, phong), make_row(5.0, 0.0125, gouraud)])
-    assert text.startswith("Choose Phong, 4 samples, tolerance 1/4096: rms 0.01. No other shading comes within 10 %")
-    text = advise([make_row(5.0, 0.0100, phong), make_row(7.0, 0.0100, gouraud)])
-    assert "Gouraud, subdivided once is no nearer to the truth, and takes 1.4 times as long" in text
+    assert text == "Choose Phong, 4 samples, tolerance 1/4096: rms 0.01 in 7 ms."
     assert advise([]) == ""
 
 
-def test_advice_compares_what_is_quickest_of_each_method():
-    """However many rows a method has, and whichever of them is nearest to the truth by a digit that isn't shown."""
+def test_advice_stays_the_same_where_times_are_too_close_to_call():
+    """Two runs on a busy machine: the quicker one of two methods changes."""
     phong, gouraud = Method("phong", 0, 4, 1 / 4096), Method("gouraud", 1, 4, 1 / 4096)
-    rows = [make_row(11.0, 0.00999, phong._replace(tolerance=0.0)), make_row(6.0, 0.0100, phong)]
-    text = advise([*rows, make_row(9.0, 0.0100, phong._replace(tolerance=1 / 64)), make_row(4.0, 0.0105, gouraud)])
-    assert text.startswith("Choose Gouraud") and "as exact as Phong with 0.01 here, and 1.5 times as fast." in text
-
-
-def test_advice_says_what_is_too_close_to_call_and_stays_the_same():
-    """Two runs on a busy machine: the quicker one of two methods changes, and so does the quickest tolerance."""
-    phong, gouraud = Method("phong", 0, 4, 1 / 4096), Method("gouraud", 1, 4, 1 / 4096)
-    texts = []
-    for times in ((7.0, 6.0, 6.5, 5.0), (6.0, 7.0, 5.0, 6.5)):
-        methods = phong, gouraud, phong._replace(tolerance=0.0), gouraud._replace(tolerance=1 / 64)
-        rows = [make_row(ms, rms, each) for ms, rms, each in zip(times, (0.01, 0.0105) * 2, methods, strict=True)]
-        texts.append(advise([row._replace(spread=0.2) for row in rows]))
-        said = "The time of Gouraud, subdivided once with 0.011 is too close to call: times vary by 20 %."
-        assert texts[-1].startswith("Choose Phong, 4 samples, tolerance 1/4096: rms 0.01. ") and said in texts[-1]
-
-
-def test_advice_compares_samples_of_one_method():
-    four, one = Method("phong", 0, 4, 1 / 4096), Method("phong", 0, 1, 1 / 4096)
-    text = advise(
-        [make_row(4.0, 0.01, four), make_row(2.0, 0.04, one), make_row(1.0, 0.041, Method("flat", 0, 1, 0.0))]
-    )
-    assert "1 sample: 0.5 times the time for 4 times the error (Phong)." in text
-
-
-def test_advice_tells_what_samples_and_tolerances_change():
-    four, one = Method("phong", 0, 4, 1 / 4096), Method("phong", 0, 1, 1 / 4096)
-    rows = [make_row(4.0, 0.01, four), make_row(6.0, 0.01, four._replace(tolerance=0.0)),
-            make_row(3.0, 0.01, four._replace(tolerance=1 / 64)), make_row(2.0, 0.04, one)]  # fmt: skip
-    text = advise(rows)
-    assert "Choose Phong, 4 samples, tolerance 1/64" in text and "Tolerance 0 takes 2 times as long." in text
-    assert "1 sample: 0.67 times the time for 4 times the error (Phong)." in text
-    text = advise([rows[0], rows[1], rows[2]._replace(ms=3.95)])
-    assert (
-        "Choose Phong, 4 samples, tolerance 1/4096" in text and "A larger one gains nothing that could be told." in text
-    )
+    for times in ((7.0, 6.0), (6.0, 7.0)):
+        rows = [make_row(ms, rms, each) for ms, rms, each in zip(times, (0.01, 0.0105), (phong, gouraud), strict=True)]
+        assert advise([row._replace(spread=0.2) for row in rows]).startswith("Choose Phong, 4 samples")
 
 
 def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named():
@@ -181,7 +146,6 @@ def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named()
     result = study(ball_scene(), SIZE, methods, 1e-6, lambda *_: None, threads=1)
     assert [row.method.subdivisions for row in result.rows] == [0]
     assert [method.subdivisions for method in result.left_out] == [1, 2]
-    assert "No other shading that was measured comes within 10 %" in result.advice, "of the rest nothing is known"
     assert result.advice.endswith("Not measured: Gouraud, subdivided once and Gouraud, subdivided twice.")
     n = next(n for n in range(16) if 192 * 4**n > MAX_FACES)
     methods = list_methods(("gouraud",), (0, n), (1,), (1 / 4096,))

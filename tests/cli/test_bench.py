@@ -34,12 +34,9 @@ def test_table_and_advice(folder, capsys):
     assert last.startswith("Choose ") and "tolerance" in last
     head = next(line for line in lines if line.lstrip().startswith("shading"))
     assert head.split()[:6] == ["shading", "samples", "tolerance", "ms", "rms", "max"]
-    rows = [line for line in lines if line[:1].isdigit() or line.startswith("<")]
+    rows = [line for line in lines if "%" in line]
     assert len(rows) == (2 + 1) * 2
-    numbers = [int(line.split()[0]) for line in rows if line[0].isdigit()]
-    assert numbers == list(range(1, len(numbers) + 1)) and rows[: len(numbers)] == [r for r in rows if r[0].isdigit()]
-    assert all(1 <= int(line.split()[0][1:]) <= len(numbers) for line in rows[len(numbers) :])
-    assert len({line.index("1/4096") + 6 for line in rows if "1/4096" in line}) == 1, "columns stand below each other"
+    assert len({line.index("1/4096") for line in rows if "1/4096" in line}) == 1, "columns stand below each other"
 
 
 def test_the_record_holds_all_rows_also_where_another_model_fails(capsys):

@@ -9,9 +9,10 @@ import pytest
 from helpers.arrays import differences
 from helpers.command import CUBE, GEAR, assert_refused, picture, raster
 from helpers.raster import ROOT
+from PIL import ImageFont
 
 import rasterizer as rz
-from rasterizer.analysis.contact_sheet import GAP, label_width
+from rasterizer.analysis.contact_sheet import GAP
 
 pytestmark = pytest.mark.usefixtures("folder")
 SMALL = ["-s", "40x30", "--threads", "1", "--preset", "studio"]
@@ -70,7 +71,8 @@ def test_a_long_name_is_cut_in_its_middle_and_paper_has_a_colour():
     shutil.copy(CUBE, f"{name}.obj")
     assert run(f"{name}.obj", "--view", "top", "--background", "white", "--gap", "6", "-o", "x.png") == 0
     cuts = [f"{name[: (n + 1) // 2]}...{name[len(name) - n // 2 :]}" for n in range(2, len(name) - 1)]
-    label = max((cut for cut in cuts if label_width(cut) <= 40 + 6), key=len)
+    width = ImageFont.load_default().getlength
+    label = max((cut for cut in cuts if width(cut) <= 40 + 6), key=len)
     cell = drawn(CUBE, "top", "--background", "white")
     expected = np.asarray(rz.sheet([cell], gap=6, background="white", labels=[label]))
     assert not differences(picture("x.png"), expected) and expected.shape[2] == 3
