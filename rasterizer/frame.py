@@ -250,25 +250,66 @@ class Frame:
         """The picture as (height, width, 4) uint8."""
         return np.array(self.rgba, dtype=dtype, copy=copy)
 
-    def to_pil(self) -> "Image.Image":
-        """Return the picture as a `PIL.Image`: RGB where every pixel is opaque, else RGBA; SceneError without one."""
+    def to_pil(self, array: SavedArray | None = None) -> "Image.Image":
+        """Return the picture, or an array as one that can be looked at, as a `PIL.Image`: RGB where every pixel is
+        opaque, else RGBA.
+
+        Parameters
+        ----------
+        array : name of an attribute, as "depth" (lighter where it is nearer), "object" (a colour for each), "normal";
+            None = the picture. Values are in `array()`, and in the files of `save`
+
+        Raises
+        ------
+        SceneError : what the frame doesn't have
+        """
         from PIL import Image
 
-        return Image.fromarray(np.ascontiguousarray(self._pixels()))
+        if array is None:
+            return Image.fromarray(np.ascontiguousarray(self._pixels()))
+        from .figures import picture_of
 
-    def show(self) -> None:
-        """Show the picture: in the cell of a notebook, else in the program that this computer opens pictures with.
+        return Image.fromarray(picture_of(array, self.array(array)))
+
+    def with_colorbar(self, label: str | None = None) -> "Frame":
+        """Return a frame whose picture has a colour bar with ticks at its right, of the scalar field that it shows.
+
+        Parameters
+        ----------
+        label : text above the bar; None = the name of the scalars, where they have one
+
+        Returns
+        -------
+        Frame with that picture, and without arrays
+
+        Raises
+        ------
+        SceneError : a scene that shows no scalar field, a frame without a picture or one that was pickled, which
+            doesn't know its scene
+        """
+        from .figures import scale_of, with_colorbar
+
+        scene = None if self._source is None else self._source.scene
+        background = None if scene is None else scene.background
+        is_dark = background is not None and max(background) < 0.2
+        rgba = with_colorbar(self.rgba, scale_of(scene), label, is_dark)
+        return Frame(rgba, {}, self.stats, (rgba.shape[1], rgba.shape[0]))
+
+    def show(self, array: SavedArray | None = None) -> None:
+        """Show the picture, or an array as `to_pil` does: in the cell of a notebook, else in the program that this
+        computer opens pictures with.
 
         Raises
         ------
         OutputError : there is no such program; the message says what to do instead
-        SceneError : a frame without a picture
+        SceneError : what the frame doesn't have
         """
-        if show_in_notebook(self):
+        picture = self.to_pil(array)
+        if show_in_notebook(picture):
             return
         from PIL import ImageShow
 
-        if not ImageShow.show(self.to_pil()):
+        if not ImageShow.show(picture):
             raise OutputError("no program is there to show pictures with; frame.save('picture.png') writes a file")
 
     def _pixels(self) -> NDArray[np.uint8]:
@@ -301,8 +342,8 @@ class Frame:
         format : overrides the suffix: "npy", "npz", "exr" or a name of Pillow's: "PNG", "JPEG", ...
         scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001. The file says it in a text
             field, and that 0 is nothing
-        options : passed to Pillow, e.g. quality=95 for a JPEG file; without options a PNG file is written by `io.png`,
-            which is faster; a TIFF file has a profile of sRGB
+        options : passed to Pillow, e.g. quality=95 for a JPEG file, or dpi=300, pixels an inch; without options a PNG
+            file is written by `io.png`, which is faster; a TIFF file has a profile of sRGB
 
         Returns
         -------
@@ -379,6 +420,8 @@ class Frame:
 
             profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
             options = {"icc_profile": profile[:24] + bytes(12) + profile[36:]}  # without the time at which it was made
+        if isinstance(options.get("dpi"), (int, float)):
+            options["dpi"] = (options["dpi"],) * 2
         image = self.to_pil()
         try:
             return encoded(image, name, options)

@@ -3,7 +3,7 @@ scene that is loaded."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,14 +24,20 @@ from .scene.lights import (
 )
 from .scene.material import Material, named_fields
 from .scene.mesh import MAX_SUBDIVISIONS, Mesh, checked_crease_angle
+from .scene.scalars import ScalarWords
 from .scene.scene import DepthCue, Scene, checked_cue
 from .scene.validate import choice, flag, store, whole
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from .scene.color import ColorLike
+    from .scene.scalars import Colormap
 
 # The fields that say how a file or mesh is read; the others change its scene.
-READING = ("format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up")
+READING = (
+    "format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up", "scalars", "cmap", "clim",
+)  # fmt: skip
 
 
 @checked_fields
@@ -60,6 +66,9 @@ class Look:
     crease_angle: float | None = None
     weighting: Weighting | None = None
     subdivide: int = 0
+    scalars: ArrayLike | str | None = None
+    cmap: Colormap | None = None
+    clim: Sequence[float] | None = None
     drop_bad_faces: bool = False
     allow_outside: bool = False
 
@@ -72,8 +81,9 @@ class Look:
             choice(self.weighting, WEIGHTINGS, "weighting")
         flag(self.drop_bad_faces, "drop_bad_faces")
         checked_crease_angle(self.crease_angle)
+        scalars = ScalarWords(self.scalars, self.cmap, self.clim)
         subdivide = whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS)
-        store(self, subdivide=subdivide, material=self._material_fields())
+        store(self, subdivide=subdivide, material=self._material_fields(), **vars(scalars))
 
     @property
     def reading(self) -> dict[str, Any]:

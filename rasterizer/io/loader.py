@@ -10,12 +10,13 @@ source ─┬─ scene file (scene_file.py), which may name models ─┬─ Sce
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..choices import Axis, Weighting, install_command
 from ..errors import ModelError, SceneError, counted, cut, one_file, shown
@@ -29,6 +30,7 @@ from ..scene.framing import guess_up
 from ..scene.lights import Light
 from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
+from ..scene.scalars import Colormap, ScalarWords
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
 from ..scene.validate import COORDINATE_LIMIT, picture_size
@@ -96,6 +98,9 @@ def load(
     depth_cue: DepthCue | float | None = None,
     weighting: Weighting | None = None,
     drop_bad_faces: bool = False,
+    scalars: ArrayLike | str | None = None,
+    cmap: Colormap | None = None,
+    clim: Sequence[float] | None = None,
     log: Callable[[str], object] | None = None,
     allow_outside: bool = False,
     files_read: list[str] | None = None,
@@ -122,6 +127,13 @@ def load(
     weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None =
         "angle", or as a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
+    scalars : a scalar field that is shown in the place of the model's own colours: one number for each vertex or face,
+        (n,), or the name of one that the model has: a property of a PLY file, an attribute of glTF, an array of
+        PyVista, VTK, meshio, trimesh or Open3D. Of PyVista and VTK the active scalars are shown without being asked
+        for. Faces with a corner that has no finite value are grey
+    cmap : text or (n, 3), colormap: "viridis" (the default), another name that the package `cmap` knows, or colours
+        from low to high, uint8 or floats of sRGB
+    clim : two numbers, the values at the colormap's ends; None = the least and the largest there are
     log : function of one text, called with facts about the file; None = nobody wants them
     allow_outside : bool, read also files outside the folder of the file that names them: textures, buffers, parts of a
         scene
@@ -154,6 +166,9 @@ def load(
         depth_cue=depth_cue,
         weighting=weighting,
         drop_bad_faces=drop_bad_faces,
+        scalars=scalars,
+        cmap=cmap,
+        clim=clim,
         log=log,
         allow_outside=allow_outside,
         files_read=files_read,
@@ -166,6 +181,9 @@ def read_source(
     crease_angle: float | None = None,
     weighting: str | None = None,
     drop_bad_faces: bool = False,
+    scalars: Any = None,
+    cmap: Any = None,
+    clim: Any = None,
     camera: Camera | Literal["file"] | None = None,
     format: str | None = None,
     log: Callable[[str], object] | None = None,
@@ -185,7 +203,8 @@ def read_source(
     """
     if isinstance(source, SceneFile):
         return source
-    mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces)
+    scalar_words = ScalarWords(scalars, cmap, clim)
+    mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces, scalar_words)
     if log is not None and not callable(log):
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     if not isinstance(mesh_settings.drop_bad_faces, (bool, np.bool_)):
@@ -196,13 +215,15 @@ def read_source(
     camera = None if is_own_camera else camera
     settings = without_none(settings | {"camera": camera})
     if isinstance(source, Scene):
-        if changes := mesh_settings.arguments():
-            settings["meshes"] = meshes_from(source.meshes, changes)
+        changes = mesh_settings.arguments()
+        if changes or scalars is not None:
+            settings["meshes"] = meshes_from(source.meshes, changes, scalar_words)
         return SceneFile(replace(source, **settings) if settings else source)
     if not _is_file(source):
         lights, camera = lights_and_camera(source)
         own = {"lights": lights, "camera": camera if is_own_camera else None, "up": _up_of(source)}
-        return SceneFile(Scene(meshes_from(source, mesh_settings.arguments()), **without_none(own) | settings))
+        meshes = meshes_from(source, mesh_settings.arguments(), scalar_words)
+        return SceneFile(Scene(meshes, **without_none(own) | settings))
     name = name_of(source)
     if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
         raise ModelError(f"{name}: no such file")
@@ -362,6 +383,7 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         if id(part) not in parts:
             parts[id(part)] = part
             _mend(model, part)
+    settings.scalars.lay(parts.values())
     model.textures.warn()
     for part in parts.values() if model.textures.n_halving else ():
         many = "materials" in part

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import ModelError, counted, cut, warn_caller
 from ..scene.material import WHITE, Material
 from ..scene.mesh_arrays import without_unused
+from ..scene.scalars import ScalarWords
 from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder, LongFile
@@ -74,10 +75,12 @@ class MeshSettings(NamedTuple):
     crease_angle: float | None = None
     weighting: str | None = None
     drop_bad_faces: bool = False
+    scalars: ScalarWords = ScalarWords()
 
     def arguments(self) -> dict:
         """Return those that are asked for, as arguments of Mesh."""
-        return without_none(self._replace(drop_bad_faces=self.drop_bad_faces or None)._asdict())
+        words = self._replace(drop_bad_faces=self.drop_bad_faces or None)._asdict()
+        return without_none({name: value for name, value in words.items() if name != "scalars"})
 
 
 def without_none(words: dict) -> dict:

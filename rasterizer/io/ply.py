@@ -25,6 +25,7 @@ import numpy as np
 from ..errors import ModelError, counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import WHITE, Material
+from ..scene.scalars import Fields
 from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
 
@@ -138,6 +139,7 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
     cut = cut_faces(model, points, corners, counts, place)
     faces = cut.of_corners(corners)
     part = {"vertices": points, "faces": faces, "name": "", "material": Material()}
+    part["fields"] = Fields(*({k: v for k, v in each.items() if isinstance(v, np.ndarray)} for each in (vertex, face)))
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
     part |= _vertex_attributes(model, vertex, elements["vertex"])

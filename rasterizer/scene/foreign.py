@@ -31,6 +31,7 @@ from .material import Material
 from .mesh_arrays import checked_vertices, has_any_area, triangulate, without_unused
 from .of_gltf import camera_of, emission_of, light_of, lit_fields, opacity_fields
 from .of_mtl import COLORS, NUMBERS, Doubts, material_of, value_of
+from .scalars import Fields
 from .texture import Texture
 
 _NOT_GIVEN = [102, 102, 102]  # what trimesh has for it
@@ -247,6 +248,7 @@ def _trimesh_part(found: Foreign, mesh: Any, name: str = "") -> dict[str, Any]:
         else:
             others["material"] = made[0]
     name = name or (getattr(mesh, "metadata", None) or {}).get("name") or ""
+    others["fields"] = Fields(*(dict(getattr(mesh, f"{kind}_attributes", {})) for kind in ("vertex", "face")))
     return found.part(mesh.vertices, mesh.faces, name=name if isinstance(name, str) else "", **others)
 
 
@@ -408,6 +410,7 @@ def _read_open3d_tensor(found: Foreign, mesh: Any) -> None:
         colors=None if colors is None else _colors_of_bytes(colors),
         uv=uv,
         material=material,
+        fields=Fields(vertex, triangle),
     )
     found.place(part)
 
@@ -429,6 +432,7 @@ def _read_vtk_blocks(found: Foreign, blocks: Any) -> None:
 def _read_vtk(found: Foreign, mesh: Any, name: str = "") -> None:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
+    mesh_given = mesh
     if not mesh.IsA("vtkPolyData"):
         from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
@@ -450,6 +454,7 @@ def _read_vtk(found: Foreign, mesh: Any, name: str = "") -> None:
     faces = corners.reshape(-1, counts[0]) if is_plain else np.split(corners, ends[1:-1])
     others: dict[str, Any] = {"name": name}
     of_points, of_cells = mesh.GetPointData(), mesh.GetCellData()
+    actives, shown_name = [], None
     for key, array in (("normals", of_points.GetNormals()), ("uv", of_points.GetTCoords())):
         if array is not None and array.GetNumberOfComponents() == (3 if key == "normals" else 2):
             others[key] = vtk_to_numpy(array)
@@ -460,8 +465,18 @@ def _read_vtk(found: Foreign, mesh: Any, name: str = "") -> None:
         found_colors = next((each for each in (active, *named) if each is not None and _holds_colors(each)), None)
         if found_colors is not None:
             others[key] = vtk_to_numpy(found_colors)[n_before if key == "face_colors" else 0 :]
+        elif active is not None and active.GetNumberOfComponents() == 1:
+            actives.append(active.GetName())
         elif active is not None:
-            found.leave_out(f"the active scalars '{active.GetName()}': no colormap is applied")
+            found.leave_out(f"the active array '{active.GetName()}', which isn't one number each")
+    if not others.keys() & {"colors", "face_colors"} and actives:
+        active_name = getattr(mesh_given, "active_scalars_name", None)
+        shown_name = active_name if active_name in actives else actives[0]
+    arrays = [
+        {array.GetName(): vtk_to_numpy(array)[n:] for array in map(data.GetArray, range(data.GetNumberOfArrays())) if array}
+        for data, n in ((of_points, 0), (of_cells, n_before))
+    ]
+    others["fields"] = Fields(*arrays, shown_name)
     found.place(found.part(vtk_to_numpy(mesh.GetPoints().GetData()), faces, **others))
 
 
@@ -498,6 +513,7 @@ def _read_meshio(found: Foreign, mesh: Any) -> None:
         uv=_columns(data, ("u", "v"), "obj:vt") if "u" in data or "obj:vt" in data else _columns(data, ("s", "t")),
         colors=_meshio_colors(data),
         face_colors=_meshio_colors(cell_data),
+        fields=Fields(data, cell_data),
     )
     found.place(part)
 

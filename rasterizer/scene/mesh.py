@@ -23,6 +23,7 @@ from .arrays import KeepsArrays, VectorLike, fixed, is_fixed, real_array
 from .foreign import Foreign, has_several, is_foreign, name_of
 from .framing import rotation
 from .material import GREY, WHITE, Material
+from .scalars import ScalarWords
 from .validate import COORDINATE_LIMIT, choice, items_of, number, position3, store, text, unit3, vector3, whole
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
@@ -437,13 +438,14 @@ class Mesh(KeepsArrays):
 MeshLike: TypeAlias = Mesh | HasFaces | HasPoints | tuple[ArrayLike, ArrayLike]  # what `Mesh.from_any` takes
 
 
-def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
+def meshes_from(source: Any, settings: dict[str, Any], scalars: ScalarWords | None = None) -> list[Mesh]:
     """Return the meshes of a mesh, of an object of another library that holds several, or of a sequence of these.
 
     Parameters
     ----------
     source : what `Mesh.from_any` takes, a scene of trimesh, blocks of PyVista, or a sequence of these
     settings : arguments of Mesh, taken in place of what the source says
+    scalars : which scalar field the meshes show; None = the active ones of foreign meshes
 
     Raises
     ------
@@ -456,23 +458,25 @@ def meshes_from(source: Any, settings: dict[str, Any]) -> list[Mesh]:
     is_sequence = isinstance(source, Iterable) and not (hasattr(source, "ndim") or isinstance(source, dict))
     if is_one_mesh(source) or not is_sequence:
         source = (source,)
-    meshes: list[Mesh] = []
+    placed: list[tuple[dict[str, Any], Any]] = []  # the arguments of meshes, and their places, or meshes
     found = Foreign()
     for each in source:
+        if isinstance(each, (tuple, list)) and len(each) == 2:
+            each = Mesh(each[0], each[1], **settings)
         if isinstance(each, Mesh):
-            meshes.append(replace(each, **settings) if settings else each)
+            part = {"vertices": each.vertices, "faces": each.faces, "polygons": each.polygons}
+            placed.append((part, replace(each, **settings) if settings else each))
         elif is_foreign(each):
             n_before = len(found.parts)
             found.add(each)
-            meshes += _foreign_meshes(found.parts[n_before:], settings)
-        elif isinstance(each, (tuple, list)) and len(each) == 2:
-            meshes.append(Mesh(each[0], each[1], **settings))
+            placed += found.parts[n_before:]
         else:
             raise _no_mesh(each)
-    if not meshes:
+    if not placed:
         raise ModelError("a model needs at least one mesh; given an empty sequence")
     found.warn()
-    return meshes
+    (scalars or ScalarWords()).lay({id(part): part for part, _ in placed}.values())
+    return _placed_meshes(placed, settings)
 
 
 def is_one_mesh(source: object) -> bool:
@@ -488,19 +492,25 @@ def is_one_mesh(source: object) -> bool:
     return np.ndim(points) == 2 or (hasattr(points, "__dlpack__") and not hasattr(points, "ndim"))
 
 
-def _foreign_meshes(parts: list[tuple[dict[str, Any], Any]], settings: dict[str, Any]) -> list[Mesh]:
-    """Make the meshes of another library's, each once, and move them to their places; vertices at one position are
-    joined where normals are averaged, as the readers of files do."""
+def _placed_meshes(placed: list[tuple[dict[str, Any], Any]], settings: dict[str, Any]) -> list[Mesh]:
+    """Make the meshes of foreign parts, each once, and move them to their places; let meshes that are there already
+    show a scalar field. Vertices at one position are joined where normals are averaged, as the readers of files do."""
     from ..geometry.weld import weld
 
     made: dict[int, Mesh] = {}
     meshes = []
-    for part, matrix in parts:
+    for part, place in placed:
+        if isinstance(place, Mesh):
+            if "uv" in part:
+                plain = {"materials": None, "face_material": None, "colors": None, "face_colors": None}
+                place = replace(place, uv=part["uv"], material=part["material"], **plain)
+            meshes.append(place)
+            continue
         if id(part) not in made:
             is_averaged = "normals" not in part or settings.get("crease_angle") is not None
             made[id(part)] = Mesh(**(weld(part) if is_averaged else part) | settings)
         mesh = made[id(part)]
-        meshes.append(mesh if matrix is None or np.array_equal(matrix, np.eye(4)) else mesh.transformed(matrix))
+        meshes.append(mesh if place is None or np.array_equal(place, np.eye(4)) else mesh.transformed(place))
     return meshes
 
 
