@@ -14,7 +14,7 @@ MIN_LETTERS = 10  # px, the least height of text
 _GOLDEN = 0.6180339887498949  # a turn by it lies in the largest gap of all turns before
 
 
-def scale_of(scene: Any) -> ColorScale:
+def _scale_of(scene: Any) -> ColorScale:
     """Return the colour scale of a scene; SceneError where it shows no scalar field."""
     for material in () if scene is None else scene.materials:
         if isinstance(material.texture, ColorScale):
@@ -39,18 +39,24 @@ def ticks_of(low: float, high: float, n: int) -> tuple[list[float], list[str]]:
     return values, [f"{value:.{decimals}f}" for value in values]
 
 
-def with_colorbar(rgba: NDArray[np.uint8], scale: ColorScale, label: str | None, is_dark: bool) -> NDArray[np.uint8]:
+def with_colorbar(rgba: NDArray[np.uint8], scene: Any, label: str | None) -> NDArray[np.uint8]:
     """Return a picture, (h, w, 4) uint8, with a colour bar to its right.
 
     Parameters
     ----------
     rgba : (h, w, 4) uint8, the picture
-    scale : what the bar shows
-    label : text above it; None = the name of the scale
-    is_dark : whether the letters are white; what is behind them is that of the picture's upper right corner
+    scene : what it shows; the bar stands on its background, with letters that are seen there
+    label : text above it; None = the name of the scalars
+
+    Raises
+    ------
+    SceneError : a scene that shows no scalar field, or None
     """
     from PIL import Image, ImageDraw, ImageFont
 
+    scale = _scale_of(scene)
+    behind = (0, 0, 0, 0) if scene.background is None else (*_bytes(srgb_from_linear(scene.background)), 255)
+    ink = (255,) * 4 if 0 < behind[3] and max(behind[:3]) < 128 else (0, 0, 0, 255)
     height, width = rgba.shape[:2]
     letters = max(height // 26, MIN_LETTERS)
     font = ImageFont.load_default(letters)
@@ -60,13 +66,13 @@ def with_colorbar(rgba: NDArray[np.uint8], scale: ColorScale, label: str | None,
     right = letters + thick + letters + math.ceil(max(font.getlength(text) for text in texts or [""]))
     room = max(right, letters + math.ceil(font.getlength(label))) + letters
     made = np.empty((height, width + room, 4), np.uint8)
-    made[:, :width], made[:, width:] = rgba, rgba[0, -1]
+    made[:, :width], made[:, width:] = rgba, behind
     image = Image.fromarray(made)
-    draw, ink = ImageDraw.Draw(image), (255,) * 4 if is_dark else (0, 0, 0, 255)
+    draw = ImageDraw.Draw(image)
     left = width + letters
     t = 1.0 - (np.arange(length) + 0.5) / length
-    colors = scale.encoded[0] if scale.encoded is not None else np.zeros((1, 3), np.uint8)
-    bar = colors[np.minimum((t * len(colors)).astype(int), len(colors) - 1)]
+    colors: Any = scale.encoded
+    bar = colors[0][np.minimum((t * colors.shape[1]).astype(int), colors.shape[1] - 1)]
     image.paste(Image.fromarray(np.repeat(bar[:, None], thick, axis=1)), (left, top))
     draw.rectangle((left - 1, top - 1, left + thick, top + length), outline=ink)
     for value, text in zip(values, texts, strict=True):

@@ -287,12 +287,9 @@ class Frame:
         SceneError : a scene that shows no scalar field, a frame without a picture or one that was pickled, which
             doesn't know its scene
         """
-        from .figures import scale_of, with_colorbar
+        from .figures import with_colorbar
 
-        scene = None if self._source is None else self._source.scene
-        background = None if scene is None else scene.background
-        is_dark = background is not None and max(background) < 0.2
-        rgba = with_colorbar(self.rgba, scale_of(scene), label, is_dark)
+        rgba = with_colorbar(self.rgba, None if self._source is None else self._source.scene, label)
         return Frame(rgba, {}, self.stats, (rgba.shape[1], rgba.shape[0]))
 
     def show(self, array: SavedArray | None = None) -> None:

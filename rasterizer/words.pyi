@@ -4,12 +4,15 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, TypedDict
 
+from numpy.typing import ArrayLike
+
 from .choices import Axis, ColorRange, Cull, EdgeType, Output, Preset, Samples, Shading, ViewName, Weighting
 from .scene.arrays import VectorLike
 from .scene.camera import Camera
 from .scene.color import ColorLike
 from .scene.lights import Light, Shadow
 from .scene.material import Material
+from .scene.scalars import Colormap
 from .scene.scene import DepthCue
 
 class OptionWords(TypedDict, total=False):
@@ -46,6 +49,9 @@ class LookWords(TypedDict, total=False):
     crease_angle: float | None
     weighting: Weighting | None
     subdivide: int
+    scalars: ArrayLike | str | None
+    cmap: Colormap | None
+    clim: Sequence[float] | None
     drop_bad_faces: bool
     allow_outside: bool
 

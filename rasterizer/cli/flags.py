@@ -212,6 +212,15 @@ def add_look(parser, is_compared=False):
         "multiplies")
     add("--reflection", metavar=f"{{{','.join(choices.REFLECTIONS)}}}", help="short for --material reflection=...")
 
+    add = parser.add_argument_group(
+        "scalar field", "One number a vertex or face, shown by a colormap in the place of the model's colours."
+    ).add_argument
+    add("--scalars", metavar="NAME",
+        help="a property of a PLY file or an attribute of glTF, by its name; or a .npy file of numbers")
+    add("--cmap", metavar="NAME", help="colormap, as the package cmap names it (default viridis)")
+    add("--clim", type=values.limits, metavar="LOW,HIGH",
+        help="values at the colormap's ends (default: the least and the largest)")
+
     add = parser.add_argument_group("light", _LIGHT).add_argument
     add("--preset", choices=choices.PRESETS,
         help="ready-made lights (default: the file's own, else studio, or none beside --light)")

@@ -306,24 +306,24 @@ def encode_sheet(image, output) -> bytes:
     return encode_picture(Frame(np.asarray(image.convert("RGBA")), {}, None, image.size), output)
 
 
-def encode_target(frame, target, outputs, scale) -> bytes:
+def encode_target(frame, target, outputs, files) -> bytes:
     """Return a picture or arrays of a frame as the bytes of a file, as `Frame.save` writes it; on stdout PNG, one array
     .npy, several .npz. EXR files of colour have alpha.
 
     Parameters
     ----------
     outputs : of the frame, which a file of arrays holds where none are asked for
-    scale : of depth in PNG files; None = the default
+    files : Files, which says the scale of depth in PNG files, and whether pictures have a colour bar
     """
     suffix = suffix_of(target.output)
     names = target.arrays or (outputs if suffix in ARRAY_SUFFIXES else None)
     if names is None or is_picture_of(suffix, names):
-        return encode_picture(frame, target.output)
+        return encode_picture(frame.with_colorbar() if files.colorbar else frame, target.output)
     if target.output == STDIO:
         suffix = "npy" if len(names) == 1 else "npz"
     if suffix == "exr" and "color" in names:
         names = (*names, "alpha")
-    return frame.encode_arrays(names, suffix, scale if suffix == "png" and names == ("depth",) else None)
+    return frame.encode_arrays(names, suffix, files.scale if suffix == "png" and names == ("depth",) else None)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

@@ -40,6 +40,7 @@ def add_flags(parser) -> None:
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
+    parser.add_argument("--colorbar", action="store_true", help="draw a colour bar beside pictures of --scalars")
     add_camera(parser, has_seed=True)
     add_processes(add_look(parser))
 
@@ -93,7 +94,7 @@ def render_view(targets, renderer, loaded, asked, messages, output, start) -> "F
     messages.warn(*warnings)
     contents = {}
     for target in targets:
-        contents[target.output] = encode_target(frame, target, options.outputs, request.files.scale)
+        contents[target.output] = encode_target(frame, target, options.outputs, request.files)
     output.write(contents)
     seconds = perf_counter() - start
     for target in targets:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
-from ..errors import SceneError, told_of
+from ..errors import ModelError, SceneError, cut, told_of
 from ..io.loader import SceneFile
 from ..look import Look
 from ..options import Options
@@ -28,8 +28,8 @@ from .values import make_light
 
 _SIDE = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
 _LOOK = ("preset", "background", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
-         "allow_outside")  # fmt: skip
-_FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing")
+         "allow_outside", "scalars", "cmap", "clim")  # fmt: skip
+_FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing", "colorbar")
 
 
 class Files(NamedTuple):
@@ -43,6 +43,7 @@ class Files(NamedTuple):
     always_writes: bool = False  # also where none is asked for
     scale: float | None = None  # of depth in PNG files
     skip_existing: bool = False
+    colorbar: bool = False  # whether pictures have one
 
     @property
     def output(self) -> str | None:
@@ -147,6 +148,9 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     words = {name: left.pop(name) for name in _LOOK if name in left}
     words |= {"format": take("input_format", None), "up": None if up == "auto" else up}
     words |= {"shadows": shadow if has_shadows else False, "depth_cue": _depth_cue(take("depth_cue", UNSAID))}
+    scalars = words.get("scalars")
+    if suffix_of(scalars) == "npy":
+        words["scalars"] = _read_array(scalars)
     words["lights"] = None if is_random else tuple(make_light(text, shadow) for text in lights) or None
     request = Request(
         models=tuple(take("models", ())),
@@ -161,7 +165,7 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
         is_side_given=bool(views != (None,) or up is not None or words_given({"view": None} | side)),
         is_up_given=up is not None,
         seed_of_lights=seed if is_random else None,
-        read=tuple(_files_named(materials, side["camera"])),
+        read=tuple(_files_named(materials, side["camera"], scalars)),
         files=files,
         is_json=take("json", False),
         level=take("level", None),
@@ -200,12 +204,22 @@ def _expanded(names: Iterable[str] | None) -> tuple[str, ...] | None:
     )
 
 
-def _files_named(materials: list[dict[str, Any]], camera: str | None) -> Iterable[str]:
+def _files_named(materials: list[dict[str, Any]], camera: str | None, scalars: str | None) -> Iterable[str]:
     """Yield the files that flags name for reading."""
     for given in materials:
         yield from (given[name] for name in ("texture", "metallic_roughness") if given.get(name))
     if camera not in (None, "file", "frame"):
         yield camera
+    if suffix_of(scalars) == "npy":
+        yield scalars
+
+
+def _read_array(path: str) -> Any:
+    """Read a .npy file."""
+    try:
+        return np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as fault:
+        raise ModelError(f"{path}: can't be read as .npy ({getattr(fault, 'strerror', None) or cut(fault)})") from fault
 
 
 # --- how it looks, and where from -------------------------------------------------------------------------------------

@@ -70,6 +70,14 @@ def vector(text, separator=",") -> tuple[float, ...]:
     return tuple(number(part) for part in parts)
 
 
+def limits(text) -> tuple[float, ...]:
+    """Read two numbers with a comma between."""
+    values = tuple(map(number, text.split(",")))
+    if len(values) != 2:
+        raise argparse.ArgumentTypeError(f"two numbers with a comma between are needed; given {text!r}")
+    return values
+
+
 def axis(text) -> str:
     """The name of an axis, in small letters and without a plus sign."""
     return text.lower().removeprefix("+")

@@ -36,6 +36,7 @@ from ..scene.of_gltf import (
     opacity_fields,
     unlit_fields,
 )
+from ..scene.scalars import Fields
 from ..scene.texture import Texture, decode_ahead, least_of, read_picture
 from .model_file import SCALED_AWAY, Contents, ModelFile, Part, name_in, within_1
 
@@ -234,8 +235,12 @@ def _part(primitive, buffers, paint, name, weights, joints) -> Part:
         used, faces = np.unique(faces, return_inverse=True)
         faces = faces.reshape(-1, 3)
         arrays = {key: array[used] for key, array in arrays.items()}
+    else:
+        used = slice(None)
     part = {"vertices": _real(arrays["vertices"], attributes["POSITION"], buffers), "faces": faces, "name": name}
     part["material"] = paint.material
+    custom = [key for key in attributes if key.startswith("_")]
+    part["fields"] = Fields({key: lambda key=key: buffers.array(attributes[key])[used] for key in custom})
     if np.shape(arrays.get("normals"))[1:] == (3,):
         part["normals"] = _real(arrays["normals"], attributes["NORMAL"], buffers)
     if joints is not None and "JOINTS_0" in arrays and "WEIGHTS_0" in arrays:

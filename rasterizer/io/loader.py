@@ -383,7 +383,10 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         if id(part) not in parts:
             parts[id(part)] = part
             _mend(model, part)
-    settings.scalars.lay(parts.values())
+    try:
+        settings.scalars.lay(parts.values())
+    except ModelError as fault:
+        raise model.error(fault) from fault
     model.textures.warn()
     for part in parts.values() if model.textures.n_halving else ():
         many = "materials" in part

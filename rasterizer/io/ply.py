@@ -139,7 +139,7 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
     cut = cut_faces(model, points, corners, counts, place)
     faces = cut.of_corners(corners)
     part = {"vertices": points, "faces": faces, "name": "", "material": Material()}
-    part["fields"] = Fields(*({k: v for k, v in each.items() if isinstance(v, np.ndarray)} for each in (vertex, face)))
+    part["fields"] = Fields(vertex, {name: each for name, each in face.items() if isinstance(each, np.ndarray)})
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
     part |= _vertex_attributes(model, vertex, elements["vertex"])

@@ -10,7 +10,7 @@
                 to have the scene framed, {eye, target, fov, ortho, zoom}
     background  colour      up  axis      options  those of a picture, as `Options` names them
     depth_cue   a number, or {scale, start, color}
-    preset shadows material color reflection crease_angle weighting subdivide drop_bad_faces
+    preset shadows material color reflection crease_angle weighting subdivide drop_bad_faces scalars cmap clim
                 of all meshes and lights: the words of `Look`, with the meanings that `render` and the command line give
                 them. How a mesh says itself that it is read comes first
 
@@ -39,7 +39,8 @@ from ..scene.camera import Camera
 from ..scene.framing import rotation
 from ..scene.lights import LIGHT_TYPES, MAX_LIGHTS, PRESETS, Shadow
 from ..scene.material import NAMED_MATERIALS, Material
-from ..scene.mesh import Mesh
+from ..scene.mesh import Mesh, meshes_from
+from ..scene.scalars import ScalarWords, with_one_scale
 from ..scene.scene import DepthCue, Scene
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
@@ -56,12 +57,13 @@ MAX_CUT_FACES = 2**21  # of meshes that are subdivided, or one for each byte tha
 # The words of Look that are more than what a Scene has.
 LOOK = (
     "preset", "shadows", "material", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
+    "scalars", "cmap", "clim",
 )  # fmt: skip
 KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options", *LOOK)
 # Of meshes, in the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
-_OF_MESH = ("transform", "name", "crease_angle", "weighting", "drop_bad_faces", "material", "materials")
+_OF_MESH = ("transform", "name", "crease_angle", "weighting", "drop_bad_faces", "scalars", "material", "materials")
 TEXTURES = ("texture", "metallic_roughness")
 # Tables within a table of fields; those of all other fields are spectra.
 _TABLES: dict[str, Any] = {"shadow": Shadow, "shadows": Shadow, "depth_cue": DepthCue}
@@ -270,6 +272,7 @@ class _Reader:
         self.files, self.log, self.asked = files, log, asked
         self.allowance, self.budget = Allowance(0), Budget(name)
         self.own = MeshSettings()  # of the file, for meshes that say nothing themselves
+        self.scalars: dict[str, Any] = {}  # those of its words that are about scalar fields
         self.materials: dict[str, Material] = {}  # by the names of the file's table
         self._models: dict[Any, Scene] = {}  # by path and settings
         self._arrays: dict[Path, dict[str, np.ndarray]] = {}
@@ -287,8 +290,11 @@ class _Reader:
         words = {key: self._word(key, top[key]) for key in LOOK if top.get(key) is not None}
         lights = {"lights": _read_lights(top["lights"])} if "lights" in top else {}
         look = Look(**words, **lights if "preset" in words else {}) if words else None
-        self.own = MeshSettings(*(words.get(name) for name in MeshSettings._fields))
+        self.own = MeshSettings(*map(words.get, ("crease_angle", "weighting", "drop_bad_faces")))
+        self.scalars = {key: words[key] for key in ("scalars", "cmap", "clim") if key in words}
         meshes, up = self._meshes(top["meshes"])
+        if self.scalars.get("clim") is self.asked.scalars.clim is None:
+            meshes = with_one_scale(meshes)
         self._check_faces(sum(mesh.n_face for mesh in meshes), words.get("subdivide", 0))
         settings: dict[str, Any] = {"up": top.get("up", up)} | ({} if "preset" in words else lights)
         if top.get("background") != "transparent":
@@ -483,13 +489,16 @@ class _Reader:
             for item, place in _items(table["materials"], "materials"):
                 with place:
                     found.append(self._material(item))
-        return Mesh(**arrays, **more)
+        return meshes_from(Mesh(**arrays, **more), {}, self._settings(table).scalars)[0]
 
     def _settings(self, table: dict[str, Any]) -> MeshSettings:
         """Return how the meshes of an entry are made: as the caller says, else as its table does, else as the file."""
-        of_mesh = {key: table[key] for key in MeshSettings._fields if key in table}
+        of_mesh = {key: table[key] for key in ("crease_angle", "weighting", "drop_bad_faces") if key in table}
         flag(of_mesh.get("drop_bad_faces", False), "drop_bad_faces")
-        return MeshSettings(**self.own.arguments() | of_mesh | self.asked.arguments())
+        words = self.scalars | {key: table[key] for key in ("scalars",) if key in table}
+        words |= {key: value for key, value in vars(self.asked.scalars).items() if value is not None}
+        made = self.own.arguments() | of_mesh | self.asked.arguments()
+        return MeshSettings(**made, scalars=ScalarWords(**words))
 
 
 def _named(table: dict[str, Any], key: str) -> list[tuple[str, Any]]:

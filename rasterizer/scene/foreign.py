@@ -248,7 +248,7 @@ def _trimesh_part(found: Foreign, mesh: Any, name: str = "") -> dict[str, Any]:
         else:
             others["material"] = made[0]
     name = name or (getattr(mesh, "metadata", None) or {}).get("name") or ""
-    others["fields"] = Fields(*(dict(getattr(mesh, f"{kind}_attributes", {})) for kind in ("vertex", "face")))
+    others["fields"] = Fields(getattr(mesh, "vertex_attributes", {}), getattr(mesh, "face_attributes", {}))
     return found.part(mesh.vertices, mesh.faces, name=name if isinstance(name, str) else "", **others)
 
 
@@ -472,11 +472,11 @@ def _read_vtk(found: Foreign, mesh: Any, name: str = "") -> None:
     if not others.keys() & {"colors", "face_colors"} and actives:
         active_name = getattr(mesh_given, "active_scalars_name", None)
         shown_name = active_name if active_name in actives else actives[0]
-    arrays = [
-        {array.GetName(): vtk_to_numpy(array)[n:] for array in map(data.GetArray, range(data.GetNumberOfArrays())) if array}
+    of_places = [
+        {each.GetName(): vtk_to_numpy(each)[n:] for each in map(data.GetArray, range(data.GetNumberOfArrays())) if each}
         for data, n in ((of_points, 0), (of_cells, n_before))
     ]
-    others["fields"] = Fields(*arrays, shown_name)
+    others["fields"] = Fields(of_places[0], of_places[1], shown_name)
     found.place(found.part(vtk_to_numpy(mesh.GetPoints().GetData()), faces, **others))
 
 

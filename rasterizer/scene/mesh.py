@@ -502,8 +502,8 @@ def _placed_meshes(placed: list[tuple[dict[str, Any], Any]], settings: dict[str,
     for part, place in placed:
         if isinstance(place, Mesh):
             if "uv" in part:
-                plain = {"materials": None, "face_material": None, "colors": None, "face_colors": None}
-                place = replace(place, uv=part["uv"], material=part["material"], **plain)
+                plain: dict[str, Any] = dict.fromkeys(("materials", "face_material", "colors", "face_colors"))
+                place = replace(place, **plain | {"uv": part["uv"], "material": part["material"]})
             meshes.append(place)
             continue
         if id(part) not in made:

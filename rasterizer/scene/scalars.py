@@ -6,7 +6,7 @@ A value becomes the coordinate u of a point, and the colormap a texture. So valu
 value is coloured: colours are never mixed between vertices.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -31,10 +31,11 @@ Colormap: TypeAlias = str | ArrayLike
 
 
 class Fields(NamedTuple):
-    """The arrays that a part of a model has by name, of any dtype, and the name of that which its library shows."""
+    """The arrays that a part of a model has by name, of any dtype, or functions that return them; and the name of that
+    which its library shows."""
 
-    of_points: dict[str, Any] = {}
-    of_faces: dict[str, Any] = {}
+    of_points: Mapping[str, Any] = {}
+    of_faces: Mapping[str, Any] = {}
     active: str | None = None
 
 
@@ -104,24 +105,22 @@ class ScalarWords:
         """
         parts = list(parts)
         fields = [part.pop("fields", Fields()) for part in parts]
+        found: list[NDArray[np.float64] | None] = []
         if isinstance(self.scalars, np.ndarray):
-            found = _divided(self.scalars, parts)
-        elif self.scalars is not None:
-            found = [_values_of(part, each, self.scalars) for part, each in zip(parts, fields, strict=True)]
-            if all(values is None for values in found):
-                names = dict.fromkeys(name for each in fields for name in (*each.of_points, *each.of_faces))
-                has = f"it has {cut(', '.join(names), 200)}" if names else "it has none by a name"
-                raise ModelError(f"there are no scalars {shown(self.scalars)}: {has}")
+            found += _divided(self.scalars, parts)
         else:
-            found = [
-                _values_of(part, each, each.active) if each.active else None
-                for part, each in zip(parts, fields, strict=True)
+            found += [
+                _values_of(part, each, self.scalars or each.active) for part, each in zip(parts, fields, strict=True)
             ]
-        if any(values is not None for values in found):
-            material = replace(WHITE, texture=self._scale([each for each in found if each is not None], fields))
-            for part, values in zip(parts, found, strict=True):
-                if values is not None:
-                    _show(part, values, material)
+        values = [each for each in found if each is not None]
+        if not values and self.scalars is not None:
+            names = dict.fromkeys(name for each in fields for name in (*each.of_points, *each.of_faces))
+            has = f"it has {cut(', '.join(names), 200)}" if names else "it has none by a name"
+            raise ModelError(f"there are no scalars {shown(self.scalars)}: {has}")
+        material = replace(WHITE, texture=self._scale(values, fields)) if values else None
+        for part, each in zip(parts, found, strict=True):
+            if each is not None:
+                _show(part, each, material)
 
     def _scale(self, found: list[NDArray[np.float64]], fields: list[Fields]) -> ColorScale:
         """Return the colour scale of all values."""
@@ -140,7 +139,7 @@ class ScalarWords:
             name = next(each.active for each in fields if each.active) or ""
         rows = np.stack([colors, np.full_like(colors, NO_VALUE)])
         has_all = sum(map(len, finite)) == sum(map(len, found))
-        return ColorScale(rows[:1] if has_all else rows, "nearest", "clamp", name, low, high)
+        return ColorScale(rows[:1] if has_all else rows, "nearest", ("clamp", "clamp"), name, low, high)
 
 
 def colors_of(cmap: Colormap) -> NDArray[np.uint8]:
@@ -216,21 +215,25 @@ def _divided(values: NDArray[np.float64], parts: list[dict[str, Any]]) -> list[N
     n_vertex, n_face, n_polygon = counts.sum(axis=0)
     legal = f"{counted(n_vertex, 'vertex')} and {counted(n_face, 'face')}"
     legal += f" of {counted(n_polygon, 'polygon')}" if n_polygon != n_face else ""
-    raise ModelError(f"scalars must be one number for each vertex or face, of which there are {legal}; given {len(values)}")
+    raise ModelError(
+        f"scalars must be one number for each vertex or face, of which there are {legal}; given {len(values)}"
+    )
 
 
-def _values_of(part: dict[str, Any], fields: Fields, name: str) -> NDArray[np.float64] | None:
+def _values_of(part: dict[str, Any], fields: Fields, name: str | None) -> NDArray[np.float64] | None:
     """Return the values by a name, one a vertex (n,) or one a corner (n_face, 3); None where there are none."""
     counts = _counts(part)
     for table, kinds in ((fields.of_points, (0,)), (fields.of_faces, (1, 2))):
-        if name not in table:
+        given = None if name is None else table.get(name)
+        if given is None:
             continue
-        values = real_array(table[name], _numbers)
+        given = given() if callable(given) else given
+        values = real_array(given, _numbers)
         if values is not None and values.ndim == 2 and values.shape[1] == 1:
             values = values[:, 0]
         if values is None or values.ndim != 1:
-            shape = np.shape(table[name])
-            raise ModelError(f"scalars {shown(name)} must be one number for each vertex or face; it has the shape {shape}")
+            has = f"it has the shape {np.shape(given)}"
+            raise ModelError(f"scalars {shown(name)} must be one number for each vertex or face; {has}")
         for kind in kinds:
             if len(values) == counts[kind]:
                 return _by_corner(part, values.astype(np.float64), kind)
@@ -258,14 +261,14 @@ def _show(part: dict[str, Any], values: NDArray[np.float64], material: Any) -> N
     part["uv"], part["material"] = material.texture.coordinates(values), material
 
 
-def with_one_scale(meshes: "tuple[Mesh, ...]") -> "tuple[Mesh, ...]":
+def with_one_scale(meshes: "list[Mesh]") -> "list[Mesh]":
     """Return meshes of which those that show scalar fields by scales of different ranges share one over all of them."""
     scales = {id(mesh.material.texture): mesh.material.texture for mesh in meshes}
     found = [scale for scale in scales.values() if isinstance(scale, ColorScale)]
     if len({(scale.low, scale.high) for scale in found}) < 2:
         return meshes
     low, high = min(scale.low for scale in found), max(scale.high for scale in found)
-    wide = {id(scale): replace(WHITE, texture=replace(scale, low=low, high=high)) for scale in found}
+    wide = {id(each): ColorScale(each.encoded, each.filter, each.wrap, each.name, low, high) for each in found}
 
     def widened(mesh: "Mesh") -> "Mesh":
         scale = mesh.material.texture
@@ -273,6 +276,6 @@ def with_one_scale(meshes: "tuple[Mesh, ...]") -> "tuple[Mesh, ...]":
             return mesh
         uv = np.array(mesh.uv)
         uv[..., 0] = (scale.low + uv[..., 0] * (scale.high - scale.low) - low) / (high - low)
-        return replace(mesh, uv=uv, material=wide[id(scale)])
+        return replace(mesh, uv=uv, material=replace(WHITE, texture=wide[id(scale)]))
 
-    return tuple(map(widened, meshes))
+    return list(map(widened, meshes))

@@ -15,6 +15,8 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, TypedDict
 
+from numpy.typing import ArrayLike
+
 '''
 CLASS = '''
 class {}, total=False):
