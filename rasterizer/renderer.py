@@ -90,6 +90,7 @@ def render(
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp
     weighting : "angle", "area" or "uniform", what faces count by where normals are averaged
     subdivide : how often every triangle is cut in four, 0 to 15
+    scalars, cmap, clim : a scalar field that is shown, its colormap, and the values at that one's ends
     drop_bad_faces : leave out faces with NaN or infinite coordinates
     allow_outside : read also textures, buffers and parts that lie outside the folder of the file that names them
 

@@ -48,6 +48,7 @@ _EXTRAS = {  # what each gives, and the modules that it brings
     "formats": ("3MF with its colours, COLLADA (DAE, ZAE), 3DXML and XAML files",
                 ("lib3mf", "lxml", "networkx", "collada")),
     "notebook": ("rz.view, a viewer in notebooks", ("anywidget",)),
+    "scalars": ("colormaps by name", ("cmap",)),
     "video": ("MP4, MOV and MKV files", ("av",)),
 }  # fmt: skip
 _MB = 1e6

@@ -97,6 +97,8 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
         help=f"the picture's name (default {default}), a folder, a template with {fields}, or - for stdout; the suffix "
         f"chooses the format{several}")
     add_size(group, size)
+    if has_arrays:
+        group.add_argument("--colorbar", action="store_true", help="draw a colour bar beside pictures of --scalars")
     group.add_argument("--skip-existing", action="store_true", help="leave out outputs that are there already")
     add_json(group, "print a line of JSON for each picture on stdout (on stderr with -o -)")
     add_messages(group)

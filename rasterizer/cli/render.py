@@ -40,7 +40,6 @@ def add_flags(parser) -> None:
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
-    parser.add_argument("--colorbar", action="store_true", help="draw a colour bar beside pictures of --scalars")
     add_camera(parser, has_seed=True)
     add_processes(add_look(parser))
 

@@ -75,8 +75,8 @@ class ScalarWords:
 
     def __post_init__(self) -> None:
         if self.clim is not None:
-            given = list(self.clim) if isinstance(self.clim, (tuple, list, np.ndarray)) else []
-            if len(given) != 2:
+            given: Any = self.clim
+            if not isinstance(given, (tuple, list, np.ndarray)) or np.shape(given) != (2,):
                 raise SceneError(f"clim must be two numbers, the least value and the largest; given {shown(self.clim)}")
             low, high = number(given[0], "clim"), number(given[1], "clim")
             if not low < high:
@@ -264,7 +264,7 @@ def _show(part: dict[str, Any], values: NDArray[np.float64], material: Any) -> N
 def with_one_scale(meshes: "list[Mesh]") -> "list[Mesh]":
     """Return meshes of which those that show scalar fields by scales of different ranges share one over all of them."""
     scales = {id(mesh.material.texture): mesh.material.texture for mesh in meshes}
-    found = [scale for scale in scales.values() if isinstance(scale, ColorScale)]
+    found: list[Any] = [scale for scale in scales.values() if isinstance(scale, ColorScale)]
     if len({(scale.low, scale.high) for scale in found}) < 2:
         return meshes
     low, high = min(scale.low for scale in found), max(scale.high for scale in found)

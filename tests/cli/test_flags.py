@@ -190,6 +190,7 @@ NO_ARRAYS = {
     "--array": "it writes pictures",
     "--scale": "of arrays",
     "--min-opacity": "of arrays",
+    "--colorbar": "it stands beside a picture alone",
     "--seed": "datasets are made by render and batch",
 }
 ONE_PROCESS = {"--processes": "one model follows the other: `raster batch` draws in several"}

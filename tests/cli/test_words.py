@@ -22,6 +22,7 @@ from rasterizer.viewpoint import Viewpoint
 pytestmark = pytest.mark.usefixtures("folder")
 SIZE, TORUS = (36, 27), str(ROOT / "models" / "torus.obj")
 LAMP, SUN = ["--light", "directional:-1,-0.4,-0.2"], (rz.DirectionalLight((-1, -0.4, -0.2)),)
+HEIGHTS = tuple(rz.load(TORUS).meshes[0].vertices[:, 1].tolist())
 TEAL = "--color teal --exposure 3"
 TEALS = {"color": "teal", "exposure": 3.0}
 
@@ -61,6 +62,9 @@ SAME = {
     "edge-width": ("--edges all --edge-width 3", {"edges": "all", "edge_width": 3}),
     "ground": ("--ground", {"ground": True}),
     "size": ("-s 20", {"size": 20}),
+    "scalars": ("--scalars heights.npy", {"scalars": HEIGHTS}),
+    "cmap": ("--scalars heights.npy --cmap magma", {"scalars": HEIGHTS, "cmap": "magma"}),
+    "clim": ("--scalars heights.npy --clim=-0.1,0.2", {"scalars": HEIGHTS, "clim": (-0.1, 0.2)}),
 }
 # What these say isn't seen in the picture of a torus.
 UNSEEN = {
@@ -83,7 +87,7 @@ OTHER = {
 }  # fmt: skip
 # What isn't of a picture: of a command line, of files, of several pictures.
 REFUSED = ("help", "recursive", "output", "skip-existing", "json", "verbose", "quiet", "array", "scale", "seed",
-           "processes")  # fmt: skip
+           "processes", "colorbar")  # fmt: skip
 
 
 def test_every_flag_is_a_word_or_on_the_list():
@@ -108,6 +112,7 @@ def draw(flags, words, model=TORUS) -> bytes:
 def test_a_flag_draws_what_its_word_draws(folder, capsys):
     camera = '{"position": [3, 2, 4], "target": [0, 0.2, 0], "fov": 50}'
     (folder / "eye.json").write_text(camera)
+    np.save(folder / "heights.npy", HEIGHTS)
     seen = {draw("", {}): ""}
     for name, (flags, words, *_) in (SAME | UNSEEN | OTHER).items():
         found = seen.setdefault(draw(flags, words), name)

@@ -148,11 +148,31 @@ def lines():
             yield pytest.param(line, code, id=f"{page}-{line}", marks=[nightly] if is_long else [])
 
 
+# A triangle with a number at each corner.
+SCAN = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+property float quality
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0 0.5
+1 0 0 0.2
+0 1 0 0.9
+3 0 1 2
+"""
+
+
 @pytest.mark.parametrize(("line", "expected"), list(lines()))
 def test_a_line_of_a_page_runs(line, expected, checkout, capsys):
     (checkout / "uploads" / "somebody").mkdir(parents=True)  # one of which is broken
     shutil.copy(ROOT / "models" / "gear.stl", checkout / "uploads" / "somebody")
     (checkout / "uploads" / "broken.stl").write_text("solid nothing")
+    (checkout / "scan.ply").write_text(SCAN)
+    np.save(checkout / "stress.npy", [0.0, 1.0, 3.0])
     words = [found for word in shlex.split(line) for found in (sorted(glob.glob(word)) or [word])]
     code = main(words)
     # A doctor may find something: a store that is switched off, say.
@@ -207,7 +227,18 @@ def test_every_link_file_and_test_that_is_named_exists():
 # Flags of other programs, by the word that stands before them in the line or span, and those that stand alone.
 OTHERS = ("pytest", "docker", "pip", "apt-get", "git", "ruff", "pre-commit", "python -m helpers", "ssh", "timeout")
 ALONE = {"--cpuset-cpus", "--cpus", "--read-only", "--user", "--flag", "--version", "--lazily"}
-OF_OTHERS = {"quality", "axis", "size", "strict", "dtype", "key", "reference", "drawn", "n"}  # keywords, of Pillow ...
+OF_OTHERS = {
+    "quality",
+    "dpi",
+    "axis",
+    "size",
+    "strict",
+    "dtype",
+    "key",
+    "reference",
+    "drawn",
+    "n",
+}  # keywords, of Pillow ...
 PUBLIC = "|".join(name for name in rz.__all__ if name != "__version__")
 
 
