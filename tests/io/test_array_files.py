@@ -15,7 +15,7 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer.choices import ARRAY_SUFFIXES, BUFFERS
-from rasterizer.io.array_files import IN_PNG, encode_array_png, encode_arrays, encode_exr
+from rasterizer.io.array_files import encode_array_png, encode_arrays, encode_exr
 from rasterizer.io.png import encode_png
 
 SIZE = (37, 23)
@@ -68,14 +68,6 @@ def test_png_files_of_8_and_16_bits_are_read_as_they_were_written():
         assert text == {"a": "b", "scale": "0.001"}, case
 
 
-def test_pillow_reads_16_bit_depths(frame):
-    with Image.open(io.BytesIO(encode_array_png("depth", frame.depth))) as image:
-        assert image.mode.startswith("I;16")
-        stored = np.asarray(image).astype(int)
-    expected = np.where(np.isfinite(frame.depth), np.rint(frame.depth.astype(float) / 0.001), 0)
-    assert not differences(stored, expected)
-
-
 def test_depths_come_back_to_half_a_step(frame, tmp_path):
     for scale in (None, 2e-4, 0.25, 1 / 3):
         frame.save(tmp_path / "depth.png", array="depth", scale=scale)
@@ -83,29 +75,6 @@ def test_depths_come_back_to_half_a_step(frame, tmp_path):
         assert not differences(is_nothing, np.isinf(frame.depth))
         error, most = np.abs(depth - frame.depth)[~is_nothing].max(), 0.5001 * (scale or 0.001)
         assert error <= most, f"{error:.3g} > {most:.3g}"
-
-
-def test_masks_indices_and_alpha_come_back_exactly(frame):
-    for name in ("face", "object", "material"):
-        found, is_nothing = decoded(encode_array_png(name, frame.array(name)))
-        assert not differences(found, frame.array(name)) and not differences(is_nothing, ~frame.mask)
-    found, _ = decoded(encode_array_png("mask", frame.mask))
-    assert not differences(found, frame.mask) and read_png(encode_array_png("mask", frame.mask))[0].max() == 255
-    found, _ = decoded(encode_array_png("alpha", frame.alpha))
-    assert np.abs(found - frame.alpha).max() <= 0.5001 / 255
-
-
-def test_normals_come_back_to_half_a_step(frame):
-    for name in ("normal", "normal_camera"):
-        found, is_nothing = decoded(encode_array_png(name, frame.array(name)))
-        assert not differences(is_nothing.all(axis=-1), ~frame.mask)
-        assert np.abs(found - frame.array(name))[frame.mask].max() <= 1.001 / 255
-
-
-def test_a_png_file_says_what_it_holds(frame):
-    _, text = read_png(encode_array_png("depth", frame.depth, 0.01))
-    assert text["array"] == "depth" and text["scale"] == "0.01" and text["nothing"] == "0"
-    assert text["Description"] == "stored * 0.01 + 0, scene units along the viewing axis; 0 = nothing"
 
 
 def test_what_is_out_of_range_is_an_error_and_no_lie(frame):
@@ -226,10 +195,3 @@ def test_a_frame_without_linear_colours_says_what_to_ask_for(tmp_path):
     frame.save(tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz") as found:
         assert list(found) == ["rgb", "alpha"]
-
-
-def test_every_array_that_png_files_hold_can_be_saved(frame, tmp_path):
-    for name in IN_PNG:
-        frame.save(tmp_path / f"{name}.png", array=name)
-        with Image.open(tmp_path / f"{name}.png") as image:
-            assert image.size == SIZE

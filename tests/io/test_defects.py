@@ -1,7 +1,6 @@
 """One defect in every format that can hold it: all readers do the same with it.
 
-What a defect comes to: drawn without a word, warned of once and drawn, or refused. `python tests/io/test_defects.py`
-prints the table as it is found.
+What a defect comes to: drawn without a word, warned of once and drawn, or refused.
 """
 
 import codecs
@@ -133,20 +132,3 @@ def test_every_reader_does_the_same_with_a_defect(name, format, tmp_path):
     if how == defect.expected:
         assert re.search(defect.said, said), said
     assert not re.search(r"(Attribute|Key|Type|Index)Error|object", said), said
-
-
-if __name__ == "__main__":
-    import tempfile
-
-    print("| defect |", " | ".join(defects.WRITERS), "|")
-    print("| --- |", " --- |" * len(defects.WRITERS))
-    possible = {*cells()}
-    for name, defect in DEFECTS.items():
-        row = []
-        for format in defects.WRITERS:
-            with tempfile.TemporaryDirectory() as folder:
-                row.append(outcome(folder, format, defect) if (name, format) in possible else ("–", ""))
-        print(f"| {name} |", " | ".join(how for how, _ in row), "|")
-        for format, (how, said) in zip(defects.WRITERS, row, strict=True):
-            if how not in ("–", defect.expected):
-                print("      ", format, how, said)

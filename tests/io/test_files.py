@@ -7,9 +7,8 @@ import os
 import stat
 import warnings
 
-import numpy as np
 import pytest
-from helpers.file_fuzz import TRIANGLE, npz
+from helpers.file_fuzz import TRIANGLE
 from helpers.model_bytes import box, exported, gltf_with
 from PIL import Image
 
@@ -190,13 +189,6 @@ def test_what_a_person_names_may_be_elsewhere_but_must_end(place):
     with pytest.raises(rz.ModelError, match="it is a device"):
         rz.load("/dev/zero", format="stl")
     assert read_source(place / "box.stl", "box.stl")
-
-
-def test_arrays_beside_a_scene_are_read(place):
-    arrays = {f"mesh0_{key}": np.array(TRIANGLE[key]) for key in ("vertices", "faces")}
-    (place / "in" / "a.npz").write_bytes(npz(arrays))
-    (place / "in" / "scene.json").write_text(json.dumps({"meshes": [{"arrays": "a.npz", "mesh": 0}]}))
-    assert rz.load(place / "in" / "scene.json").n_face == 2
 
 
 # --- writing ------------------------------------------------------------------------------------------------

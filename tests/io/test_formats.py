@@ -2,66 +2,19 @@
 takes, or that aren't what their names say."""
 
 import gzip
-import json
 
-import numpy as np
 import pytest
 from helpers.model_bytes import GLB, box, exported, gltf_with
 from helpers.refusals import assert_refused
 
 import rasterizer as rz
-from rasterizer.cli import main
 from rasterizer.io import formats
-from rasterizer.io.formats import FORMATS, Format
-from rasterizer.scene.material import Material
-
-TRIANGLE = "0 0 0\n1 0 0\n0 1 0\n"
+from rasterizer.io.formats import FORMATS
 
 
-def read_toy(model):
-    """Read a toy format: the corners of triangles, a line each."""
-    numbers = [[float(word) for word in line.split()] for line in model.data.decode().splitlines()]
-    if len(numbers) % 3:
-        raise model.error("a corner is left over", len(numbers))
-    faces = np.arange(len(numbers)).reshape(-1, 3)
-    return [{"vertices": np.array(numbers), "faces": faces, "name": "toy", "material": Material()}]
-
-
-@pytest.fixture
-def toy(folder):
-    """The toy format in the table, for one test; return a file of it in the current folder."""
-    FORMATS["toy"] = Format(name="toy", reader=f"{__name__}:read_toy", up="-x")
-    path = folder / "a.toy"
-    path.write_text(TRIANGLE)
-    yield path
-    del FORMATS["toy"]
-
-
-def test_a_format_that_is_added_is_loaded(toy):
-    for scene in (rz.load(toy), rz.load(str(toy), format="TOY"), rz.load(TRIANGLE.encode(), format="toy")):
-        assert scene.n_face == 1 and scene.meshes[0].name == "toy" and scene.up == "-x"
-    with toy.open() as opened:
-        assert rz.load(opened).n_face == 1
-    scene = toy.parent / "scene.json"  # a model of scene files, too
-    scene.write_text(json.dumps({"meshes": [{"file": "a.toy"}]}))
-    assert rz.load(scene).n_face == 1 and rz.load(scene).up == "-x"
-    toy.write_text(TRIANGLE + "1 1 1\n")
-    with pytest.raises(rz.ModelError, match=r"a\.toy:4: a corner is left over"):
-        rz.load(toy)
-
-
-def test_a_format_that_is_added_is_drawn_by_the_command_line(toy, capsys):
-    assert main(["render", "a.toy", "--json", "-s", "16x12"]) == 0
-    assert json.loads(capsys.readouterr().out)["faces"] == 1
-    assert main(["render", "a.toy", "--input-format", "toy", "-o", "b.png", "-s", "16x12"]) == 0
-    with pytest.raises(SystemExit):
-        main(["render", "--help"])
-    assert "3dxml, xaml, toy files" in " ".join(capsys.readouterr().out.split())
-
-
-def test_a_stranger_is_an_error_that_lists_what_is_legal(toy):
+def test_a_stranger_is_an_error_that_lists_what_is_legal():
     for load in (lambda: rz.load("a.xyz"), lambda: rz.load(b"1", format=".XYZ")):
-        with pytest.raises(rz.ModelError, match="unknown format 'xyz'; readable are obj, stl, .*, json, toy$"):
+        with pytest.raises(rz.ModelError, match="unknown format 'xyz'; readable are obj, stl, .*, json$"):
             load()
     with pytest.raises(rz.ModelError, match="unknown format 'obj' of a scene file; readable are json$"):
         formats.format_of("scene", "obj", is_scene=True)

@@ -6,13 +6,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from helpers import plain_obj
-from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
 from rasterizer.io.model_file import noticing_progress
-from rasterizer.io.obj import FEW, LineError, ObjLines
-from rasterizer.io.text_kernels import POWERS, read_corners, read_rows
+from rasterizer.io.obj import FEW, ObjLines
+from rasterizer.io.text_kernels import POWERS, read_rows
 
 N_FILE = 240  # of random files, half of them damaged
 
@@ -138,103 +137,7 @@ def test_numbers_of_all_digits_are_read_by_compiled_code():
             assert word in tied[1::3] or len(word.split("e")[0].lstrip("-0.").replace(".", "")) > 19, word
 
 
-def test_corners_that_compiled_code_reads_are_those_of_the_plain_reader():
-    random_, n_read = random.Random(4), 0
-    total = dict.fromkeys(plain_obj.KINDS, 10**9)
-    for _ in range(6_000):
-        numbers = (str(random_.randrange(-9, 10 ** random_.randrange(1, 11))) for _ in range(random_.randrange(1, 5)))
-        pieces = [random_.choice([number, "7", "", random_.choice(UNUSUAL)]) for number in numbers]
-        word, counts, out = "/".join(pieces) or "1", np.empty(1, np.int64), np.empty((3, 20), np.int32)
-        n = read_corners(np.frombuffer(f"f {word}  2\n".encode(), np.uint8), np.array([1]), counts, out)
-        if n < 0:
-            continue
-        n_read += 1
-        assert n == counts[0] == 2 and out[:, 1].tolist() == [2, 0, 0], word
-        expected = plain_obj.corner(word, total, total)
-        found = [total["v"] + number if number < 0 else number - 1 for number in out[:, 0].tolist()]
-        assert expected == (found if out[0, 0] else "face refers to vertex 0, the first one is 1"), word
-    assert n_read > 1_000
-
-
-# --- corners --------------------------------------------------------------------------------------------------------
-
-GIVEN = "v 0 0 0\n" * 3 + "vt 0 0\n" * 3 + "vn 0 0 1\n" * 3
-
-
-def corners_of(line, given=GIVEN):
-    corners = ObjLines(f"{given}f {line}\n".encode()).corners()
-    return corners.v.tolist(), corners.vt.tolist(), corners.vn.tolist()
-
-
-NONE = [-1, -1, -1]
-
-
-def test_forms_of_a_corner():
-    for line, *expected in (
-        ("1 2 3", [0, 1, 2], NONE, NONE),
-        ("1/3 2/2 3/1", [0, 1, 2], [2, 1, 0], NONE),
-        ("1//3 2//2 3//1", [0, 1, 2], NONE, [2, 1, 0]),
-        ("1/1/3 2/1/2 3/2/1", [0, 1, 2], [0, 0, 1], [2, 1, 0]),
-        ("1/2 2 3//1", [0, 1, 2], [1, -1, -1], [-1, -1, 0]),
-        ("1// 2// 3//", [0, 1, 2], NONE, NONE),
-        ("1/ 2/ 3/", [0, 1, 2], NONE, NONE),
-        ("1/2/ 2/2/ 3/1/", [0, 1, 2], [1, 1, 0], NONE),
-        ("1/2/ 2//3 3", [0, 1, 2], [1, -1, -1], [-1, 2, -1]),
-        ("1/2/3/x 2/2/2/ +3/-9/-9", [0, 1, 2], [1, 1, -1], [2, 1, -1]),
-    ):
-        assert list(corners_of(line)) == expected, f"{line!r}: {corners_of(line)} != {expected}"
-    for end in ("", "\n", "\\", "\\\n", "\\\r\n", " \\\n\\\n", "\r", " # end", "#"):
-        assert ObjLines(f"{GIVEN}f 1 2 3{end}".encode()).corners().v.tolist() == [0, 1, 2], f"ended by {end!r}"
-    wrong = ["1/2/3 4/5 6/7/8/9 a", "1 2 x/", "0 1 2", "1 2 /1", "1 2 -", "1_0 2 3", "1 2 1.0"]
-    assert_refused(corners_of, [(line, "") for line in wrong], LineError)
-
-
-def test_numbers_below_0_count_back_from_their_line():
-    lines = ObjLines(b"v 1\nv 2\nvt 1\nf -1/-1 -2/-1 1/-1\nv 3\nvt 2\nf -1/-1 -2/-2 -3/1\n")
-    assert lines.corners().v.tolist() == [1, 0, 0, 2, 1, 0] and lines.corners().vt.tolist() == [0, 0, 0, 1, 0, 0]
-
-
-def test_lines_of_a_keyword_are_those_where_a_blank_follows_it():
-    lines = ObjLines(b"o\no a\n  o  b c \nob\n\to\td\\ \ne\n#o f \\\no #g\no h\\\ni")
-    assert lines.names_of("o")[1] == ["a", "b c", "d e", "#g", "h i"]
-    assert [lines.number_of(line) for line in lines.lines_of("o")] == [2, 3, 5, 8, 9]
-
-
 # --- rows of numbers ------------------------------------------------------------------------------------------------
-
-
-def test_rows_have_the_numbers_that_all_lines_have():
-    for lines, expected in (
-        (["0.5 0.25", "1 2"], [(0.5, 0.25), (1, 2)]),
-        (["0.5 0.25 9", "1 2 8"], [(0.5, 0.25, 9), (1, 2, 8)]),
-        (["0.5", "1"], [(0.5, 0), (1, 0)]),
-        (["0.5", "1 2", "3 4 5"], [(0.5, 0), (1, 2), (3, 4)]),
-        (["1 2 3", "4 5", "6"], [(1, 2), (4, 5), (6, 0)]),
-        ([], np.zeros((0, 2))),
-    ):
-        text = "".join(f"vt {line}\n" for line in lines)
-        np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vt"), expected, err_msg=text)
-    for lines, expected in (
-        (["1 2 3", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
-        (["1 2 3 9", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
-        (["1 2 3", "4 5 6 7 8", "7 8 9 1"], [(1, 2, 3), (4, 5, 6), (7, 8, 9)]),
-        (["1 2 3 4 5", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),  # eight numbers, as two lines of four have
-        (["1 2 3 4", "5 6 7 8"], [(1, 2, 3, 4), (5, 6, 7, 8)]),
-        (["1 2 3", "4 5 6 x"], [(1, 2, 3), (4, 5, 6)]),  # what not all lines have is not looked at
-        (["1 nan -nan", "+1e-3 inf nan"], [(1, np.nan, np.nan), (1e-3, np.inf, np.nan)]),
-        (["0 1 2 # 3", "4 5 6#"], [(0, 1, 2), (4, 5, 6)]),
-    ):
-        text = "".join(f"vn {line}\nv 0 0 0\n" for line in lines)
-        np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vn"), expected, err_msg=text)
-
-
-def test_rows_that_are_no_numbers_are_refused():
-    wrong = ["1 2", "1 2 x", "1,5 2 3", "1 2 0x", "\u00a0", "1 2 3_0", "1 2 3/4", "1 2 \u0663"]
-    cases = [("v", f"v 1 2 3\nv {line}\n") for line in wrong]
-    cases += [("vt", "vt x 1\n"), ("vt", "vt 1 2\nvt \n")]
-    assert_refused(
-        lambda given: ObjLines(given[1].encode()).rows_of(given[0]), [(each, "") for each in cases], LineError
-    )
 
 
 def test_progress_is_told_within_its_block_only():

@@ -97,19 +97,3 @@ def test_others_read_the_numbers_of_the_arrays(frame, tmp_path, reader, suffix):
         assert not differences(found[~is_number], np.asarray(expected[~is_number]), equal_nan=True), name
         error = np.abs(found[is_number].astype(float) - expected[is_number]).max()
         assert error <= most * 1.001, f"{name}.{suffix}: {error:.3g} > {most:.3g}"
-
-
-@pytest.mark.parametrize("reader", ["OpenCV", "imageio"])
-def test_of_an_exr_file_with_several_arrays_others_read_the_picture(frame, tmp_path, reader):
-    pytest.importorskip("OpenEXR", reason="the extra exr is not installed")
-    frame.save(tmp_path / "all.exr", array=("depth", "color", "face", "alpha"))
-    found = READERS[reader](tmp_path / "all.exr")
-    assert not differences(found[..., :3], frame.color * frame.alpha[..., None])
-    assert not differences(found[..., 3], frame.alpha)
-
-
-def test_what_a_png_file_does_not_hold_is_refused_with_the_suffix_that_does(frame, tmp_path):
-    for name in FLOATS:
-        with pytest.raises(rz.SceneError, match=f"can't hold '{name}': write it as .npy, .npz or .exr"):
-            frame.save(tmp_path / "a.png", array=name)
-    assert not list(tmp_path.iterdir())

@@ -7,13 +7,9 @@ import zlib
 import numpy as np
 from helpers.arrays import differences
 from helpers.pairs import pairs
-from helpers.raster import ROOT
 from PIL import Image
 
 from rasterizer.io.png import encode_png
-
-GALLERY = sorted((ROOT / "models/pictures").glob("*.png"))[::4]
-MAX_GROWTH = 1.25  # of a file, as a multiple of Pillow's default, in the mean
 
 
 def noise(height, width, n_channel, seed=0) -> np.ndarray:
@@ -80,28 +76,3 @@ def test_views_of_larger_arrays_are_written_as_they_look():
         assert not differences(read(encode_png(view)), view)
     pixels.setflags(write=False)
     assert not differences(read(encode_png(pixels)), pixels)
-
-
-def test_there_are_no_other_chunks():
-    """Pictures have had no metadata so far: no time, no gamma, no text; two files of one picture are equal."""
-    for pixels in (noise(2, 3, 4), noise(2, 3, 3)):
-        data = encode_png(pixels)
-        assert data == encode_png(pixels.copy())
-        names = [name for name, _ in chunks_of(data)]
-        assert names == [b"IHDR", b"IDAT", b"IEND"]
-        assert Image.open(io.BytesIO(data)).info == {}
-
-
-def test_files_of_the_gallery_are_hardly_larger_than_those_of_pillow():
-    growth = []
-    for path in GALLERY:
-        stream = io.BytesIO()
-        with Image.open(path) as image:
-            pixels = np.asarray(image)
-            Image.fromarray(pixels).save(stream, "PNG")
-        data = encode_png(pixels)
-        assert np.array_equal(read(data), pixels), path.name
-        growth.append(len(data) / len(stream.getvalue()))
-    assert len(growth) > 10
-    mean = sum(growth) / len(growth)
-    assert mean <= MAX_GROWTH, f"{mean:.3f} > {MAX_GROWTH} of the bytes that Pillow's files have"

@@ -2,7 +2,6 @@
 
 import io
 import sys
-import zipfile
 
 import numpy as np
 import pytest
@@ -237,12 +236,6 @@ def test_groups_by_the_thousand_take_no_time():
     text = model(groups=UVS + deep).replace("</triangles>", f"{triangles}</triangles>")
     with pytest.raises(ModelError, match="asks for .* bytes of arrays: too many"):
         load(threemf(text, **{"3D/Textures/a.png": png()}), format="3mf")
-
-
-def test_members_packed_by_other_methods_are_refused():
-    for method in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
-        with pytest.raises(ModelError, match="is packed by method 1[24], not by deflate"):
-            load(threemf(method=method), format="3mf")
 
 
 def test_relationships_name_the_part_to_begin_with():
