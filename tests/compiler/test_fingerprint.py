@@ -2,21 +2,16 @@
 
 import configparser
 import importlib.util
-import inspect
 import os
 import platform
 import re
 import shutil
-import sys
 
 import llvmlite
 import llvmlite.binding as llvm
 import numba
-import numba.core.config
 import numpy as np
-import pytest
 from helpers.raster import ROOT
-from helpers.stores import run
 
 from rasterizer.compiler import fingerprint, store
 from rasterizer.compiler.fingerprint import PROCESSOR_LEVELS
@@ -40,18 +35,6 @@ def test_versions_are_seen_or_not():
         assert fingerprint.is_seen(version), version
     for version in ("0.60.9", "0.69.0", "0.69.0dev0", "0.100.0", "1.61.0", "1.0", "0+unknown", ""):
         assert not fingerprint.is_seen(version), version
-
-
-def test_the_version_of_numba_is_known_without_importing_it(tmp_path, monkeypatch):
-    told = run(
-        "import sys; from rasterizer.compiler.fingerprint import numba_version; print(numba_version())\n"
-        "assert 'numba' not in sys.modules and 'importlib.metadata' not in sys.modules",
-        tmp_path,
-    )
-    assert told == numba.__version__ == fingerprint.numba_version()
-    monkeypatch.delitem(sys.modules, "numba")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)  # as where it isn't installed
-    assert fingerprint.numba_version() == ""
 
 
 # ---------------------------------------------------------------- settings and sources
@@ -93,14 +76,6 @@ def test_a_store_that_is_shipped_is_for_all_versions_and_for_one_layout_of_objec
     assert store.shipped_name() != shipped, "who asks for other code gets no code of others"
 
 
-def test_most_settings_are_known_to_this_version():
-    """One that was renamed would no longer be seen to change."""
-    source = inspect.getsource(numba.core.config)
-    unknown = {name for name in fingerprint.CODE_SETTINGS if not re.search(rf"""["']NUMBA_{name}["']""", source)}
-    optional = {"ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "USING_SVML"}  # not in every version
-    assert unknown <= optional, f"{unknown} are no settings of numba {numba.__version__}"
-
-
 def test_a_setting_of_0_is_none(monkeypatch):
     for value, expected in (("0", ""), ("1", "1"), ("", ""), (" 0 ", "")):
         monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
@@ -132,19 +107,6 @@ def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_p
 
 
 # ---------------------------------------------------------------- processors
-
-
-def test_levels_hold_what_the_compiler_takes_them_for():
-    """Each level has all of the ones below it, and those of LLVM have the same features."""
-    names = sorted(PROCESSOR_LEVELS)
-    for lower, higher in zip(names, names[1:], strict=False):
-        assert set(PROCESSOR_LEVELS[lower]) < set(PROCESSOR_LEVELS[higher])
-    assert list(PROCESSOR_LEVELS) == names[::-1], "the best one goes first"
-    parts = (  # as the psABI lists them
-        "+cx16,+popcnt,+sahf,+sse3,+ssse3,+sse4.1,+sse4.2", ",+avx,+avx2,+bmi,+bmi2,+f16c,+fma,+lzcnt,+movbe",
-    )  # fmt: skip
-    for k, name in enumerate(names):
-        assert fingerprint.features_of(name) == "".join(parts[:k]), name
 
 
 def processor_with(monkeypatch, features, **settings):
@@ -182,14 +144,3 @@ def test_a_processor_or_features_that_are_asked_for_are_the_only_ones(monkeypatc
     assert only.startswith(f"{level} ") and "avx512f" in only  # this machine's are taken where none are asked for
     assert processor_with(monkeypatch, every, CPU_FEATURES="+sse3")[0] == "toy +sse3"
     assert processor_with(monkeypatch, every)[0] == "toy " + ",".join(sorted(every))
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux tells of processors")
-def test_linux_tells_of_a_processor_what_llvm_does(monkeypatch):
-    """So it is known without loading LLVM, where it is of x86-64."""
-    name, can_do = fingerprint.read_processor()
-    reached = fingerprint.usable_processors()[1:]
-    monkeypatch.setattr(platform, "machine", lambda: "toy")
-    _, of_llvm = fingerprint.read_processor()
-    assert name and set(of_llvm) & set(sum(PROCESSOR_LEVELS.values(), ())) <= set(can_do)
-    assert fingerprint.usable_processors()[1:] == reached

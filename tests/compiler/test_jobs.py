@@ -17,7 +17,6 @@ from helpers.stores import environment_with, run
 from rasterizer.compiler import jobs, kernels
 from rasterizer.compiler.store import Store
 from rasterizer.geometry.normals import list_corners
-from rasterizer.pipeline.cull import scatter
 from rasterizer.pipeline.reflection import lambert
 
 COLUMN = ("array", "uint32", 1, "C")
@@ -36,11 +35,6 @@ def together(own_store, many=JOBS) -> list:
     told = []
     jobs.compile_together(many, own_store.own, lambda *notice: told.append(notice))
     return told
-
-
-def test_what_a_function_calls_counts_for_its_size():
-    assert jobs.measure_code(scatter.py_func) == len(scatter.py_func.__code__.co_code)
-    assert jobs.measure_code(lambert) > len(lambert.__code__.co_code)  # as_array
 
 
 # ---------------------------------------------------------------- what goes wrong
@@ -116,13 +110,6 @@ def test_a_job_that_fails_does_not_stop_the_others(own_store, caplog, alone):
     assert [name for name, *_ in told] == ["list_corners"] * 2 + ["lambert"] * 2, "the larger ones go first"
     assert kernels.missing_in(own_store, dict.fromkeys(JOBS)) == []
     assert sum("not compiled ahead: TypingError" in line or "TypeError" in line for line in caplog.messages) == 2
-
-
-def test_a_process_of_another_store_compiles_nothing(tmp_path):
-    job = ("rasterizer.geometry.normals", "list_corners", (COLUMN,) * 3, str(tmp_path))
-    with pytest.raises(RuntimeError, match="kept in"):
-        jobs.compile_job(job)
-    assert not list(tmp_path.iterdir())
 
 
 DRAWS = """

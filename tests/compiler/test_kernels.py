@@ -1,10 +1,7 @@
 """Kernels as the package calls them: from the store where it has them, else compiled and kept, else by numba; with the
 same results, and with a word in the log where something went wrong."""
 
-import errno
 import hashlib
-import os
-import sys
 import threading
 import time
 
@@ -38,12 +35,6 @@ def doubles(batch, n, coefficients):
 # ---------------------------------------------------------------- calls
 
 
-def test_a_kernel_is_called_like_its_plain_function():
-    kernel, given = kernels.kernel(first_of), np.arange(4.0, 9.0)
-    assert kernel(given) == 2.0 == kernel.py_func(given)
-    assert kernel.__name__ == "first_of" and kernel.__doc__ == first_of.__doc__ and kernel.py_func is first_of
-
-
 def test_one_kernel_takes_arguments_of_many_kinds_in_any_order(caplog):
     """Read-only arrays among them; two names of one integer are one signature."""
     caplog.set_level("INFO", "rasterizer")
@@ -57,29 +48,6 @@ def test_one_kernel_takes_arguments_of_many_kinds_in_any_order(caplog):
         for each in many:
             assert kernel(each) == (each.size, each.itemsize, each.ndim), each.dtype
     assert caplog.messages == [] and len(kernel.signatures) == len(set(kernel.signatures)) == 7
-
-
-@kernels.helper
-def parts_of(pair):
-    """Arrays out of arrays, as a tuple: those who count references must agree on whose they are."""
-    return Pair(pair.first[1:], pair.second), pair.first
-
-
-def sum_of_parts(pair):
-    """What a kernel does with them."""
-    (first, second), third = parts_of(pair)
-    return first[0] + second[0] + third[0]
-
-
-def test_arrays_that_helpers_return_are_given_back_as_often_as_they_were_taken(monkeypatch):
-    """With a store and without one; the same helper is compiled in both ways."""
-    without = kernels_with(monkeypatch, RASTER_STORE="off")
-    pair = Pair(np.arange(5.0), np.arange(3.0))
-    for kernel in (kernels.kernel(sum_of_parts), without.kernel(sum_of_parts), kernels.kernel(sum_of_parts)):
-        assert kernel(pair) == 1.0
-        counts = [sys.getrefcount(values) for values in pair]
-        assert {kernel(pair) for _ in range(1000)} == {1.0}
-        assert [sys.getrefcount(values) for values in pair] == counts
 
 
 def test_what_kernels_do_not_take_is_refused_before_and_after_a_call():
@@ -127,23 +95,6 @@ def test_a_kernel_that_needs_numba_is_called_by_it_and_that_is_told(caplog):
     assert kernel(Pair(3, None)) == 3 and not caplog.messages
     assert kernel(Hidden(7)) == 7 and kernel(Pair(4, None)) == 4
     assert "left to numba: no class" in caplog.text and "Hidden" in caplog.text
-
-
-def test_faults_of_a_kernels_source_are_raised_as_numba_tells_them():
-    def adds_text(x):
-        return x + "text"
-
-    with pytest.raises(Exception, match="Cannot unify|No implementation|unsupported|Invalid use") as caught:
-        kernels.kernel(adds_text)(1)
-    assert type(caught.value).__module__.startswith("numba")
-
-
-def test_batch_functions_are_made_once_for_each_dtype():
-    function = kernels.batch_function(doubles, np.float64)
-    assert function is kernels.batch_function(doubles, np.float64) is not kernels.batch_function(doubles, np.float32)
-    batch = np.arange(4.0)
-    function(batch.ctypes.data, 3, 0)
-    assert batch.tolist() == [0, 2, 4, 3]
 
 
 # ---------------------------------------------------------------- without a store
@@ -282,17 +233,6 @@ def test_kernels_are_compiled_again_where_theirs_are_damaged(own, monkeypatch, c
     light.write_bytes(right[0])
     assert use(again(monkeypatch, own)) == BOTH, "what was swapped is used"
     assert not list(own.STORE.own.glob(f"*{store.HALF_WRITTEN}"))
-
-
-def test_a_disk_that_is_full_costs_no_picture(own, monkeypatch, caplog):
-    def fail(*_given, **_options):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    caplog.set_level("INFO", "rasterizer")
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", fail)  # the disk, as the system tells of it
-        assert use(own) == BOTH
-    assert sum("can't be kept" in line for line in caplog.messages) == 2
 
 
 def test_threads_that_ask_at_once_get_the_same_batch_function(own):

@@ -2,7 +2,6 @@
 
 import ctypes
 import platform
-import sys
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -11,7 +10,7 @@ from helpers.stores import split_file
 
 from rasterizer.compiler import internals, kernels, store
 from rasterizer.compiler.kernels import ArgumentTypes
-from rasterizer.compiler.machine_code import LoadedCode, is_found, place
+from rasterizer.compiler.machine_code import LoadedCode
 
 # What machine code of the package may call.
 PYTHON = {
@@ -27,9 +26,6 @@ MATHEMATICS = {
 ALLOWED = PYTHON | MATHEMATICS | {f"{name}f" for name in MATHEMATICS} | {"memcpy", "memmove", "memset"}
 
 
-linux = pytest.mark.skipif(sys.platform != "linux", reason="object files are of another format")
-
-
 def halves(x):
     return x[0] * 0.5
 
@@ -39,10 +35,6 @@ def halves_code() -> bytes:
 
 
 # ---------------------------------------------------------------- what there is
-
-
-def test_functions_of_the_c_library_and_of_python_are_found():
-    assert is_found("pow") and is_found("PyLong_FromLongLong") and not is_found("nowhere_at_all")
 
 
 def test_every_kernel_of_the_package_needs_nothing_of_numba():
@@ -91,29 +83,6 @@ def test_code_does_the_same_whether_it_is_put_into_memory_here_or_by_llvm(monkey
         call = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(loaded.address)
         found.append(call((numbers,), types.address))
     assert found[0] == found[1] and np.isclose(found[0][0], mixed(numbers)[0])
-
-
-@linux
-def test_every_kernel_is_put_into_memory_without_llvm():
-    if kernels.STORE.own is None or platform.machine() != "x86_64":
-        pytest.skip("there is no store, or no code for x86-64 in it")
-    for path in kernels.STORE.own.glob(f"*{store.SUFFIX}"):
-        if not path.name.startswith("list-of-"):
-            assert place(split_file(path.read_bytes())[1].partition(b"\n")[2]), path.name
-
-
-def test_a_callback_has_the_convention_that_is_told():
-    """void entry(void *batch, int64 n, void *coefficients)."""
-
-    def scales(batch, n, coefficients):
-        for k in range(n):
-            batch[k] *= coefficients[0]
-
-    loaded = LoadedCode(internals.compile_signature(scales, ("batch function", "float32")))
-    values, factor = np.arange(4, dtype=np.float32), np.array([3], np.float32)
-    call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(loaded.address)
-    call(values.ctypes.data, 3, factor.ctypes.data)
-    assert values.tolist() == [0, 3, 6, 3]
 
 
 # ---------------------------------------------------------------- object file

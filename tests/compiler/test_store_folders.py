@@ -83,19 +83,6 @@ def test_the_store_is_off_or_a_folder(environment, tmp_path):
             assert found.own.parent == tmp_path / expected, asked
 
 
-def test_where_numba_calls_the_kernels_nothing_is_kept(environment, tmp_path):
-    for name, value, reason in (
-        ("RASTER_STORE", "off", "RASTER_STORE is off"),
-        ("NUMBA_BOUNDSCHECK", "1", "NUMBA_BOUNDSCHECK is set: kernels raise errors"),
-    ):
-        with environment.context() as patch:
-            patch.setenv(name, value)
-            found = Store.of_process(True)
-        assert (found.folders, found.own, found.is_used) == ((), None, False) and found.reasons[0].startswith(reason)
-    assert list(tmp_path.iterdir()) == []
-    assert Store.of_process(False) == Store(reasons=("the JIT is switched off",))
-
-
 def test_a_store_that_was_shipped_is_used_and_will_do_alone(installed, environment, tmp_path):
     """Not that of other sources; it may belong to anybody, as the package may."""
     (installed.SHIPPED / NAME).mkdir(parents=True)
@@ -162,21 +149,6 @@ def test_what_is_no_folder_is_refused_and_stays(tmp_path):
         with pytest.raises(OSError):
             store.make_folder(tmp_path / name)
     assert (tmp_path / "file").read_text() == "precious"
-
-
-def test_only_absolute_homes_count(environment, tmp_path):
-    """Else a folder would be made, and code loaded, where the program happens to be started."""
-    for home in ("~", "relative", "."):
-        for cache in (None, "", "relative", "./here", "~/.cache"):
-            for name, value in (("HOME", home), ("XDG_CACHE_HOME", cache)):
-                environment.delenv(name, raising=False)
-                if value is not None:
-                    environment.setenv(name, value)
-            found = Store.of_process(True)
-            assert found.own is None and "there is no folder for caches" in found.reasons[0], (home, cache)
-    assert not list(tmp_path.iterdir())
-    environment.setenv("HOME", str(tmp_path / "home"))
-    assert Store.of_process(True).own.parent == tmp_path / "home" / ".cache" / "rasterizer"
 
 
 # ---------------------------------------------------------------- what is removed
