@@ -11,9 +11,7 @@ from faults.faults import FAULTS, HELD_OUT
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from bench import fuzz, margins, paths, peers, refinement, scale, tolerance, worker
-from rasterizer import reference
-from rasterizer.analysis.timing import MIN_ROUNDS, take_turns
+from bench import fuzz, paths, peers
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 PAIR = [*QUICK, "--pairs", "1", "--threads", "1"]
@@ -84,33 +82,6 @@ def test_fuzz_goes_on_where_it_was_ended(folder, capsys):
 # ---------------------------------------------------------------- other renderers
 
 
-def test_specks_are_a_few_pixels_in_a_corner():
-    work = {"case": "torus", "size": (160, 120), "texture": False, "options": {"shading": "phong", "cull": "back"}}
-    pictures = {}
-    for speck in ("", *worker.SPECKS):
-        painter = worker.Painter(work | {"speck": speck})
-        painter.draw()
-        pictures[speck] = painter.rgba.astype(int)
-        rows, columns = np.nonzero((pictures[""] != pictures[speck]).any(axis=2))
-        assert not speck or (len(rows) == worker.SPECK**2 and rows.max() < 24 and columns.max() < 24), speck
-
-
-def test_pictures_are_compared_away_from_silhouettes():
-    def disc(level=100, shift=0):
-        """A disc of one level on nothing, with its depth."""
-        y, x = np.indices((60, 80))
-        is_inside = (x - 40 - shift) ** 2 + (y - 30) ** 2 < 20**2
-        rgba = np.where(is_inside[..., None], np.uint8([level, level, level, 255]), np.uint8(0))
-        return {"rgba": rgba, "depth": np.where(is_inside, 5.0, np.inf).astype(np.float32)}
-
-    moved = peers.compare(disc(), disc(shift=1))  # differs in its silhouette alone, and covers as much
-    assert moved["max"] == 0 and moved["covered"] == moved["covered_peer"] and not moved["faults"]
-    brighter = peers.compare(disc(), disc(level=103))
-    assert brighter["max"] == 3 and brighter["over_one"] == 1.0 and "100.0%" in brighter["faults"][0]
-    nothing = disc() | {"rgba": np.zeros((60, 80, 4), np.uint8)}
-    assert "pixels are covered by ours, 0 by the peer" in peers.compare(disc(), nothing)["faults"][0]
-
-
 @pytest.mark.nightly
 @pytest.mark.skipif(not find_spec("moderngl"), reason="moderngl is not installed")
 def test_a_peer_draws_the_same(tmp_path, capsys):
@@ -132,42 +103,3 @@ def test_what_paths_and_faults_put_in_the_place_of_lines_finds_these_lines():
     edits += [(fault.what, fault.file, fault.before) for fault in (*FAULTS, *HELD_OUT)]
     counts = {edit: (ROOT / "rasterizer" / edit[1]).read_text(encoding="utf-8").count(edit[2]) for edit in edits}
     assert {edit: count for edit, count in counts.items() if count != 1} == {}
-
-
-def test_calls_take_turns():
-    order = []
-    calls = {name: lambda name=name: order.append(name) for name in "ab"}
-    times = take_turns(calls, 0.0, 25)
-    assert order == list("ab") * MIN_ROUNDS and len(times["a"][0]) == MIN_ROUNDS
-
-
-def test_a_slope_is_the_power_with_which_a_cost_grows():
-    for power, floor in ((1.0, 0.0), (2.0, 0.0), (0.5, 0.0), (1.0, 5.0)):
-        rows = [{"n": n, "ms": floor + 0.1 * n**power} for n in (1, 10, 100, 1000, 10_000)]
-        assert scale.slope_of(rows, "ms", 1.0) == pytest.approx(power, abs=0.15)
-
-
-def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front():
-    """Squares that cross each other, drawn with coarse depth: along their edges the reference may show the other
-    one."""
-    rng, size, settings = np.random.default_rng(12), (48, 36), {"shading": "flat", "samples": 4}
-    square, meshes = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float), []
-    for _ in range(12):
-        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        meshes.append(rz.Mesh(square @ turn, [[0, 1, 2, 3]], material=rz.Material(diffuse=rng.random(3))))
-    scene = rz.Scene(meshes, camera=rz.Camera.perspective((0, 0, 3), near=1e-4))
-    expected = reference.render(scene, size, **settings)
-    is_clear = margins.clear_pixels(scene, size, 4, lambda grid: reference.render(scene, grid, shading="flat"))
-    drawn = rz.render(scene, size, tolerance=0, outputs=("color", "face"), **settings)
-    row = tolerance.compare_with_reference(drawn, expected, is_clear)
-    assert row["max"] <= row["bound"], f"{row['max']:.3g} > {row['bound']:.3g}"
-    assert row["other"] <= 0.1 * is_clear.size, f"{row['other']} pixels left out > 10 %"
-
-
-def test_normals_of_surfaces_look_outwards():
-    for name in refinement.SURFACES:
-        mesh = refinement.make_mesh(name, 24)
-        corners = mesh.vertices[mesh.faces]
-        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        cosine = np.einsum("ij,ij->i", area, mesh.normals[mesh.faces[:, 0]]) / np.linalg.norm(area, axis=1)
-        assert cosine.min() > 0.9, f"{name}: a normal that looks away, {cosine.min():.3g} <= 0.9"

@@ -31,28 +31,6 @@ def setup_cfg():
     return setup
 
 
-def test_the_distribution_has_a_name_of_its_own_and_no_invented_address():
-    found = setup_cfg()["metadata"]
-    assert found["name"] == "scanline-rasterizer"
-    assert not {"url", "project_urls", "author", "author_email", "maintainer", "download_url"} & set(found)
-
-
-def test_the_long_description_has_no_link_that_only_a_checkout_has():
-    found = setup_cfg()["metadata"]
-    assert "rasterizer" in found["long_description"] and "](" not in found["long_description"]
-
-
-def test_what_is_required_is_used():
-    """Of every required package some module is imported by this one."""
-    required = re.findall(r"^([\w-]+)", setup_cfg()["options"]["install_requires"], re.MULTILINE)
-    modules = {name: {"Pillow": "PIL"}.get(name, name) for name in required}
-    text = "\n".join(path.read_text(encoding="utf-8") for path in Path(rz.__file__).parent.rglob("*.py"))
-    unused = [
-        name for name, module in modules.items() if not re.search(rf"^ *(import|from) {module}\b", text, re.MULTILINE)
-    ]
-    assert len(required) >= 5 and not unused, unused
-
-
 def run(command, cwd, **variables):
     environment = {**os.environ, **variables}
     environment.pop("PYTHONPATH", None)

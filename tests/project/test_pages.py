@@ -1,19 +1,13 @@
 """The pages: their examples run, their commands make their pictures and end as they say, and what they name exists."""
 
 import argparse
-import ast
-import builtins
 import dataclasses
 import glob
 import inspect
-import io
-import keyword
 import re
 import shlex
 import shutil
-import subprocess
 import sys
-import tokenize
 from importlib import import_module
 from pathlib import Path, PurePosixPath
 from types import ModuleType
@@ -30,7 +24,6 @@ from helpers.pages import (
     console_lines,
     links,
     named_files,
-    pictures,
     shell_lines,
     text_of,
 )
@@ -40,7 +33,7 @@ from PIL import Image
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli import main
-from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
+from rasterizer.cli.parser import COMMANDS, make_command_parser
 
 PICTURES = ROOT / "models" / "pictures"
 GALLERY, RECIPES = "models/README.md", "rasterizer/recipes.md"
@@ -118,15 +111,6 @@ def test_a_picture_is_what_its_command_makes(command, checkout):
     difference = np.abs(made - kept)
     assert difference.max() <= 1, f"levels differ by {difference.max()} > 1"
     assert (difference > 0).mean() <= 0.001, f"{(difference > 0).mean():.4f} of the values differ > 0.001"
-
-
-def test_every_picture_of_the_gallery_has_a_command_and_is_shown():
-    shown = [PurePosixPath(name).name for name in pictures(GALLERY)]
-    assert sorted(map(output_of, commands(GALLERY))) == sorted(shown)
-    kept = {path.name for path in PICTURES.iterdir()}
-    assert kept == set(shown), f"only kept: {kept - set(shown)}; only shown: {set(shown) - kept}"
-    for line in LINES:
-        assert parse(shlex.split(line)).command == line.split()[0]
 
 
 def test_the_scene_file_is_one(checkout):
@@ -298,124 +282,7 @@ def test_every_flag_name_and_option_on_a_page_exists():
     assert not missing, f"named, and not there: {sorted(missing)}"
 
 
-def test_the_front_page_opens_with_the_two_commands_and_leads_to_every_page():
-    found = re.findall(r"^    (python3 -m venv .*)$", text_of("README.md"), re.MULTILINE)
-    assert [line.rsplit("&& ", 1)[1] for line in found] == [
-        ".venv/bin/raster render models/teapot.obj --shading gouraud -o teapot.png",
-        ".venv/bin/python -m pytest",
-    ]
-    missing = set(PAGES) - {"README.md"} - {target.partition("#")[0] for target in links("README.md")}
-    assert not missing, f"README.md doesn't lead to {missing}"
-
-
 # ---------------------------------------------------------------- recipes that can't be run whole
 
 
-def test_the_commands_of_the_image_are_read_and_kernels_lie_where_the_package_looks_for_them():
-    from rasterizer.compiler.store import SHIPPED
-
-    (text,) = blocks(RECIPES, "dockerfile")
-    (line,) = re.findall(r"^RUN raster (warmup .*)$", text, re.MULTILINE)
-    assert parse(shlex.split(line)).command == "warmup"
-    code = re.search(r"\$\(python -c '(.+?)'\)/kernels", line)[1]
-    made = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    assert f"{made.strip()}/kernels" == str(SHIPPED)
-    runs = [shlex.split(line) for line in shell_lines(RECIPES) if line.startswith("docker run")]
-    assert runs and all(parse(run[run.index("raster") + 1 :]).command for run in runs)
-
-
-def runs_of_the_action() -> list[list[str]]:
-    """The commands of its steps."""
-    yaml = pytest.importorskip("yaml", reason="YAML needs PyYAML (the extra `distributed` brings it)")
-    (text,) = blocks(RECIPES, "yaml")
-    (job,) = yaml.safe_load(text)["jobs"].values()
-    return [shlex.split(step["run"]) for step in job["steps"] if "run" in step]
-
-
-@nightly
-def test_the_action_finds_what_has_changed(folder):
-    """The models are drawn and approved; then one changes, one is new, and one is gone."""
-    (script,) = [text for text in blocks(RECIPES, "python") if text.startswith("# compare_pictures.py\n")]
-    (folder / "compare_pictures.py").write_text(script)
-    (folder / "models" / "small").mkdir(parents=True)
-    shutil.copy(ROOT / "models" / "gear.stl", folder / "models" / "small")
-    shutil.copy(ROOT / "models" / "cube.obj", folder / "models")
-    runs = runs_of_the_action()
-    (draw,) = [words for words in runs if words[0] == "raster"]
-    (compare,) = [words for words in runs if words[0] == "python"]
-    assert runs.index(draw) < runs.index(compare)
-
-    def answer():
-        done = subprocess.run([sys.executable, *compare[1:]], capture_output=True, text=True, check=False)
-        return done.returncode, done.stdout.strip(), done.stderr
-
-    assert main(draw[1:]) == 0
-    shutil.copytree("drawn", "pictures")
-    assert answer() == (0, "nothing has changed", "")
-    kept = np.asarray(Image.open("pictures/cube.png").convert("RGBA")).copy()
-    kept[0, :3, :3] += 2  # what another processor may do
-    Image.fromarray(kept).save("pictures/cube.png")
-    assert answer()[0] == 0
-    kept[100:130, 100:130, :3] ^= 64
-    Image.fromarray(kept).save("pictures/cube.png")
-    (folder / "pictures" / "small" / "gear.png").rename("pictures/old.png")
-    code, said, _ = answer()
-    assert code == 1
-    assert [line.split(":")[0] for line in said.splitlines()] == ["cube.png", "old.png", "small/gear.png"]
-    assert "old.png: gone" in said and "gear.png: new" in said
-
-
 # ---------------------------------------------------------------- what docstrings and comments name
-
-
-def identifiers(tree) -> set[str]:
-    """Every name of a module's code, and every word that stands alone in a text."""
-    found = set()
-    for node in ast.walk(tree):
-        found |= {getattr(node, field, None) for field in ("name", "arg", "id", "attr", "asname", "module")}
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            found.add(node.value)
-    return {part for name in found if isinstance(name, str) for part in name.split(".")}
-
-
-def notes(source, tree) -> list[str]:
-    """The docstrings and comments of a module."""
-    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
-    found = [ast.get_docstring(node) or "" for node in ast.walk(tree) if isinstance(node, kinds)]
-    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    return found + [token.string for token in tokens if token.type == tokenize.COMMENT]
-
-
-def test_what_docstrings_and_comments_name_exists():
-    """Names between backquotes, constants, and files: what goes away leaves no sentence behind."""
-    sources = {
-        path: path.read_text(encoding="utf-8") for path in (ROOT / "rasterizer").rglob("*.py*") if path.suffix != ".pyc"
-    }
-    sources = {path: text for path, text in sources.items() if path.suffix in (".py", ".pyi")}
-    trees = {path: ast.parse(text) for path, text in sources.items()}
-    files = {
-        path.name for folder in ("rasterizer", "tests", "bench", "models") for path in (ROOT / folder).rglob("*.*")
-    }
-    known = set().union(*map(identifiers, trees.values())) | {Path(name).stem for name in files} | {"rasterizer", "pyi"}
-    known |= {*dir(builtins), *keyword.kwlist, *sys.stdlib_module_names, "futures", "Tr"}
-    known |= {
-        "cv2",
-        "undistort",
-        "dask",
-        "dataset",
-        "distributed",
-        "pycocotools",
-        "ma",
-        "notebook",
-        "pointee",
-        "rgb2lab",
-        "Trimesh",
-    }  # of others
-    missing = []
-    for path, text in sources.items():
-        for note in notes(text, trees[path]):
-            named = re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", note) + re.findall(r"\b[A-Z]{3,}(?:_[A-Z\d]+)+\b", note)
-            missing += [(path.name, name) for name in named if name not in files and not known >= set(name.split("."))]
-            named = set(re.findall(r"\b\w+\.(?:py|md|ipynb)\b", note))
-            missing += [(path.name, name) for name in named - files]
-    assert not missing, f"named, and not there: {sorted(set(missing))}"

@@ -3,7 +3,6 @@
 What is not registered is an error everywhere, whose message lists what is.
 """
 
-import json
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from helpers.against_reference import assert_matches_reference, compare_with_reference
 from helpers.arrays import differences
-from helpers.command import CUBE, one_error, run
+from helpers.command import CUBE, run
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.raster import ROOT
 from helpers.toy_extensions import Minnaert, SlabLight, add_minnaert, add_slab, slab_strength
@@ -21,14 +20,12 @@ from project.extending import hemisphere_light
 import rasterizer as rz
 from rasterizer import reference, registries
 from rasterizer.cli import main
-from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import lights as light_table
 from rasterizer.engine import reflections as reflection_table
-from rasterizer.io.scene_file import read_scene
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.reference.lamp import LAMP_TYPES
 from rasterizer.reference.reflection import REFERENCE_MODELS
-from rasterizer.scene.lights import LIGHT_TYPES, Attenuation, Color, Vector, describe_fields, light_type_of
+from rasterizer.scene.lights import LIGHT_TYPES, Attenuation, Color, Vector, light_type_of
 from rasterizer.scene.material import REFLECTION_MODELS
 
 SIZE = (64, 48)
@@ -101,20 +98,6 @@ def test_the_picture_is_the_references(toys):
             assert frame.stats.error_bound is None and "SlabLight" in " ".join(s.cause for s in frame.stats.steps), case
 
 
-def test_colours_spectra_and_exposure_reach_it(toys):
-    lights = rz.AmbientLight(0.1), slab_light(color=(0.9, 0.5, 0.2)), slab_light(color=rz.Spectrum.flat(0.4))
-    material = moon(emissive=(0.0, 0.1, 0.0))
-    assert_matches_reference(scene_of(material, *lights), SIZE, 1e-5, shading="phong", exposure=0.5)
-    assert_matches_reference(scene_of(material, *lights[:2]), SIZE, 1e-6, shading="gouraud", tolerance=0, exposure=-1)
-
-
-def test_the_plan_knows_it(toys):
-    with rz.Renderer(scene_of(moon(), slab_light()), SIZE, shading="phong", samples=1) as renderer:
-        plan = renderer.plan
-        assert (plan.dtype, plan.channels) == ("float64", 1) and renderer.render().color.max() > 0.3
-        assert "a light or reflection model of one's own" in plan.reasons
-
-
 def test_illuminate_gives_what_the_formulas_say(toys):
     rng = np.random.default_rng(2)
     points, normals = rng.normal(size=(2, 500, 3))
@@ -139,17 +122,6 @@ def test_it_casts_shadows(toys):
     assert_matches_reference(scene, SIZE, 1e-5, far=0.06, **settings)  # pixels at the shadow's edge
 
 
-def test_mach_bands_leave_out_faces_that_its_terminator_crosses(toys):
-    """A slab so wide that it is a directional light has that light's bands."""
-    found = []
-    for light in (slab_light(width=1e6), rz.DirectionalLight((-1, -2, -1.5), 0.9)):
-        scene = scene_of(rz.Material(), light)
-        frame = rz.render(scene, (120, 90), shading="gouraud", outputs=("color", "face"), tolerance=0, samples=1)
-        found.append(rz.mach_bands(frame, scene))
-    assert found[0].n_place == found[1].n_place > 50
-    assert found[0].slope_jump == pytest.approx(found[1].slope_jump, abs=1e-5)
-
-
 # ---------------------------------------------------------------- it is read and written
 
 
@@ -161,13 +133,6 @@ def test_scene_files_keep_it(toys, tmp_path):
     assert loaded.meshes[0].material == scene.meshes[0].material
     again, drawn = (rz.render(each, SIZE, samples=1, shading="gouraud").color for each in (loaded, scene))
     assert again.tobytes() == drawn.tobytes()
-
-
-def test_a_person_may_write_it_into_a_scene_file(toys, tmp_path):
-    light = {"kind": "slab", "direction": [0, -1, 0], "width": 2, "color": "#808080", "shadow": {"size": 32}}
-    (tmp_path / "by-hand.json").write_text(json.dumps({"meshes": [{"file": CUBE}], "lights": [light]}))
-    (made,) = read_scene(tmp_path / "by-hand.json", allow_outside=True).scene.lights
-    assert made == SlabLight((0, -1, 0), width=2, color="#808080", shadow=rz.Shadow(32))
 
 
 def test_the_command_line_draws_it(toys, folder):
@@ -236,31 +201,6 @@ def test_what_is_taken_back_is_refused_everywhere(tmp_path):
         assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value), f"{name}: {fault.value}"
 
 
-def test_an_unknown_type_is_refused_by_materials_and_flags(folder, capsys):
-    with pytest.raises(rz.SceneError) as fault:
-        moon()
-    assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value)
-    assert run(CUBE, "--light", "slab:0,-1,0") == 2
-    assert listed(BUILT_IN[0], one_error(capsys))
-    assert run(CUBE, "--material", "reflection=minnaert") == 2
-    assert listed(BUILT_IN[1], one_error(capsys))
-
-
-def test_scene_files_refuse_strangers(tmp_path):
-    path = tmp_path / "strange.json"
-    light = {"kind": "slab", "direction": [0, -1, 0]}
-    for table, legal in (
-        ({"lights": [light]}, BUILT_IN[0]),
-        ({"materials": {"a": {"reflection": "minnaert"}}}, BUILT_IN[1]),
-    ):
-        path.write_text(
-            json.dumps({"meshes": [{"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}]} | table)
-        )
-        with pytest.raises(rz.SceneError) as fault:
-            rz.load(path)
-        assert listed(legal, str(fault.value)) and str(path) in str(fault.value)
-
-
 def test_shadows_of_a_light_without_a_beam_are_refused():
     class Beamless(SlabLight):
         beam = None
@@ -298,14 +238,6 @@ def test_words_that_are_taken_or_no_words_are_refused_and_nothing_is_entered():
         with pytest.raises(rz.SceneError, match="already; taken are phong|small letters, digits and hyphens"):
             registries.add_reflection(word, Minnaert)
     test_all_tables_have_the_same_words()
-
-
-def test_a_type_can_be_registered_once(toys):
-    with pytest.raises(rz.SceneError, match="there is a light 'slab' already; taken are ambient, directional"):
-        registries.add_light("slab", hemisphere_light.HemisphereLight)
-    with pytest.raises(rz.SceneError, match="SlabLight is the class of another type"):
-        registries.add_light("slab2", SlabLight)
-    assert light_type_of(slab_light()) == "slab"
 
 
 # ---------------------------------------------------------------- what disagrees is refused
@@ -421,15 +353,6 @@ def test_a_hemisphere_light_is_explained_and_illuminates():
     assert np.abs(np.array(rows["0 diffuse"]) - frame.color[24, 32]).max() < 1e-6 and not any(rows["0 specular"])
 
 
-def test_a_model_of_ones_own_is_drawn_in_float64_and_states_no_bound():
-    with add_minnaert():
-        scene = rz.Scene([rz.Mesh(*octasphere(2), material=moon())], [rz.PointLight((2, 3, 2))], CAMERA)
-        stats = rz.render(scene, SIZE, shading="phong", samples=1).stats
-    assert stats.plan.dtype == "float64" and stats.error_bound is None
-    said = [step.cause for step in stats.steps if np.isinf(step.near)]
-    assert said == ["no bound is stated: nobody knows how the formula of minnaert rounds"]
-
-
 def test_a_program_with_a_light_of_its_own_is_the_command_line(tmp_path):
     """The example of the guide, as one would run it."""
     out = tmp_path / "cube.npy"
@@ -471,24 +394,3 @@ def test_what_can_not_be_a_light_is_refused():
             registries.add_light("odd", cls)
     with pytest.raises(rz.SceneError, match="a class that derives from CustomReflection is needed"):
         registries.add_reflection("odd", SlabLight)
-
-
-def test_the_fields_of_every_light_can_be_read():
-    for cls in LIGHT_TYPES.values():
-        described = describe_fields(cls)
-        assert described["color"].holds == "color" and not described["color"].is_needed
-        assert {field.holds for field in described.values()} <= {
-            "number", "whole", "flag", "text", "word", "vector", "cells", "color", "attenuation", "shadow",
-        }  # fmt: skip
-    spot = describe_fields(rz.SpotLight)
-    assert [name for name, field in spot.items() if field.is_needed] == ["position", "direction"]
-    assert spot["attached"].words == ("world", "camera") and spot["range"].holds == "number"
-
-
-def test_functions_from_outside_the_package_stay_out_of_the_disk_cache(toys):
-    """The cache's folder is named after this package's sources: a user's function that changes would stay as it was."""
-    rz.render(scene_of(moon(), slab_light()), SIZE, samples=1, shading="gouraud")
-    assert SlabLight.__module__ == "helpers.toy_extensions"
-    if STORE.own is not None:
-        names = [path.name for path in STORE.own.iterdir()]
-        assert names and not [name for name in names if "toy_extensions" in name]
