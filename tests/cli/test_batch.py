@@ -318,15 +318,20 @@ def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
         ("--view random:2 --seed 1 -o a.png", "a template with"),
     ):  # fmt: skip
         assert_refused(capsys, [([CUBE, *flags.split()], said)], "render")
-    for flags, words in (
-        ("--shadows --ground", {"shadows": True, "ground": True}),
-        ("--preset headlight --color teal", {"preset": "headlight", "color": "teal"}),
+    shutil.copy(CONE, "cone.obj")
+    assert raster("render", *SIZE, CUBE, "--view", "random:2,random", "--seed", "7", "-o", "v/{view}.png") == 0
+    assert sorted(os.listdir("v")) == [f"random-000{k}.png" for k in (7, 8, 9)]
+    (folder / "lit.json").write_text('{"meshes": [{"file": "cone.obj"}], "preset": "headlight"}')
+    for model, flags, words in (
+        (CONE, "--shadows --ground", {"shadows": True, "ground": True}),
+        (CONE, "--preset headlight --color teal", {"preset": "headlight", "color": "teal"}),
+        ("lit.json", "", {}),  # whose preset goes, as lights do that a model brings
     ):
         options = {"size": (24, 16)} | words
-        task = rz.RenderTask(CONE, "lib.png", "random", options=options, lights="random", seed=4)
+        task = rz.RenderTask(model, "lib.png", "random", options=options, lights="random", seed=4)
         assert [record.error for record in rz.render_many([task], n_process=1)] == [None]
         random = ["--view", "random", "--light", "random", "--seed", "4"]
-        assert raster("render", "-s", "24x16", CONE, *flags.split(), *random, "-o", "cli.png") == 0
+        assert raster("render", "-s", "24x16", model, *flags.split(), *random, "-o", "cli.png") == 0
         assert (folder / "cli.png").read_bytes() == (folder / "lib.png").read_bytes(), flags
     assert_refused(capsys, [([CUBE, "--view", "random"], "one or several of iso")], "sheet")
     assert_refused(capsys, [([CUBE, "--light", "random"], "a light is one of")], "turntable")

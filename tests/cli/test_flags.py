@@ -1,54 +1,14 @@
 """The flags of the command line: options, cameras, lights, and that each of them reaches the picture."""
 
-import inspect
-import re
-from dataclasses import dataclass, fields, replace
-from typing import get_args
-
 import numpy as np
 import pytest
-from helpers.arrays import differences
-from helpers.command import CUBE, PLAIN, assert_refused, errors, loaded, picture, request_of, run
-from helpers.raster import ROOT
+from helpers.command import CUBE, loaded
 
 import rasterizer as rz
 from rasterizer import choices
-from rasterizer.choices import AZIMUTH, ELEVATION, FOV
-from rasterizer.cli.parser import make_command_parser, parse
-from rasterizer.options import Options
-from rasterizer.scene import lights, material, mesh
-from rasterizer.scene import lights as light_presets
-from rasterizer.scene.lights import Cells, Color, Vector, describe_fields
+from rasterizer.cli.parser import make_command_parser
 
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def test_every_option_is_a_flag():
-    assert {field.name for field in fields(Options)} <= vars(parse(["render", "x.obj"])).keys()
-    for argv, expected in (
-        ([], {"outputs": "rgb"}),
-        (["--array", "face"], {"outputs": "face"}),
-        (["-o", "x.npy"], {"outputs": "color"}),
-    ):
-        found = request_of("x.obj", *argv).options
-        assert found == Options(**expected), f"{argv}: {found}"
-
-
-def test_words_and_numbers_of_the_help_are_those_of_the_scene():
-    framing = inspect.signature(rz.Camera.framing).parameters
-    numbers = [framing[name].default for name in ("azimuth", "elevation", "fov")]
-    assert numbers == [AZIMUTH, ELEVATION, FOV]
-    assert tuple(choices.AXES) == get_args(choices.Axis)
-    assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS) and choices.WEIGHTINGS == mesh.WEIGHTINGS
-    assert choices.DISTRIBUTIONS == material.DISTRIBUTIONS
-    assert choices.LIGHT_TYPES == tuple(lights.LIGHT_TYPES) and choices.PRESETS == tuple(light_presets.PRESETS)
-    text = make_command_parser("render").format_help()
-    for kind, cls in lights.LIGHT_TYPES.items():
-        (line,) = re.findall(rf"^ +{kind}:.*(?:\n {{10}}.*)*", text, re.MULTILINE)
-        if "as for point" in line:
-            line += re.search(r"^ +point:.*(?:\n {10}.*)*", text, re.MULTILINE)[0]
-        first, *names = describe_fields(cls)
-        assert all(f"{name}=" in line for name in names), kind
 
 
 # --- cameras and lights ---------------------------------------------------------------------------------------------
@@ -113,75 +73,6 @@ def test_lights():
     assert lights_of() == lights_of("--preset", "studio") == rz.studio()
     both = lights_of("--preset", "headlight", "--light", "ambient:1/0.5/0", "--light", "point:1,2,3")
     assert both == (*rz.headlight(), rz.AmbientLight((1, 0.5, 0)), rz.PointLight((1, 2, 3)))
-
-
-@dataclass(frozen=True)
-class Slab:
-    """A light that is no kind of the package."""
-
-    corner: Vector
-    extent: Cells
-    strength: float = 1.0
-    color: Color = 1.0
-    is_soft: bool = False
-    shadow: rz.Shadow | None = None
-
-
-def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsys):
-    assert_refused(capsys, [([CUBE, "--light", "slab:1,2,3,extent=2/3"], "area:...; given 'slab:")], "render")
-    monkeypatch.setitem(lights.LIGHT_TYPES, "slab", Slab)
-    text = "slab:1,2,3,extent=2/3,color=rgb(255, 0, 0),is_soft=yes,shadow=64"
-    assert lights_of("--light", text) == (Slab((1, 2, 3), (2, 3), 1.0, "rgb(255, 0, 0)", True, rz.Shadow(64)),)
-    faults = {
-        "slab:1,2,3": "a slab light needs extent=M/N",
-        "slab:1,2,3,extent=2/3,strength=big": "strength: a finite number is needed; given 'big'",
-        "slab:1,2,3,size=3": "a slab light takes corner=..., extent=..., strength=...",
-    }
-    assert_refused(capsys, [([CUBE, "--light", text], words) for text, words in faults.items()], "render")
-
-
-# --- what reaches the picture ---------------------------------------------------------------------------------------
-
-# A small size, because each is drawn; every two must differ.
-LOOKS = """
---shading flat | --shading gouraud | --samples 1 | --ground
---crease-angle 1 | --material shininess=2 | --color orange | --reflection blinn
---preset tabletop | --preset headlight | --light directional:0,-1,0,color=orange --color teal
---light directional:0,-1,0,color=orange --color teal --spectral 5 | --light directional:-1,-0.4,-0.2
---light directional:-1,-0.4,-0.2 --shadows | --light directional:-1,-0.4,-0.2 --shadows --shadow-size 16
---light directional:-1,-0.4,-0.2 --shadows --shadow-filter 9 | --background 0.2/0.1/0 | --depth-cue 2
---exposure 1.5 | --exposure 3 --color teal | --exposure 3 --color teal --color-range local
---exposure 3 --color teal --color-range global | --threads 2 --margin 0.2
---eye 1,0,0 --target 1,0,5 | --eye 1,0,0 --target 1,0,5 --cull back
---edges all | --edges all --edge-color red | --edges all --edge-width 3 | --zoom 2 | --ortho | --fov 60
---azimuth 70 | --elevation 60 | --view top | --up z | --eye 3,2,4 | --eye 3,2,4 --target 0,0.5,0
-"""
-
-
-def test_every_flag_of_the_look_changes_the_picture(capsys):
-    looks, drawn = ["", *(each.strip() for each in LOOKS.replace("\n", "|").split("|") if each.strip())], {}
-    for look in looks:
-        assert run(ROOT / "models" / "torus.obj", "-o", "x.png", "-s", "48x36", *look.split()) == 0
-        other = drawn.setdefault(picture("x.png").tobytes(), look)
-        assert other is look, f"'{look}' draws what '{other}' draws"
-    capsys.readouterr()
-
-
-def test_materials_and_backgrounds_are_those_of_the_library(capsys):
-    scene = rz.load(CUBE, background=(0.2, 0.1, 0))
-    (cube,) = scene.meshes
-    scene = replace(scene, meshes=[replace(cube, material=replace(cube.material, reflection="blinn"))])
-    assert run(CUBE, "-o", "x.png", *PLAIN, "--reflection", "blinn", "--background", "0.2/0.1/0") == 0
-    assert not differences(picture("x.png"), rz.render(scene, (24, 16), samples=4, shading="gouraud").rgb)
-    assert errors(capsys) == ""
-
-
-def test_edges_are_drawn_in_their_colour_and_width(capsys):
-    flags = ["-s", "60", "--edges", "crease,silhouette", "--edge-color", "red", "--edge-width", "3"]
-    assert run(CUBE, "-o", "edges.png", *flags) == 0
-    assert (picture("edges.png") == (255, 0, 0, 255)).all(axis=2).sum() > 300
-    assert run(CUBE, "-o", "wire.npy", "--edges", "all", "-s", "60") == 0
-    assert np.load("wire.npy").shape == (60, 60, 3) and errors(capsys) == ""
 
 
 # --- what `raster render` has, other commands that draw have, too ------------------------------------------------

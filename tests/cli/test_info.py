@@ -12,6 +12,7 @@ from helpers.arrays import deviations
 from helpers.command import CUBE, GEAR, assert_refused, raster
 from helpers.model_bytes import gltf_with
 from helpers.raster import ROOT
+from helpers.solids import area_of
 
 import rasterizer as rz
 from rasterizer.io.formats import formats
@@ -38,7 +39,8 @@ def test_the_facts_are_those_of_the_scene(capsys):
     assert room["textures"][0]["size"] == [256, 128] and room["camera"]
     assert {"wood", "globe"} < {each["name"] for each in room["materials"]}
     assert any(name.endswith("table.obj") for name in room["files_read"])
-    assert not deviations(room["bounds"], scene.bounds)
+    assert not deviations(room["bounds"], scene.bounds) and not deviations(room["extent"], np.ptp(scene.bounds, axis=0))
+    assert room["area"] == pytest.approx(sum(map(area_of, scene.meshes)), rel=1e-6)
 
 
 def test_lines_say_what_json_says(capsys):

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import re
 import subprocess
 import sys
@@ -10,54 +9,9 @@ import warnings
 
 import pytest
 from helpers.command import CUBE, GEAR, SMALL, errors, raster, run
-from helpers.stores import LIGHT, TINY, environment_with
+from helpers.stores import environment_with
 
 from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown
-
-COMPILES = f"""
-from rasterizer.cli.messages import Messages, compilation_shown
-with compilation_shown(Messages(LEVEL)):
-{"".join(f"    {line}" for line in (TINY + LIGHT).splitlines(keepends=True))}
-"""
-
-
-def on_terminal(program, cwd, **variables) -> str:
-    """Run a program with a terminal for its stderr; return what the terminal got."""
-    import pty
-
-    master, terminal = pty.openpty()
-    command = [sys.executable, "-c", program]
-    with subprocess.Popen(command, env=environment_with(**variables), cwd=cwd, stderr=terminal) as process:
-        os.close(terminal)
-        told = b""
-        while True:
-            try:
-                part = os.read(master, 4096)
-            except OSError:  # Linux says so where the other end is closed
-                break
-            if not part:
-                break
-            told += part
-    os.close(master)
-    assert process.returncode == 0, told
-    return told.decode()
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
-@pytest.mark.parametrize("level", [QUIET, NORMAL, VERBOSE])
-def test_on_a_terminal_a_bar_is_shown_and_taken_away(tmp_path, level):
-    """By a program that compiles two kernels from nothing, and finds them when it is run again."""
-    told = on_terminal(COMPILES.replace("LEVEL", str(level)), tmp_path, RASTER_STORE=tmp_path / "store")
-    if level == NORMAL:
-        *bars, end = told.split("\x1b[K")
-        bars, empty = [bar.removeprefix("\r") for bar in bars[:-1]], bars[-1]
-        assert bars == [f"raster: [{'.' * BAR_WIDTH}] 0/1 compiling {name}" for name in ("list_corners", "lambert")]
-        assert empty == "\r" and end == "", "the bar is left on the terminal"
-    else:
-        assert told.count("compiling 1 kernel for the first time") == (level == VERBOSE)
-        assert "\x1b" not in told and (told == "" or level == VERBOSE)
-    assert on_terminal(COMPILES.replace("LEVEL", str(level)), tmp_path, RASTER_STORE=tmp_path / "store") == ""
 
 
 class Terminal:
@@ -145,14 +99,14 @@ def test_each_kind_of_message_is_said_from_its_level_on(capsys):
 
 
 def test_json_is_json_also_where_a_number_is_not_finite(capsys):
-    Messages().record({"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": 1}, False)
+    Messages().record({"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": (1, float("inf"))}, False)
 
     def refuse(word):
         raise AssertionError(word)
 
     record = json.loads(capsys.readouterr().out, parse_constant=refuse)
     assert record["a"] is None and record["b"] == [1.0, None]
-    assert record["c"]["d"] is None and record["e"] == 1
+    assert record["c"]["d"] is None and record["e"] == [1, None]
 
 
 # --- pictures that are done -------------------------------------------------------------------------------------------

@@ -242,20 +242,6 @@ def test_zoom_of_a_calibrated_camera_keeps_the_middle():
         assert after - middle == pytest.approx(2 * (before - middle))
 
 
-def test_framing_of_the_file_comes_after_flags(folder):
-    framing = {"azimuth": 10, "elevation": 20, "fov": 50, "margin": 0.2}
-    name, cube = write(folder, {"camera": framing}), rz.load(CUBE)
-    for flags, settings in (
-        ("", framing),
-        ("--azimuth 5", framing | {"azimuth": 5}),
-        ("--fov 20", framing | {"fov": 20}),
-        ("--margin 0.1", framing | {"margin": 0.1}),
-        ("--view left", framing | {"azimuth": -90, "elevation": 0}),
-        ("--ortho", framing | {"orthographic": True}),
-    ):
-        assert_seen_through(rz.Camera.framing(cube, aspect=1.5, **settings), name, *flags.split())
-
-
 def test_what_a_file_says_of_the_scene_is_used_unless_flags_say_otherwise(folder):
     name = write(folder, {"lights": [{"kind": "ambient"}], "background": "white", "up": "z"})
     own = loaded(name).scene

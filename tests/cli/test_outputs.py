@@ -248,13 +248,16 @@ def test_depth_is_written_in_millimetres_or_at_a_given_scale(folder, capsys):
     assert "scale=" in one_error(capsys) and not (folder / "b.png").exists()
 
 
-def test_exr_files_hold_the_picture_or_arrays(folder):
+def test_exr_files_hold_the_picture_or_arrays():
     exr = pytest.importorskip("OpenEXR", reason="the extra exr is not installed")
-    assert run(CUBE, "-o", "a.exr") == 0
-    assert run(CUBE, "--array", "color", "--array", "face", "-o", "b.exr") == 0
-    for name, channels in (("a.exr", set("RGBA")), ("b.exr", {*"RGBA", "id.face"})):
-        with exr.File(name, separate_channels=True) as file:
-            assert (got := set(file.channels())) == channels, f"{name}: {got} != {channels}"
+    for flags, channels in (
+        ("", {*"RGBA"}),
+        ("--array color --array face", {*"RGBA", "id.face"}),
+        ("--array depth --array face", {"Z", "id.face"}),
+    ):
+        assert run(CUBE, "-o", "a.exr", *flags.split()) == 0
+        with exr.File("a.exr", separate_channels=True) as file:
+            assert (got := set(file.channels())) == channels, f"{flags}: {got}"
 
 
 def test_stdout_takes_one_array_or_several(capfdbinary):

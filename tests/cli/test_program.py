@@ -14,8 +14,7 @@ from helpers.command import CUBE, SMALL, raster, run, start
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import BAD_MODEL, DONE, INTERRUPTED, NO_OUTPUT, SOME_FAILED, USAGE, compare
-from rasterizer.cli.doctor import ENVIRONMENT
+from rasterizer.cli import compare
 from rasterizer.cli.messages import Messages, compilation_shown
 from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
 from rasterizer.options import Options
@@ -68,16 +67,6 @@ def test_the_help_names_every_default(capsys):
             assert has_none or not action.option_strings or "default" in action.help, f"{command} {action.dest}"
 
 
-def test_exit_codes_and_variables_of_the_environment_are_told(capsys):
-    codes = dict(re.findall(r"^  (\d+) +(.+)$", help_of(capsys, "--help"), re.MULTILINE))
-    assert set(map(int, codes)) == {DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED}
-    text = help_of(capsys, "doctor", "--help")
-    assert not [name for name in ENVIRONMENT if f"  {name} " not in text]
-    for path in (ROOT / "rasterizer").rglob("*.py"):
-        names = re.findall(r"""(?:environ|environ\.get|getenv)[\[(]["']([A-Z_]+)""", path.read_text())
-        assert not [name for name in names if name not in ENVIRONMENT], path
-
-
 LOOKS = """
     --shading phong
     --shading phong --light point:1,1,1 --tolerance 0 --crease-angle 60
@@ -112,22 +101,6 @@ def test_warmup_leaves_nothing_to_compile_for_any_model_and_look(capsys):
 
 
 # --- the process ----------------------------------------------------------------------------------------------------
-
-
-def test_help_and_info_import_nothing_heavy():
-    """In a process of its own, because this one has imported everything."""
-    code = f"""
-import sys
-from rasterizer.cli import main
-def loaded(): return sorted({{'numpy', 'numba', 'llvmlite', 'trimesh', 'PIL', 'scipy'}} & set(sys.modules))
-for command in ('render', 'compare'):
-    try: main([command, '--help'])
-    except SystemExit: print(loaded(), len(sys.modules) < 150, file=sys.stderr)
-main(['info', {CUBE!r}])
-print(loaded(), file=sys.stderr)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
-    assert done.stderr.splitlines() == ["[] True", "[] True", "['numpy']"], done.stderr
 
 
 def test_who_calls_main_keeps_the_collector_of_garbage_as_it_is_set():

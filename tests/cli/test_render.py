@@ -100,13 +100,6 @@ def test_json_has_a_line_for_each_picture_and_each_failure(capsys):
     }  # fmt: skip
 
 
-def test_the_bound_is_told(capsys):
-    assert run(CUBE, "-o", "a.png", "--json", "-v") == 0
-    out, err = capsys.readouterr()
-    assert json.loads(out)["error_bound"] == 1 / 4096
-    assert "errors are at most 0.00024 in linear intensity; but next to steps: a highlight ends" in err
-
-
 def test_verbose_and_quiet(capsys):
     assert run(CUBE, "-v") == 0
     err = errors(capsys)

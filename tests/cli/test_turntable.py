@@ -148,15 +148,6 @@ def test_it_is_that_of_the_library_byte_for_byte(folder):
         assert all(np.array_equal(a, b) for a, b in zip(pictures("x.png"), drawn, strict=True)), argv
 
 
-def test_the_first_frame_is_that_of_the_camera_and_the_rest_keep_their_distance(capsys):
-    argv = ["--eye", "3,4,5", "--ortho", "--fov", "50", "-s", "48x36", "--threads", "1", "--no-ground"]
-    assert raster("turntable", LIFE, *argv, "--frames", "4", "-o", "{frame}.png") == 0
-    assert raster("render", LIFE, *argv, "-o", "first.png") == 0
-    frames = [np.asarray(Image.open(f"{k}.png")) for k in range(4)]
-    assert not differences(frames[0], np.asarray(Image.open("first.png")))
-    assert len({frame.tobytes() for frame in frames}) == 4
-
-
 def test_a_camera_that_knows_only_a_direction_goes_round_the_middle_of_the_model(folder):
     """glTF cameras have no target; what they look at lies as far away as the model. Half a round later the box that is
     its own mirror image covers the same pixels."""
@@ -171,21 +162,6 @@ def test_a_camera_file_may_say_how_to_frame_the_model(folder):
     assert run(LIFE, "--camera", "framing.json", "-o", "a.png") == 0
     assert run(LIFE, "--azimuth", "10", "--elevation", "60", "--margin", "0.2", "-o", "b.png") == 0
     assert open("a.png", "rb").read() == open("b.png", "rb").read()
-
-
-def test_turned_cameras_go_round_as_those_of_an_orbit_do():
-    box = [[0, 0, 0], [1, 2, 3]]
-    for up in ("x", "y", "-z"):
-        assert_round_as_an_orbit(box, up)
-
-
-def assert_round_as_an_orbit(box, up):
-    orbit = rz.Camera.orbit(box, [10, 55, 190, 370], up=up, elevation=30)
-    pole = rz.choices.AXES[up]
-    turned = turned_cameras(orbit[0], [0, 45, 180, 360], pole, np.array(orbit[0].target))
-    assert turned[0] is orbit[0]
-    for a, b in zip(turned, orbit, strict=True):
-        assert not deviations(a.pose, b.pose, rtol=0, atol=1e-12)
 
 
 def test_a_camera_that_looks_down_the_axis_turns_its_picture():

@@ -237,6 +237,8 @@ def test_a_scene_file_draws_one_picture_from_every_entry(capsys):
         ("b.json", {"fov": 50, "zoom": 2}, eye | {"fov": 50}),
         ("b.json", {"eye": (1, 1, 5), "material": "jade"}, eye | {"eye": (1, 1, 5), "zoom": 0.5, "material": "jade"}),
         ("c.json", {"shading": "gouraud"}, {"size": SIZE, "azimuth": 10, "preset": "tabletop", "shading": "gouraud"}),
+        ("a.json", {"material": "jade"}, {word: file[word] for word in file if word != "color"} | {"material": "jade"}),
+        ("c.json", {"view": "left"}, {"size": SIZE, "view": "left", "preset": "tabletop"}),
         ("c.json", {"eye": (1, 1, 5)}, {"size": SIZE, "eye": (1, 1, 5), "preset": "tabletop"}),
     ):
         expected = rz.render(TORUS, **meant).rgba
