@@ -92,10 +92,3 @@ def test_a_suffix_that_no_reader_takes_says_what_to_do(tmp_path):
     said = "unknown format '{}'; readable are .*; .*{}"
     cases = [(tmp_path / f"part.{suffix}", said.format(suffix.lower(), hint)) for suffix, hint in hints.items()]
     assert_refused(rz.load, cases, rz.ModelError)
-
-
-def test_marks_of_text_files_are_read_over(tmp_path):
-    """An editor on Windows may put a byte order mark before a text."""
-    for format in ("obj", "stl", "off", "gltf"):
-        data = exported(box(), "stl_ascii") if format == "stl" else GOOD[format]
-        assert loader(tmp_path, format)(b"\xef\xbb\xbf" + data).n_face == 12, format

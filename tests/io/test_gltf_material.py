@@ -257,25 +257,6 @@ def test_sets_and_transforms_of_coordinates():
 # --- what is missing ----------------------------------------------------------------------------------------
 
 
-def test_a_missing_picture_is_warned_of_and_the_plain_colour_kept(tmp_path):
-    path = tmp_path / "m.gltf"
-    for image, fault in (
-        ({"uri": "gone.png"}, r"texture 'gone\.png': needs the file 'gone\.png'"),
-        ({"uri": uri(b"hello"), "name": "wood"}, "texture 'wood': image 0: can't be read as a picture"),
-        ({"uri": "data:image/png;base64,!!!"}, "texture 'image 0': "),
-    ):
-        path.write_bytes(textured(image=image, pbr={"baseColorFactor": [0.5, 0, 0, 1]}))
-        with pytest.warns(UserWarning, match=fault) as caught:
-            (mesh,) = load(path).meshes
-        assert mesh.material.texture is None, image
-        assert mesh.material.diffuse == (0.48, 0, 0), f"{image}: {mesh.material.diffuse} != {(0.48, 0, 0)}"
-        assert len(caught) == 1, f"{image}: {len(caught)} != 1"
-        assert str(caught[0].message).count(str(path)) <= 2, image
-    with pytest.warns(UserWarning, match="mesh '.*' has no texture coordinates; .* the texture of its material 'wood'"):
-        (mesh,) = load(textured(uv=None, name="wood"), format="gltf").meshes
-    assert mesh.material.texture is None and mesh.material.name == "wood"
-
-
 def test_a_texture_may_have_its_image_by_an_extension_or_none():
     source = {"extensions": {"EXT_texture_webp": {"source": 0}}}
     assert texture_of(more=lambda tree, _: tree.update(textures=[source])) is not None

@@ -88,21 +88,6 @@ def test_trimesh_objects():
         load(trimesh.Scene())
 
 
-def test_committed_models_load_and_have_what_they_are_for():
-    paths = sorted(path for path in MODELS.glob("*.*") if path.suffix in (".obj", ".stl", ".ply", ".glb"))
-    assert len(paths) > 15
-    found = {}
-    for path in paths:
-        facts = []
-        found[path.name] = load(path, log=facts.append).meshes
-        assert facts[-1].startswith(f"{path}: ") and found[path.name][0].n_face > 0, path
-    (globe,) = found["globe.obj"]
-    assert globe.material.texture.image.shape == (128, 256, 4) and globe.uv.shape == (globe.n_face, 3, 2)
-    glass = {mesh.name: mesh.material.opacity for mesh in found["glass.obj"]}
-    assert glass == {"floor": 1.0, "ball": 1.0, "left": 0.4, "middle": 0.4, "right": 0.4}
-    assert [mesh.material.name for mesh in found["table.obj"]] == ["wood", "glaze", "clay", "brass"]
-
-
 # --- what a file holds --------------------------------------------------------------------------------------
 
 

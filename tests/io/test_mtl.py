@@ -245,18 +245,6 @@ def test_a_picture_is_read_once_and_textures_are_shared(folder):
     assert len(load_obj(folder, lines, TEXTURED + "usemtl b\nf 1/1 2/2 3/3\n")[1]) == 1
 
 
-def test_a_missing_or_broken_picture_is_warned_of_and_the_plain_colour_kept(folder):
-    Image.fromarray(np.zeros((1, 2**14 + 1), np.uint8)).save(folder / "wide.png")
-    for name, why in (("gone.png", ""), ("m.mtl", ""), ("a\0b.png", ""), ("wide.png", "16384 texels")):
-        for color, diffuse in (("Kd 0.5 0 0\n", (0.5, 0, 0)), ("", Material().diffuse)):
-            mesh, (warned,) = load_obj(folder, f"newmtl a\n{color}map_Kd {name}")
-            shown = name.replace("\0", " ")  # which a terminal would obey
-            begin, end = f"m.mtl: texture '{shown}' of material 'a'", "keeps its plain colour"
-            assert warned.startswith(begin) and end in warned and why in warned, warned
-            assert mesh.material.texture is None, name
-            assert mesh.material.diffuse == diffuse, f"{name}: {mesh.material.diffuse} != {diffuse}"
-
-
 def test_faces_without_coordinates_are_drawn_plain(folder):
     mesh, (warned,) = load_obj(folder, "newmtl a\nmap_Kd wood.png", POINTS + "o box\nusemtl a\nf 1 2 3\n")
     assert "mesh 'box' has no texture coordinates; " in warned and " of its material 'a'" in warned

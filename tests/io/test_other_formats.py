@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 from helpers.model_bytes import box, exported, threemf, zipped
-from helpers.other_models import INSTANCE, NODES, RED, REP, SHOWN, XAML, dae, png, threedxml
+from helpers.other_models import NODES, RED, REP, SHOWN, XAML, dae, png, threedxml
 from helpers.refusals import assert_refused
 
 import rasterizer as rz
@@ -228,25 +228,6 @@ def test_members_packed_without_a_limit_are_refused():
         for format, data in files.items():
             with pytest.raises(rz.ModelError, match="is packed by method 1[24], not by deflate"):
                 load(data, format=format)
-
-
-def test_nodes_that_show_each_other_are_counted():
-    twice = "".join(f'<node id="k{k}">{f"""<instance_node url="#k{k - 1}"/>""" * 2}</node>' for k in range(1, 40))
-    more = f'<library_nodes><node id="k0">{SHOWN}</node>{twice}</library_nodes>'
-    instances = "".join(
-        INSTANCE.format(id=f"{k}i{n}", above="1" if k == 39 else f"r{k + 1}", below="2" if k == 0 else f"r{k}", x=0)
-        for k in range(40) for n in range(2)
-    ) + "".join(f'<Reference3D id="r{k}" name="r"/>' for k in range(1, 40))  # fmt: skip
-    assert_refused(lambda pair: load(pair[1], format=pair[0]), [
-        (("dae", dae('<node><instance_node url="#k39"/></node>', more=more).encode()), "shows .* nodes: too many"),
-        (("dae", dae('<node id="r"><instance_node url="#r"/></node>').encode()), "nested more than 100 deep"),
-        (("3dxml", threedxml(instances)), "shows .* nodes: too many"),
-        (("xaml", XAML.replace("<GeometryModel3D>", "<GeometryModel3D><GeometryModel3D/>").encode()), "within another"),
-    ], rz.ModelError, "model: ")  # fmt: skip
-    few = "".join(f'<node id="k{k}">{f"""<instance_node url="#k{k - 1}"/>""" * 2}</node>' for k in range(1, 4))
-    more = f'<library_nodes><node id="k0">{SHOWN}</node>{few}</library_nodes>'
-    scene = load(dae('<node><instance_node url="#k3"/></node>', diffuse=RED, more=more).encode(), format="dae")
-    assert scene.n_face == 16
 
 
 # --- packages ---------------------------------------------------------------------------------------------------------

@@ -205,24 +205,6 @@ def test_what_is_broken_is_named():
     ], ModelError, "model: ")  # fmt: skip
 
 
-def doubled(n: int) -> str:
-    """Objects that show the one before twice, `n` times over."""
-    text = THREEMF
-    double = "".join(
-        f'<object id="{k}"><components>{f"""<component objectid="{k - 1}"/>""" * 2}</components></object>'
-        for k in range(3, n + 3)
-    )
-    return text.replace("</resources>", double + "</resources>").replace(
-        '<item objectid="2"', f'<item objectid="{n + 2}"'
-    )
-
-
-def test_objects_that_double_take_no_time(reader):
-    assert load(threemf(doubled(3)), format="3mf").n_face == 4 * 17
-    with pytest.raises(ModelError, match="shows .* nodes: too many"):
-        load(threemf(doubled(39)), format="3mf")
-
-
 def test_groups_by_the_thousand_take_no_time():
     groups = "".join(f'<m:colorgroup id="{k}"><m:color color="#FF0000"/></m:colorgroup>' for k in range(20, 2000))
     triangles = "".join(f'<triangle v1="0" v2="1" v3="2" pid="{20 + k % 1980}" p1="0"/>' for k in range(4000))
