@@ -9,7 +9,6 @@ from helpers.edge_scenes import fast_coverage
 from helpers.small_scenes import cube, floor, scene_of
 
 import rasterizer as rz
-from rasterizer.options import Options
 
 SIZE = (120, 90)
 QUAD = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
@@ -163,17 +162,3 @@ def test_exposure_and_range_leave_the_edges_colour():
         frame = rz.render(scene, SIZE, outputs="rgb", edges="crease", edge_width=3, edge_color="lime", **options)
         full = coverage_of(scene, "crease", edge_width=3, samples=4) > 1 - 1e-6
         assert not differences(frame.rgb[full], (0, 255, 0)) and full.sum() > 50
-
-
-def test_what_is_no_edge_is_refused():
-    for given, message in (
-        ({"edges": "outline"}, "edges must be one of 'wire', 'crease', 'silhouette', 'all'; given 'outline'"),
-        ({"edges": ("wire", 3)}, "edges must be one of"),
-        ({"edges": 3}, "edges must be one or several of"),
-        ({"edge_width": 0}, "edge_width must be above 0 and at most 256 px; given 0"),
-        ({"edge_width": 257}, "edge_width must be above 0"),
-        ({"edge_width": "thick"}, "edge_width"),
-        ({"edge_color": "blurple"}, "blurple"),
-    ):
-        with pytest.raises(rz.SceneError, match=message):
-            Options(**given)

@@ -8,7 +8,7 @@ import pytest
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from bench import measure, scale
+from bench import scale
 
 MESH = rz.load(ROOT / "models" / "cube.obj").meshes[0]
 PICTURES = 60
@@ -53,20 +53,3 @@ def test_one_renderer_holds_no_more_after_many_pictures():
         tracemalloc.stop()
     grown = min(after - before for before, after in itertools.pairwise(held[1:]))
     assert grown < 500 * 10, f"at least {grown} bytes more after each 10 pictures > 5000"
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(measure.memory_mib("VmRSS") is None, reason="nothing tells how much memory is held")
-def test_one_renderer_and_the_process_stay_as_large_as_they_are():
-    """Threads, workspaces and frames of 1000 small pictures: the process holds no more than before."""
-    with rz.Renderer(MESH, (48, 32), outputs=("rgb",), threads=2) as renderer:
-        cameras = rz.Camera.orbit(MESH, 20, size=(48, 32))
-        for _ in range(10):
-            for camera in cameras:
-                renderer.render(camera)
-        before = measure.memory_mib("VmRSS")
-        for _ in range(50):
-            for camera in cameras:
-                renderer.render(camera)
-        grown = measure.memory_mib("VmRSS") - before
-    assert grown < 0.5, f"{grown:.2f} MiB more after 1000 pictures > 0.5: 5 MiB over 10 000"

@@ -14,7 +14,6 @@ from PIL import Image
 from rasterizer.errors import OutputError, SceneError
 from rasterizer.frame import Frame, Stats
 from rasterizer.io.files import write_whole
-from rasterizer.io.formats import picture_format
 
 STATS = Stats(12, 0, 6, 6, 3, 12, 1, 1e-4, {"scan": 1.5, "shade": 0.5})
 
@@ -137,11 +136,6 @@ def test_formats_that_are_unknown_or_cannot_hold_the_picture(tmp_path):
     assert not os.listdir(tmp_path)
 
 
-def test_picture_format():
-    assert picture_format("png") == picture_format(".PNG") == "PNG"
-    assert picture_format(".jpg") == picture_format("jpeg") == "JPEG"
-
-
 def test_places_that_cannot_be_written(tmp_path):
     with pytest.raises(OutputError, match="no folder .*missing"):
         write_whole(tmp_path / "missing" / "x.png", b"1")
@@ -183,9 +177,3 @@ def test_permissions_and_links(tmp_path):
     assert (tmp_path / "link.png").is_symlink() and (tmp_path / "x.png").read_bytes() == b"2"
     write_whole("/dev/null", b"3")
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
-
-
-def test_names_as_long_as_the_system_allows(tmp_path):
-    path = tmp_path / ("x" * 251 + ".png")
-    write_whole(path, b"1")
-    assert path.read_bytes() == b"1"

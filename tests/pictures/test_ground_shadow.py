@@ -204,21 +204,6 @@ def test_what_has_no_height_or_no_size_is_legal():
     assert shadow.outline().shape == (0, 3)
 
 
-def test_the_outline_holds_what_is_dark():
-    scene = rz.Scene(soup(5))
-    shadow = GroundShadow(scene, size=64, points=16)
-    outline, level = shadow.outline(0.5), scene.bounds[0, 1]
-    camera = rz.Camera.framing(scene, 0, 90, orthographic=True, margin=0.2)
-    (dark, faded), at = opacity_at(shadow, camera, SIZE), ground_at(camera, level, np.array([0, 1, 0]))
-    is_dark = dark > 0.55 * faded * shadow.opacity.max()
-    texel = 2 * np.ptp(at[..., 0]) / 64
-    assert is_dark.sum() > 20 and len(outline) > 4 and np.abs(outline[:, 1] - level).max() < 1e-9
-    assert not differences(at[is_dark] >= outline.min(axis=0) - texel, True)
-    assert not differences(at[is_dark] <= outline.max(axis=0) + texel, True)
-    reach = np.ptp(outline, axis=0)[[0, 2]] / np.ptp(at[is_dark], axis=0)[[0, 2]]
-    assert (reach < 1.3).all(), f"the outline is {reach} times as large as what is dark"
-
-
 def test_ground_lays_the_shadow_under_the_picture_alone():
     """Colours and alpha hold it, buffers don't; the studio's lights become the tabletop's, other lights stay."""
     scene, outputs = rz.Scene(CUBE), ("color", "rgb", "depth", "mask")

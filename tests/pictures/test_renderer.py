@@ -1,9 +1,6 @@
 """Check a Renderer over many pictures: the same bytes as fresh ones, no memory, no side effects."""
 
 import hashlib
-import os
-import subprocess
-import sys
 import threading
 from dataclasses import replace
 
@@ -11,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.pinhole import octasphere, torus
-from helpers.raster import COLORED, GREY, ROOT
+from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
 
@@ -170,47 +167,6 @@ def test_close_ends_the_threads(alone):
         assert threading.active_count() > before, "nothing is drawn on other threads"
     assert threading.active_count() == before, f"{threading.active_count() - before} threads are left after close"
     renderer.close()  # once more does no harm
-
-
-@pytest.mark.nightly
-def test_cold_and_warm_processes_give_the_same_bytes(tmp_path):
-    """Kernels just compiled, in two threads at once, or loaded from the cache, and those of this process."""
-    program = "from pictures.test_renderer import print_digests; print_digests()"
-    environment = {
-        **os.environ,
-        "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}",
-        "RASTER_STORE": str(tmp_path / "kernels"),
-    }
-    told = [
-        subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
-        for _ in range(2)
-    ]
-    cold, warm = (done.stdout.split() for done in told)
-    assert cold[0] == "True" and warm[0] == "False"
-    assert cold[1:] == warm[1:] == digests_of_two()
-
-
-def digests_of_two():
-    """Fingerprints of two pictures that are drawn at the same time."""
-    found = [None, None]
-
-    def draw(k, shading):
-        frame = rz.render(scene_of(GREY, camera=next(walk(1))), SIZE, shading=shading, samples=1)
-        found[k] = hashlib.sha256(frame.color.tobytes() + frame.rgba.tobytes()).hexdigest()
-
-    threads = [threading.Thread(target=draw, args=given) for given in enumerate(("gouraud", "phong"))]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return found
-
-
-def print_digests():
-    """Say whether the cache is cold, then what is drawn."""
-    from rasterizer.compiler.kernels import STORE
-
-    print(not any(STORE.own.glob("*.kernel")), *digests_of_two())
 
 
 def test_a_closed_renderer_says_so():

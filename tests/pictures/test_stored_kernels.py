@@ -1,7 +1,6 @@
 """Pictures by kernels of the store: the bytes are those of numba's way, no compiler is loaded, and many processes may
 begin with an empty store together."""
 
-import os
 import re
 
 import pytest
@@ -69,41 +68,6 @@ def test_the_bytes_are_the_same_with_a_store_and_without(tmp_path):
 def test_a_picture_with_a_filled_store_loads_no_compiler(tmp_path):
     program = NO_COMPILER + DRAWS + "print(*sorted({'numba', 'trimesh'} & set(sys.modules)))"
     assert len(run(program, tmp_path, *NAMES[:3], RASTER_STORE=folder()).split()) == 3
-
-
-WORKERS = """
-import multiprocessing, sys
-import rasterizer as rz
-
-def draw(color):
-    corners = [(-1, -1, 0), (1, -1, 0), (0, 1, 0.5)]
-    mesh = rz.Mesh(corners, [(0, 1, 2)], material=rz.Material(diffuse=color))
-    frame = rz.render(rz.Scene([mesh]), (20, 16), shading="flat")
-    return frame.rgb.tobytes(), sorted({"numba", "trimesh"} & set(sys.modules))
-
-if __name__ == "__main__":
-    expected = draw("#cc8844")
-    with multiprocessing.get_context(sys.argv[1]).Pool(2) as pool:
-        assert pool.map(draw, ["#cc8844"] * 4) == [expected] * 4
-    print(len(set(expected[0])) > 2, expected[1])
-"""
-
-
-@filled
-@pytest.mark.parametrize(
-    "method",
-    [
-        pytest.param("spawn", marks=pytest.mark.nightly),
-        pytest.param("fork", marks=pytest.mark.skipif(os.name != "posix", reason="no fork")),
-    ],
-)
-def test_worker_processes_load_no_compiler(tmp_path, method):
-    script = tmp_path / "script.py"
-    script.write_text(WORKERS)
-    program = "import runpy, sys; sys.argv.pop(0); runpy.run_path(sys.argv[0], run_name='__main__')"
-    if method == "spawn":  # a child has to find the script by its name
-        program = "import subprocess, sys; sys.exit(subprocess.run([sys.executable, *sys.argv[1:]]).returncode)"
-    assert run(program, tmp_path, script, method, RASTER_STORE=folder()) == "True []"
 
 
 TOGETHER = """
