@@ -119,15 +119,6 @@ def test_figures_go_to_stderr_with_a_picture_on_stdout(capfdbinary):
     assert Image.open(io.BytesIO(out)).format == "PNG" and b"slope jump" in err
 
 
-@pytest.mark.nightly
-def test_the_reference_is_announced_where_it_is_slow(capsys):
-    """From 20 000 faces on, or as many times 60 pixels."""
-    wide = ["-s", "1200x1000", "--methods", "flat,phong", "--eye", "90,0,0"]
-    assert raster("compare", CUBE, *wide) == 0
-    assert "drawing the reference, which takes a while; --no-reference leaves it out" in capsys.readouterr().err
-    assert raster("compare", CUBE, *wide, "--no-reference") == 0 and capsys.readouterr().err == ""
-
-
 def test_what_is_refused(capsys):
     assert_refused(capsys, [([CUBE, *argv.split()], words) for argv, words in (
         ("-o x.npy", "no arrays"),

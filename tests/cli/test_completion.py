@@ -32,11 +32,6 @@ def test_the_shell_can_read_it(shell, capsys, folder):
     assert done.returncode == 0 and done.stderr == ""
 
 
-def test_the_shells_are_those_of_shtab():
-    shtab = pytest.importorskip("shtab", reason="the extra completion is not installed")
-    assert set(SHELLS) <= set(shtab.SUPPORTED_SHELLS)
-
-
 @pytest.mark.parametrize("shell", SHELLS)
 def test_every_command_flag_and_word_is_there(shell, capsys):
     text = script(shell, capsys)
@@ -81,17 +76,3 @@ def test_bash_completes(capsys, folder):
     (folder / "script").write_text("\n".join(lines))
     done = subprocess.run(["bash", "script"], capture_output=True, text=True, check=True)
     assert dict(zip(cases, done.stdout.splitlines(), strict=True)) == cases
-
-
-@needs("fish")
-def test_fish_completes(capsys, folder):
-    (folder / "script").write_text(script("fish", capsys))
-    for line, completed in (
-        ("raster rend", ["render"]),
-        ("raster render --shading ", ["flat", "gouraud", "lambert", "phong"]),
-        ("raster info --js", ["--json"]),
-    ):
-        code = f"source script; complete -C '{line}'"
-        done = subprocess.run(["fish", "-N", "-c", code], capture_output=True, text=True, check=True)
-        found = [each.partition("\t")[0] for each in done.stdout.splitlines()]
-        assert (got := [word for word in found if word != "script"]) == completed, f"{line}: {got} != {completed}"

@@ -99,7 +99,9 @@ def test_each_kind_of_message_is_said_from_its_level_on(capsys):
 
 
 def test_json_is_json_also_where_a_number_is_not_finite(capsys):
-    Messages().record({"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": (1, float("inf"))}, False)
+    Messages().record(
+        {"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": (1, float("inf"))}, False
+    )
 
     def refuse(word):
         raise AssertionError(word)

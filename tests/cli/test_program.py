@@ -7,7 +7,6 @@ import re
 import shlex
 import subprocess
 import sys
-from dataclasses import fields
 
 import pytest
 from helpers.command import CUBE, SMALL, raster, run, start
@@ -17,10 +16,8 @@ import rasterizer as rz
 from rasterizer.cli import compare
 from rasterizer.cli.messages import Messages, compilation_shown
 from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
-from rasterizer.options import Options
 
 pytestmark = pytest.mark.usefixtures("folder")
-DEFAULTS = {field.name for field in fields(Options)} - {"outputs"}  # filled in after parsing
 
 
 def help_of(capsys, *argv) -> str:
@@ -60,13 +57,6 @@ def test_every_help_has_all_flags_and_fits_the_columns(columns, capsys, monkeypa
         assert longest <= columns, f"{command}: {longest} columns"
 
 
-def test_the_help_names_every_default(capsys):
-    for command in COMMANDS:
-        for action in make_command_parser(command)._actions:  # noqa: SLF001 - argparse has no public list
-            has_none = action.nargs in (0, "?") or action.default in (None, []) and action.dest not in DEFAULTS
-            assert has_none or not action.option_strings or "default" in action.help, f"{command} {action.dest}"
-
-
 LOOKS = """
     --shading phong
     --shading phong --light point:1,1,1 --tolerance 0 --crease-angle 60
@@ -93,11 +83,6 @@ def draw_combinations(chosen, capsys):
 def test_warmup_leaves_nothing_to_compile(capsys):
     looks = LOOKS.strip().splitlines()
     draw_combinations(list(zip(itertools.cycle(MODELS), looks, strict=False)), capsys)
-
-
-@pytest.mark.nightly
-def test_warmup_leaves_nothing_to_compile_for_any_model_and_look(capsys):
-    draw_combinations(list(itertools.product(MODELS, LOOKS.strip().splitlines())), capsys)
 
 
 # --- the process ----------------------------------------------------------------------------------------------------

@@ -147,57 +147,100 @@ def test_doubtful_pictures(folder, capsys):
 # --- how it ends --------------------------------------------------------------------------------------------
 
 
-def test_usage(capsys):
-    cases = [(argv.split(), words) for argv, words in (
-        ("--shadin flat", "unrecognized arguments: --shadin"),
-        ("--shading toon", "invalid choice: 'toon'"),
-        ("-s 10by10", "WIDTHxHEIGHT"),
-        ("-s 0x10", "each 1 to 131072 px"),
-        ("-s 199999", "each 1 to 131072 px"),
-        ("--samples 2", "invalid choice: 2"),
-        ("--threads 0", "threads must be"),
-        ("--tolerance -1", "tolerance must be"),
-        ("--tolerance nan", "finite number"),
-        ("--crease-angle 181", "the crease angle must be within 0..180 degrees; given 181"),
-        ("--fov 180", "fov must be at least 1e-06 and below 180"),
-        ("--elevation 91", "elevation"),
-        ("--zoom 0", "--zoom"),
-        ("--up w", "invalid choice: 'w'"),
-        ("--eye 1,2", "three numbers X,Y,Z"),
-        ("--eye 0,0,0", "must differ"),
-        ("--eye 1,2,3 --view top", "--eye and --target"),
-        ("--eye 1,2,3 --azimuth 5", "--eye and --target"),
-        ("--target 1,2,3", "--target needs --eye"),
-        ("--background blurple", "--background"),
-        ("--light sun:1", "ambient:..., directional:..., point:..."),
-        ("--light ambient:-1", "negative"),
-        ("--light ambient:1,1,1", "color"),
-        ("--color 255,128,0", '--color: a color is linear, 1 is white; given \'255,128,0\': sRGB is written "#ff8000"'),
-        ("--light point:1,2,3,color=255/128/0", 'sRGB is written "#ff8000"'),
-        ("--light directional:0,0,0", "must have a length"),
-        ("--light directional:0,1", "three numbers"),
-        ("--light point:0,1,2,attenuation=0/0/0", "not all 0"),
-        ("--light point:0,1,2,size=3", "'size=3'"),
-        ("--light point:0,1,2,attenuation=1/d^3", '"1/d^2"'),
-        ("--light point:0,1,2,amplify=maybe", "yes or no"),
-        ("--light spot:0,1,2", "needs direction"),
-        ("--light spot:0,1,2,direction=0/1/0,inner=50", "inner angle"),
-        ("--light area:0,1,2,edge_u=1/0/0", "needs edge_v"),
-        ("--light area:0,1,2,edge_u=1/0/0,edge_v=0/1/0,resolution=4", "M/N"),
-        ("--light point:0,1,2,attached=wall", "attached"),
-        ("-q -v", "not allowed with"),
-        ("-o x.foo", "'.foo' is unknown"),
-        ("-o x", "without a suffix"),
-        ("-o x.jpg --array depth", "written as .npy"),
-        (CUBE, "would both be written to cube.png"),
-        (f"{GEAR} -o x.png", "would both be written to x.png"),
-        (f"{GEAR} -o -", "stdout takes one picture; 2 are asked for"),
-    )]  # fmt: skip
-    assert_refused(capsys, [([CUBE, *argv], words) for argv, words in cases], "render")
+# What stands behind `raster render cube.obj`, and a word of what is said of it.
+REFUSED = """
+--shadin flat | --shadin
+--shading toon | 'toon'
+-s 10by10 | WIDTHxHEIGHT
+-s 0x10 | 131072
+--samples 2 | choice
+--threads 0 | threads
+--tolerance -1 | tolerance
+--tolerance nan | finite
+--crease-angle 181 | 0..180
+--fov 180 | fov
+--elevation 91 | elevation
+--zoom 0 | --zoom
+--margin 0.5 | margin
+--up w | 'w'
+--eye 1,2 | X,Y,Z
+--eye 0,0,0 | differ
+--eye 1,2,3 --view top | --eye
+--target 1,2,3 | --eye
+--background blurple | --background
+--exposure 65 | exposure
+--spectral 2 | 3..401
+--subdivide 16 | 0..15
+--subdivide some | --subdivide
+--depth-cue 0 | scale
+--depth-cue far | finite
+--depth-cue 1,end=3 | start=
+--edges outline | silhouette
+--edge-width 0 | edge_width
+--edges all --edge-color blurple | blurple
+--color 255,128,0 | #ff8000
+--light sun:1 | directional
+--light ambient:-1 | negative
+--light ambient:1,1,1 | color
+--light point:1,2,3,color=255/128/0 | #ff8000
+--light point:0,1,2,size=3 | size=3
+--light point:0,1,2,attenuation=0/0/0 | not all 0
+--light point:0,1,2,attenuation=1/d^3 | 1/d^2
+--light point:0,1,2,amplify=maybe | yes or no
+--light point:0,1,2,attached=wall | attached
+--light point:1,2,3,shadow=maybe | SIZE/FILTER
+--light point:1,2,3,shadow=64/4 | odd
+--light directional:0,0,0 | length
+--light directional:0,1 | three numbers
+--light directional:0,1,0,amplify=yes | attached=
+--light spot:0,1,2 | direction
+--light spot:0,1,2,direction=0/1/0,inner=50 | inner
+--light area:0,1,2,edge_u=1/0/0 | edge_v
+--light area:0,1,2,edge_u=1/0/0,edge_v=0/1/0,resolution=4 | M/N
+--preset studio --shadow-size 64 | --shadow-size
+--shading gouraud --shadow-filter 3 | --shadow-filter
+--shadow-size 8 | 16..8192
+--shadows --shadow-filter 2 | odd
+--material colour=1 | diffuse=
+--material diffuse= | diffuse=
+--material name=x | diffuse=
+--material diffuse=1,foo=2 | foo=2
+--material diffuse=blurple | diffuse
+--material diffuse=1/2 | three numbers
+--material shininess=shiny | finite
+--material opacity=2 | 0..1
+--material levels=1.5 | whole
+--material normalized=maybe | yes or no
+--material reflection=gouraud | blinn
+--material fresnel=0.1/0.2/1.3 | fresnel
+--material reflection=cook-torrance,roughness=0.1/0.2/0.3 | roughness
+--material tangent=v | tangent
+--material golden,shininess=3 | brass
+-q -v | not allowed
+-o x.foo | '.foo'
+-o x | without a suffix
+-o x.jpg --array depth | .npy
+--array depth --array mask -o a.npy | one array
+--array uv -o a.png | 'uv'
+--array all -o a.png | one array
+--array rgb -o a.exr | 'color'
+--array deep | deep
+--scale 1 | --scale
+--array depth --scale 1 -o a.npy | --scale
+--array depth --scale 0 -o a.png | above 0
+--array depth --scale far -o a.png | finite
+"""
+
+
+def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
+    cases = [line.split(" | ") for line in REFUSED.strip().splitlines()]
+    assert_refused(capsys, [([CUBE, *flags.split()], word) for flags, word in cases], "render")
     assert_refused(capsys, [
-        ([], "MODEL"), ([CUBE, "-o", ""], "-o needs a name"), (["-"], "--input-format"),
-        (["-", "-", "--input-format", "obj"], "once only"),
+        ([], "MODEL"), ([CUBE, "-o", ""], "-o"), (["-"], "--input-format"), ([CUBE, "--edges", ""], "wire"),
+        (["-", "-", "--input-format", "obj"], "once"), ([CUBE, GEAR, "-o", "-"], "stdout"),
+        ([CUBE, CUBE], "cube.png"),
     ], "render")  # fmt: skip
+    assert_refused(capsys, [([CUBE, "--subdivide", "15"], "cube.obj")], "render", code=3)
 
 
 def test_unreadable_models(folder, capsys):
