@@ -23,7 +23,6 @@ from rasterizer.analysis.speed_error import (
     sort_by_front,
     study,
     subdivided,
-    tolerance_text,
 )
 
 SIZE = (32, 24)
@@ -153,14 +152,6 @@ def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named()
     assert [method.subdivisions for method in result.left_out] == [n], "it would be too large"
 
 
-def test_progress_counts_all_methods():
-    seen = []
-    methods = list_methods(("flat", "gouraud"), (0,), (1,), (0.0,))
-    study(ball_scene(), SIZE, methods, 0.1, lambda *given: seen.append(given), threads=1)
-    assert [n for n, *_ in seen] == [0, 0, 1] and {n for _, n, _ in seen} == {2}
-    assert seen[0][2] == "the ground truth" and seen[1][2] == str(methods[0])
-
-
 def test_errors_of_pictures_that_are_known():
     scene = ball_scene()
     light = draw_light(scene, SIZE, shading="gouraud", threads=1)
@@ -179,8 +170,3 @@ def test_the_ground_truth_has_64_samples():
     """Coverage in 64ths, and more levels than 16 samples have."""
     alpha = draw_ground_truth(ball_scene(), SIZE, threads=1).alpha * 64
     assert np.abs(alpha - np.rint(alpha)).max() <= 1e-4 and (np.rint(alpha) % 4 != 0).any()
-
-
-def test_tolerances_are_told_as_people_write_them():
-    for value, text in ((1 / 4096, "1/4096"), (0.0, "0"), (1 / 3, "1/3"), (0.3, "0.3"), (2.0, "2")):
-        assert (got := tolerance_text(value)) == text, f"{value}: {got} != {text}"

@@ -3,13 +3,11 @@
 import os
 import subprocess
 import sys
-import time
 
 import pytest
-from helpers.deadly import Deadly
 from helpers.stores import environment_with
 
-from rasterizer.batch.pools import MAX_SHARED, Died, Done, Failed, Job, LocalPool, SharedObject, work_through
+from rasterizer.batch.pools import MAX_SHARED, Done, Failed, Job, LocalPool, SharedObject
 
 
 def add(argument, shared, kept):
@@ -94,28 +92,6 @@ def test_errors_come_back_and_the_process_goes_on(pool):
     assert isinstance(done, Done) and done.value[2] == before
 
 
-def test_a_process_that_dies_is_replaced(pool):
-    first, died, second = ask(pool, Job(add, 1), Job(add, Deadly()), Job(add, 1))
-    assert died == Died("ended with exit code 9") and first.value[2] != second.value[2]
-
-
-def test_the_first_job_is_alone_where_no_kernel_is_stored(tmp_path):
-    """In a process whose store is empty; what is worked on is a method of text, which needs no kernel."""
-    program = """
-from rasterizer.batch.pools import Job, LocalPool
-from rasterizer.compiler.kernels import STORE
-pool = LocalPool(3)
-assert STORE.is_kept and not pool.is_warm
-n_slot = pool.n_slot
-pool.submit(Job("{} {} {}".format, 1))
-print(n_slot, pool.wait()[1].value, pool.n_slot)
-pool.close()
-"""
-    environment = environment_with(RASTER_STORE=tmp_path / "store")
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
-    assert done.stdout == "1 1 None {} 3\n", done.stderr
-
-
 @pytest.mark.skipif(os.name != "posix", reason="a program that is a script")
 @pytest.mark.parametrize("program", ["#!/bin/sh\nexit 5\n", None])
 def test_processes_that_can_not_be_started_are_told(program, tmp_path):
@@ -145,70 +121,3 @@ def test_a_batch_is_drawn_without_standard_streams(closed, folder):
     )
     subprocess.run(["sh", "-c", f'"{sys.executable}" -c "{code}" {closed}'], env=environment_with(), timeout=120)
     assert sorted(os.listdir()) == [f"{k}.png" for k in range(4)]
-
-
-def wait_long(argument, _shared, _kept):
-    time.sleep(argument)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="processes are looked for by a signal of POSIX")
-def test_closing_ends_what_is_running(alone):
-    pool = LocalPool(1)
-    (done,) = ask(pool, Job(add, 1))
-    pool.submit(Job(wait_long, 60))
-    start = time.monotonic()
-    pool.close()
-    with pytest.raises(ProcessLookupError):
-        os.kill(done.value[2], 0)
-    assert time.monotonic() - start < 15, "it waits for what was begun"
-
-
-class ToyPool:
-    """Does each job when it is waited for, the last one first; a job's argument says how often it dies, and then all
-    that run die with it."""
-
-    is_here, n_slot = True, 3
-
-    def __init__(self):
-        self.jobs, self.dead, self.most, self.beside_alone = [], [], 0, 0
-
-    @property
-    def n_running(self):
-        return len(self.jobs) + len(self.dead)
-
-    def submit(self, job):
-        self.jobs.append(job)
-        self.most = max(self.most, self.n_running)
-        if any(each.n_alone for each in (*self.jobs, *self.dead)):
-            self.beside_alone += self.n_running > 1
-
-    def wait(self):
-        if self.dead:
-            return self.dead.pop(), Died("died")
-        job = self.jobs.pop()
-        if job.argument > 0:
-            self.dead, self.jobs = self.jobs, []
-            return job, Died("died")
-        return job, Done(job.note)
-
-
-def test_work_goes_on_until_nothing_is_left_and_what_is_alone_is_alone():
-    def jobs():
-        for k in range(9):
-            if k == 3:
-                yield "passed on"
-            job = Job(add, k % 3)
-            job.note = k
-            yield job
-
-    def once_more(job, outcome):
-        if isinstance(outcome, Done):
-            return []
-        again = Job(add, job.argument - 1)
-        again.note, again.n_alone = job.note, 1
-        return [again]
-
-    pool = ToyPool()
-    found = list(work_through(pool, jobs(), once_more))
-    assert pool.most == 3 and ("passed on", None) in found and not pool.beside_alone
-    assert sorted(outcome.value for _, outcome in found if outcome is not None) == list(range(9))

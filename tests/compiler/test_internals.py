@@ -5,12 +5,6 @@ from helpers.stores import TINY, EntryPoint, Pair, start
 
 from rasterizer.compiler import kernels
 
-# ---------------------------------------------------------------- object code
-
-
-# ---------------------------------------------------------------- what kernels call
-
-
 # ---------------------------------------------------------------- what is written for the optimiser
 
 

@@ -26,9 +26,6 @@ def unaligned(values):
     return shifted
 
 
-# ---------------------------------------------------------------- what there is
-
-
 # ---------------------------------------------------------------- what is refused
 
 
@@ -67,9 +64,6 @@ def test_arrays_in_another_order_of_bytes_or_unaligned_are_refused():
             signature_of((values.astype(values.dtype.newbyteorder()),))
         with pytest.raises(TypeError, match=r"this one is [<>]\w\d, aligned: False"):
             signature_of((unaligned(values),))
-
-
-# ---------------------------------------------------------------- classes by name
 
 
 # ---------------------------------------------------------------- tables

@@ -100,11 +100,6 @@ def split_file(content: bytes) -> tuple[bytes, bytes]:
     return rest[4 : 4 + size], rest[4 + size :]
 
 
-def names_in(code: bytes) -> set[str]:
-    """Return what looks like names in the object file of a code."""
-    return {name.decode() for name in re.findall(rb"[!-~]{3,}(?=\0)", code.partition(b"\n")[2])}
-
-
 def bits_of(value):
     """Return a result as what can be compared to the bit, with the classes of its numbers."""
     if isinstance(value, tuple):

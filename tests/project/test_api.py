@@ -1,12 +1,8 @@
 """The public names: complete, lazily imported, with the same options everywhere; and what editors see of them."""
 
-import ast
-import html
 import inspect
 import re
-import subprocess
-import sys
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -14,7 +10,6 @@ import pytest
 from project import make_words
 
 import rasterizer as rz
-from rasterizer.options import Options
 
 PACKAGE = Path(rz.__file__).parent
 PUBLIC = [name for name in rz.__all__ if name != "__version__"]
@@ -78,43 +73,6 @@ def test_an_editor_completes_the_names_and_what_they_return():
     for line, expected in (("rz.render('x.obj', sha", ["shading=", "shadows="]), ("rz.Renderer(1, mat", ["material="])):
         cell = jedi.Interpreter(line, [{"rz": rz}]).complete()  # as a notebook asks, which has the modules
         assert [each.name for each in cell if each.name.endswith("=")] == expected, line
-
-
-def test_what_editors_see_of_a_dataclass_is_what_it_takes():
-    """Some show editors alone an __init__: they may be given more than they store."""
-    n_stub = 0
-    for value in (getattr(rz, name) for name in PUBLIC if is_dataclass(getattr(rz, name))):
-        nodes = ast.walk(ast.parse(inspect.getsource(value)))
-        for stub in (node for node in nodes if isinstance(node, ast.FunctionDef) and node.name == "__init__"):
-            n_stub += 1
-            real = [each for each in inspect.signature(value).parameters.values() if each.name != "_"]
-            shown = [each.arg for each in (*stub.args.args[1:], *stub.args.kwonlyargs)]
-            if value is Options:  # the others as **options
-                assert shown == [real[0].name]
-                continue
-            assert [each.name for each in real] == shown, value
-            keywords = [each.name for each in real if each.kind is each.KEYWORD_ONLY]
-            assert keywords == [each.arg for each in stub.args.kwonlyargs], value
-            with_default = len(stub.args.defaults) + sum(each is not None for each in stub.args.kw_defaults)
-            assert with_default == sum(each.default is not each.empty for each in real), value
-    assert n_stub > 3
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(find_spec("pdoc") is None, reason="pdoc (the extra `docs`) isn't installed")
-def test_the_pages_of_the_api_show_every_name_with_its_text(tmp_path):
-    """Made by the command that README.md gives; any warning is an error."""
-    command = [sys.executable, "-W", "error", "-m", "pdoc", "rasterizer", "-o", str(tmp_path)]
-    done = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    page = (tmp_path / "rasterizer.html").read_text(encoding="utf-8")
-    parts = re.split(r'<section id="([\w.]+)"', page)
-    sections = dict(zip(parts[1::2], parts[2::2], strict=True))
-    assert sections.keys() == set(rz.__all__)
-    for name in PUBLIC:
-        said = html.unescape(re.sub(r"<[^>]+>", "", sections[name]))
-        first_line = re.sub(r"\W+", " ", inspect.getdoc(getattr(rz, name)).splitlines()[0])
-        assert first_line in re.sub(r"\W+", " ", said), name
 
 
 @pytest.mark.nightly  # mypy reads it at any time; its pictures take kernels of their own

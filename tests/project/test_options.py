@@ -10,7 +10,7 @@ from helpers.arrays import differences
 
 import rasterizer as rz
 from rasterizer.errors import SceneError
-from rasterizer.options import CULLS, DEFAULT_TOLERANCE, MAX_PIXELS, OUTPUTS, SAMPLES, SHADINGS, Options
+from rasterizer.options import DEFAULT_TOLERANCE, MAX_PIXELS, SHADINGS, Options
 
 FRONT = rz.Camera.orthographic((0, 0, 2), (0, 0, 0), height=1.0)
 QUAD = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
@@ -43,14 +43,6 @@ def test_defaults_are_those_of_the_manual():
 def pictures_of(scene, *settings) -> list:
     """Linear colours of small pictures, one for each of the settings."""
     return [rz.render(scene, (24, 18), **{"samples": 1} | given).color for given in settings]
-
-
-def test_the_default_exposure_multiplies_by_one():
-    """A stop more is twice the light, a stop less is half."""
-    scene = rz.Scene([QUAD], (rz.AmbientLight(0.2),), FRONT)
-    usual, more, less = pictures_of(scene, {}, {"exposure": 1.0}, {"exposure": -1.0})
-    assert usual.max() == pytest.approx(0.2 * rz.Material().diffuse[0], rel=1e-3)
-    assert np.abs(more - 2 * usual).max() < 1e-6 and np.abs(less - usual / 2).max() < 1e-6
 
 
 def test_the_default_number_of_spectral_samples_is_that_of_the_manual():
@@ -107,18 +99,6 @@ def test_an_output_never_changes_another(shading):
             assert not differences(getattr(frame, name), alone[name]), f"{name} beside {outputs}"
 
 
-def test_legal_words():
-    for shading in SHADINGS:
-        assert Options(shading=shading).is_flat == (shading in ("flat", "lambert"))
-    for samples in SAMPLES:
-        assert Options(samples=samples).factor ** 2 == samples
-    for cull in CULLS:
-        assert Options(cull=cull).cull == cull
-    for output in OUTPUTS:
-        assert Options(outputs=output).outputs == (output,)
-    assert Options(tolerance=0).tolerance == 0.0 and Options(threads=3).n_thread == 3
-
-
 WHOLE, FRACTIONS = ("size", "samples", "spectral", "threads"), ("tolerance", "exposure", "edge_width", "edge_color")
 
 
@@ -130,9 +110,3 @@ def test_numpy_numbers_count_as_those_of_python():
         given, plain = Options(**{name: make(value)}), Options(**{name: value})
         assert given == plain and hash(given) == hash(plain), f"{name} of {make}"
         assert type(getattr(given, name)) is type(getattr(plain, name)), f"{name} of {make}"
-
-
-def test_options_are_values():
-    assert Options() == Options() and hash(Options()) == hash(Options())
-    with pytest.raises(AttributeError):
-        Options().samples = 4

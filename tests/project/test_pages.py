@@ -280,9 +280,3 @@ def test_every_flag_name_and_option_on_a_page_exists():
             named = {word for line in calls for word in re.findall(r"[(,] ?(\w+)=(?!=)", line)}
             missing += [(page, f"{name}=") for name in named - known - OF_OTHERS]
     assert not missing, f"named, and not there: {sorted(missing)}"
-
-
-# ---------------------------------------------------------------- recipes that can't be run whole
-
-
-# ---------------------------------------------------------------- what docstrings and comments name

@@ -161,18 +161,6 @@ def test_opencv_round_trip(seed, scale):
     assert larger == pytest.approx(pixels * (2, 3), rel=1e-9)
 
 
-def test_own_cameras_have_an_opencv_form():
-    camera = Camera.perspective((3, 2, 5), (0, 1, 0), fov=40)
-    K, R, t = camera.to_opencv((640, 480))
-    assert R @ R.T == pytest.approx(np.eye(3)) and np.linalg.det(R) == pytest.approx(1.0)
-    assert (K[0, 2], K[1, 2]) == (319.5, 239.5) and K[0, 0] == K[1, 1]
-    points = np.random.default_rng(2).uniform(-1, 1, (10, 3))
-    uvw = (points @ R.T + t) @ K.T
-    assert project(camera, points, (640, 480))[0] == pytest.approx(uvw[:, :2] / uvw[:, 2:] + 0.5)
-    with pytest.raises(SceneError, match="orthographic"):
-        Camera.orthographic((0, 0, 1)).to_opencv((640, 480))
-
-
 def test_illegal_calibrations_are_refused():
     legal = {"K": np.diag([500.0, 500.0, 1.0]), "R": np.eye(3), "t": [0, 0, 1], "size": (640, 480)}
     matrix = r"K must be \[\[fx, skew, cx\]"

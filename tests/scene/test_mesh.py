@@ -1,8 +1,6 @@
 """Meshes: what is taken, what it becomes, what is refused; and copies that are moved, turned, scaled or repainted."""
 
-import contextlib
 import math
-import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -29,17 +27,6 @@ def area_vectors(mesh):
     """Return (n_face, 3) cross products of two edges."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     return np.cross(b - a, c - a)
-
-
-def test_arrays_are_copied_read_only_and_the_callers_stay_writable():
-    vertices, faces, normals = SQUARE.copy(), TWO.astype(np.uint32), np.full((4, 3), 2.0)
-    mesh = Mesh(vertices, faces, normals, face_colors=np.ones((2, 3)))
-    assert not np.shares_memory(mesh.vertices, vertices) and not np.shares_memory(mesh.faces, faces)
-    for field in ("vertices", "faces", "normals", "face_colors", "bounds", "used_vertices"):
-        with pytest.raises(ValueError, match="read-only"):
-            getattr(mesh, field)[0] = 0
-    assert vertices.flags.writeable and faces.flags.writeable and normals.flags.writeable
-    assert not differences(normals, 2.0)
 
 
 # --- polygons -----------------------------------------------------------------------------------------------
@@ -249,23 +236,6 @@ def test_from_any():
     assert_refused(Mesh.from_any, [(each, "a mesh (must be|needs)") for each in wrong], ModelError)
 
 
-def test_from_trimesh():
-    trimesh = pytest.importorskip("trimesh")
-    source = trimesh.Trimesh(SQUARE, TWO, process=False, metadata={"name": "square"})
-    mesh = Mesh.from_any(source)
-    assert not differences(mesh.faces, TWO) and mesh.name == "square" and source.vertices.flags.writeable
-    assert mesh.normals is None and mesh.colors is None and mesh.face_colors is None
-    source.visual.face_colors = [[255, 0, 0, 255], [0, 255, 0, 255]]
-    assert Mesh.from_any(source).face_colors.tolist() == [[1, 0, 0, 1], [0, 1, 0, 1]]
-    source.visual.vertex_colors = np.full((4, 4), 255, dtype=np.uint8)
-    assert not differences(Mesh.from_any(source).colors, 1.0)
-    normals = np.tile([0.0, 0.6, 0.8], (4, 1))
-    held = trimesh.Trimesh(SQUARE, TWO, vertex_normals=normals, process=False)
-    assert Mesh.from_any(held).normals == pytest.approx(normals)
-    held.visual = trimesh.visual.TextureVisuals(uv=SQUARE[:, :2])
-    assert not differences(Mesh.from_any(held).uv, SQUARE[:, :2])
-
-
 # --- moved, turned, scaled ----------------------------------------------------------------------------------
 
 RANDOM = np.random.default_rng(3)
@@ -340,23 +310,3 @@ def test_illegal_moves_are_refused():
     assert_refused(lambda given: getattr(MOVED, given[0])(*given[1:]), cases, SceneError)
     with pytest.raises(ModelError, match="needs texture coordinates"):
         MOVED.with_material(Material(texture=np.eye(4)))
-
-
-def test_what_is_checked_is_a_copy():
-    """Another thread writes into the array meanwhile: an index that is none would make kernels read anywhere."""
-    given, is_over = np.array(TWO), threading.Event()
-
-    def write():
-        while not is_over.is_set():
-            given[...] = 10**6
-            given[...] = TWO
-
-    writer = threading.Thread(target=write)
-    writer.start()
-    try:
-        for _ in range(300):
-            with contextlib.suppress(ModelError):
-                assert Mesh(SQUARE, given).faces.max() < len(SQUARE)
-    finally:
-        is_over.set()
-        writer.join()

@@ -17,9 +17,6 @@ from rasterizer.scene.texture import Budget, Texture, decode_ahead, read_picture
 RGB = np.array([[[0, 128, 255], [10, 20, 30]], [[40, 50, 60], [70, 80, 90]], [[255, 0, 0], [0, 0, 0]]], np.uint8)
 
 
-# --- what is kept of bytes
-
-
 # --- forms of an image --------------------------------------------------------------------------------------
 
 
@@ -34,16 +31,6 @@ def test_grey_and_alpha():
         np.testing.assert_allclose(found, np.dstack([expected, np.ones((2, 3))]), rtol=1e-7)
     for image in (np.array([[[255, 51]]], np.uint8), np.array([[[1.0, 0.2]]])):
         np.testing.assert_allclose(Texture(image).image, [[[1.0, 1.0, 1.0, 0.2]]], rtol=1e-6)
-
-
-def test_the_array_given_is_neither_changed_nor_shared():
-    image = np.full((2, 2, 4), 0.5, np.float32)
-    texture = Texture(image)
-    image[:] = 0.25
-    assert not differences(texture.image, 0.5) and image.flags.writeable
-    for level in texture.pyramid:
-        with pytest.raises(ValueError, match="read-only"):
-            level[0, 0, 0] = 1.0
 
 
 def test_pictures_of_32_bits_are_refused(tmp_path):

@@ -207,16 +207,6 @@ def test_the_picture_has_as_many_pixels_as_its_window(page, server):
     assert after.shape[1] == 640 and not differences(after, expected(server.session))
 
 
-def test_a_screen_with_finer_pixels_gets_a_finer_picture(program, server):
-    with page_in(program, device_scale_factor=2) as page:
-        page.goto(server.url)
-        wait_for_rest(page)
-        assert canvas_pixels(page).shape[1] == 960
-        page.mouse.click(*middle(page))
-        page.wait_for_selector(".raster-mark:not([hidden])")
-        assert abs(server.session.picked.x - 480) <= 1
-
-
 def test_a_dark_page_has_a_dark_picture_and_text_that_can_be_read(program, server):
     for scheme, paper in (("dark", "#16181b"), ("light", "#ffffff")):
         with page_in(program, color_scheme=scheme) as page:
@@ -225,12 +215,6 @@ def test_a_dark_page_has_a_dark_picture_and_text_that_can_be_read(program, serve
             assert not differences(canvas_pixels(page), expected(server.session, paper))
             for selector in (".raster-title", ".raster-numbers", ".raster-help summary", ".raster-bar label"):
                 assert contrast(page, selector) >= 4.5, f"{scheme}: {selector}"
-
-
-def test_a_page_that_turns_dark_gets_a_dark_picture(page, server):
-    before = canvas_pixels(page)
-    page.emulate_media(color_scheme="dark")
-    assert not differences(wait_for_picture(page, before), expected(server.session, "#16181b"))
 
 
 def contrast(page, selector) -> float:
@@ -277,19 +261,3 @@ def test_the_page_says_that_the_program_has_ended(program):
         page.wait_for_selector("canvas[data-state=ended]")
         assert "has ended" in page.locator(".raster-status").text_content()
     thread.join(10)
-
-
-def test_once_ends_with_the_page_but_not_when_it_is_loaded_again(program):
-    server = Server(Session(rz.load(str(ROOT / "models" / "cube.obj")), threads=1), is_once=True)
-    thread = threading.Thread(target=server.serve)
-    thread.start()
-    with page_in(program) as page:
-        page.goto(server.url)
-        wait_for_rest(page)
-        page.reload()
-        wait_for_rest(page)
-        page.wait_for_timeout(2500)  # a page that was closed is given two seconds to come back
-        assert thread.is_alive()
-    thread.join(10)
-    assert not thread.is_alive()
-    server.server_close()
