@@ -195,24 +195,16 @@ SPOT = POINT | {"kind": "spot", "direction": [0, 0, 1]}
 AREA = {"kind": "area", "corner": [0, 0, 0], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0]}
 TABLES = [
     ({}, "scene: meshes is missing"),
-    ([], "scene: must be a table"),
     ({"scene": 1}, "scene: unknown key 'scene'; legal are meshes, materials"),
     ({"shadow": True}, r"unknown key 'shadow': did you mean shadows\?"),
-    ({"fov": 30}, "unknown key fov: camera has it"),
     ({"shading": "flat"}, "unknown key shading: options has it"),
     ({"meshes": []}, "meshes must hold at least one"),
-    ({"meshes": {}}, "meshes must be a list"),
     ({"meshes": [7]}, r"meshes\[0\]: must be a table; given 7"),
     ({"lights": "sun"}, r"lights\[0\]: .*'studio', 'headlight', 'tabletop'; given 'sun'"),
-    ({"background": "blurple"}, "background must be"),
-    ({"up": 3}, "up must be one of"),
     ({"camera": "front"}, r'camera: must be a table, such as {"view": "iso"}; given'),
-    ({"camera": {"near": 1}}, "camera: position is missing"),
     ({"camera": {"position": [0, 0, 5]}}, "camera: a camera needs either fov"),
     ({"camera": {"target": [0, 0, 0]}}, "camera: target needs eye"),
-    ({"camera": {"eye": [0, 0, 1], "view": "top"}}, "camera: eye and target can't be used with view"),
     ({"camera": PLACE | {"zoom": 2}}, "camera: unknown key 'zoom'; legal are position"),
-    ({"material": "cheese"}, "material: a named material is one of"),
     ({"material": {"texture": "no.png"}}, r"material: texture: no\.png: no such file"),
 ]
 # Tables of fields: what holds them, with one value that none of them takes.
@@ -235,26 +227,20 @@ FIELDS = [
 MESHES = [
     ({}, ": a mesh needs one of file"),
     ({"file": "cube.obj"} | TRIANGLE, ": a mesh needs one of file"),
-    ({"file": ""}, "file: must be the name of a file"),
-    ({"file": "other.json"}, "file: other.json: no such file"),
     ({"file": "room.json"}, "file: must be a model, no scene file"),
     ({"file": "cube.obj", "colour": 1}, "unknown key 'colour'; legal are file, transform"),
-    ({"file": "cube.obj", "crease_angle": 200}, "crease angle must be within 0..180"),
     ({"file": "cube.obj", "materials": {"x": {}}}, r"materials\.x: the model has no material of this name"),
     ({"file": "cube.obj", "materials": {}, "material": {}}, "given both"),
     ({"file": "cube.obj", "material": "red"}, r"material: must be a table, or the name of one .*\(none\)"),
     ({"vertices": []}, "faces is missing"),
     (TRIANGLE | {"faces": [[0, 1, 7]]}, "face 0 refers to vertex 7"),
     (TRIANGLE | {"vertices": [[0, 0], [1]]}, "vertices must be a list of lists of numbers"),
-    (TRIANGLE | {"uv": [[0, 0]]}, "uv must have the shape"),
     (TRIANGLE | {"transform": [1]}, "transform: must be 4 rows"),
     (TRIANGLE | {"transform": {"shift": 1}}, "transform: unknown key 'shift'; legal are translate"),
-    (TRIANGLE | {"transform": {"scale": 0}}, "transform: "),
     (TRIANGLE | {"transform": {"rotate": {"axis": [0, 0, 1]}}}, "transform: rotate: angle is missing"),
     (TRIANGLE | {"transform": {"rotate": {"axis": [0, 0, 0], "angle": 1}}}, "rotate: the axis must have a length"),
     ({"arrays": "no.npz", "mesh": 0}, "arrays: no.npz: no such file"),
     ({"arrays": "cube.obj", "mesh": 0}, "can't be read as .npz"),
-    ({"arrays": "x.npz"}, "mesh is missing"),
     ({"arrays": "x.npz", "mesh": True}, "mesh must be a whole number"),
 ]
 MATERIALS = [
@@ -264,7 +250,6 @@ MATERIALS = [
     ({"diffuse": {"wavelengths": [5, 4], "values": [1, 1]}}, "diffuse: .*wavelengths"),
 ]
 LIGHTS = [
-    ({"color": 1}, "kind is missing; legal are ambient, directional"),
     ({"kind": "point"}, "position is missing"),
     ({"kind": "ambient", "shadow": True}, "unknown key 'shadow'"),
     (POINT | {"shadow": {"size": 5}}, "shadow: .*size"),
