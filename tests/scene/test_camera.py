@@ -69,7 +69,6 @@ def test_illegal_cameras_are_refused():
     cases = [
         ({"position": (0, 0, 0), "fov": 45}, "position and target must differ"),
         ({"position": (0, 0, NAN), "fov": 45}, "camera's position"),
-        (place | {"target": (1, 2), "fov": 45}, "camera's target"),
         *((place | {"up": up, "fov": 45}, "camera's up") for up in ((0, 0, 0), "north")),
         *((place | {"fov": fov}, "camera's fov") for fov in (0, 180, "wide")),
         *((place | {"height": height}, "camera's height") for height in (0, -1)),
@@ -77,15 +76,11 @@ def test_illegal_cameras_are_refused():
         (place | unit | {"aspect": 1.5}, "has the aspect of their size"),
         *((place | lens, "either fov") for lens in ({"height": 1, "fov": 45}, {})),
         (place | {"fov": 45, "near": 0}, "near must be above 0 with perspective"),
-        (place | {"fov": 45, "far": -1}, "far must be above 0 with perspective"),
         (place | {"fov": 45, "near": 2, "far": 2}, "near must be below"),
-        (place | {"height": 1, "near": 2, "far": -2}, "near must be below"),
-        *((place | unit | {"intrinsics": given}, "camera's intrinsics") for given in ((1, 1, 1), 5)),
         *((place | unit | {"intrinsics": given}, "focal") for given in ((0, 1, 1, 1), (1, -1, 1, 1))),
         (place | {"intrinsics": (1, 1, 1, 1)}, "size"),
         (place | {"fov": 45, "size": (4, 3)}, "size"),
         (place | {"fov": 45, "skew": 0.1}, skewed),
-        (place | {"height": 2, "skew": "much"}, "skew"),
         *((place | unit | {"skew": skew}, "skew") for skew in (NAN, None)),
     ]
     assert_refused(lambda options: Camera(**options), cases, SceneError)
@@ -166,18 +161,11 @@ def test_illegal_calibrations_are_refused():
     matrix = r"K must be \[\[fx, skew, cx\]"
     cases = [
         ({"K": [[500, 0, 0], [1, 500, 0], [0, 0, 1]]}, matrix),
-        ({"K": [[500, 1, 0], [0, 500, 0], [0, 1, 1]]}, matrix),
         ({"K": [[500, 512001, 0], [0, 500, 0], [0, 0, 1]]}, r"skew must be at most 1024 times its fx, 500\.0 pixels"),
-        ({"K": [[500, math.inf, 0], [0, 500, 0], [0, 0, 1]]}, "K must be"),
-        ({"K": np.eye(4)}, "K must be"),
-        ({"K": np.diag([500, 500, 2])}, matrix),
         ({"K": np.diag([-500, 500, 1])}, "focal"),
         ({"R": np.diag([1, 1, -1])}, "rotation"),
-        ({"R": np.eye(3) * 1.1}, "rotation"),
         ({"R": np.full((3, 3), NAN)}, "R must be"),
-        ({"R": "identity"}, "R must be"),
         ({"t": [1, 2]}, "t must be"),
-        ({"t": None}, "t must be"),
         ({"size": (0, 480)}, "size"),
     ]
     assert_refused(lambda changes: Camera.from_opencv(**(legal | changes)), cases, SceneError)

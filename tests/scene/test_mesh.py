@@ -119,12 +119,10 @@ def test_broken_vertices_are_refused():
     numbers = "vertices must be an array of numbers, none of them masked"
     wrong = [
         ([], "no vertices"),
-        (np.empty((0, 3)), "no vertices"),
         (SQUARE[:, :2], r"vertices must have the shape \(n, 3\); given \(4, 2\)"),
         (SQUARE.astype(object), f"{numbers}; given objects: "),
         (np.ma.masked_equal(SQUARE, 0), numbers),
         *((each, numbers) for each in (None, [(0, 0, 0), (1, 2)], SQUARE + 1j, SQUARE > 0, [["a", "b", "c"]])),
-        (np.ones((4, 3)), "every face has zero area"),
         (np.outer([0, 1, 2, 3], [0.1, 0.7, 0.3]), "every face has zero area"),
     ]
     refused([({"vertices": value}, said) for value, said in wrong])
@@ -133,20 +131,13 @@ def test_broken_vertices_are_refused():
 def test_broken_faces_are_refused():
     wrong = [
         ([], "no faces"),
-        (np.empty((0, 3), dtype=int), "no faces"),
-        (None, "faces must be"),
         ([0, 1, 2], "faces must have the shape"),
-        (np.zeros((2, 3, 2), dtype=int), "faces must have the shape"),
         ([(0, 1)], "at least 3 corners; face 0 has 2"),
         ([(0, 1, 2), (0, 1)], "at least 3 corners; face 1 has 2"),
-        ([(0, 1, 2), ()], "at least 3 corners; face 1 has 0"),
-        ([(0, 1, 2), (0, 1, 2, "3")], "faces must be"),
-        ([(0, 1, 2), None], "faces must be"),
         *((each, "faces must be integers") for each in (TWO.astype(float), [(0, 1, 2), (0, 1, 2, 3.0)], TWO > 0)),
         ([(0, 1, 2), (0, 2, 4)], r"face 1 refers to vertex 4; the mesh has 4 vertices, legal is 0\.\.3"),
         ([(0, 1, 2), (0, -1, 3)], "face 1 refers to vertex -1"),
         ([(0, 1, 2), (0, 1, 2, 3), (0, 1, 9)], "face 2 refers to vertex 9"),
-        ([(0, 1, 2, 3), (0, 1, 9, 3)], "face 1 refers to vertex 9"),
         (np.array([(0, 1, 2**63)], dtype=np.uint64), "face 0 refers to vertex 9223372036854775808"),
         ([(0, 0, 1), (2, 2, 2)], "every face has zero area: 2 faces"),
     ]
@@ -161,16 +152,12 @@ def test_broken_attributes_are_refused():
         ({"normals": np.full((4, 3), nan)}, "normals must be finite; 4 of 4"),
         ({"uv": np.ones((4, 3))}, "uv must have the shape"),
         ({"uv": [[0, 0], [0, inf], [0, 0], [0, 0]]}, "uv must be finite; 1 of 4 are not, the first is number 1"),
-        ({"colors": np.ones((3, 3))}, r"colors must have the shape \(4, 3 or 4\)"),
-        ({"colors": np.ones((4, 2))}, "colors must have the shape"),
         ({"colors": np.ones((3, 3, 3))}, r"colors must have the shape \(4, 3 or 4\) or \(2, 3, 3 or 4\)"),
         ({"colors": np.ones((4, 3), dtype=int)}, "colors must be uint8"),
         *(({"colors": np.full((4, 3), value)}, light) for value in (-1.0, nan, inf, np.float32(inf))),
         ({"face_colors": np.ones((4, 3))}, "face_colors must have the shape"),
         ({"smoothing": [1]}, "smoothing must be integers"),
-        ({"smoothing": [1.0, 2.0]}, "smoothing must be integers"),
         ({"smoothing": [1, -1]}, "smoothing must be within"),
-        ({"polygons": [0]}, "polygons must be integers"),
         ({"polygons": [0, 2**31]}, "polygons must be within"),
         ({"faces": [(0, 1, 2, 3)], "polygons": [0, 0]}, "only with triangles"),
     ])  # fmt: skip
@@ -185,15 +172,12 @@ def test_broken_materials_are_refused():
         ({"face_material": [0, 0]}, "together"),
         ({"materials": both, "face_material": [0, 2]}, r"within 0\.\.1; given 0 to 2"),
         ({"materials": both, "face_material": [-1, 0]}, r"given -1\.\.0"),
-        ({"materials": both, "face_material": [0]}, "face_material"),
-        ({"materials": both, "face_material": [0.5, 0]}, "face_material"),
         ({"materials": both, "face_material": [0, 1], "polygons": [4, 4]}, "polygon 4 differ"),
         ({"material": Material(texture=np.zeros((2, 2)))}, "needs texture coordinates"),
     ])  # fmt: skip
     refused([
         ({"materials": [], "face_material": [0, 0]}, "not empty"),
         ({"materials": [RED, 3], "face_material": [0, 0]}, "sequence of Material"),
-        ({"materials": 3, "face_material": [0, 0]}, "sequence of Material"),
         ({"materials": [RED], "face_material": [0, 0], "material": BLUE}, "given both"),
     ], SceneError)  # fmt: skip
 
@@ -295,16 +279,11 @@ def test_illegal_moves_are_refused():
         Mesh(SQUARE, TWO).transformed(np.diag([1, 0, 1, 1]))
     cases = [
         (("translated", 3), "the offset must be three finite numbers; given 3"),
-        (("translated", (1, 2, np.nan)), "the offset"),
         (("rotated", "90"), "the angle must be a finite number"),
         (("rotated", 90, "w"), "the axis must be one of 'x', "),
         (("rotated", 90, (0, 0, 0)), "the axis must have a length"),
         (("rotated", 90, "y", 1), "the point that stays must be three"),
         (("scaled", 0), "the factor must not be 0; given 0"),
-        (("scaled", (1, 0, 1)), "the factor must not be 0"),
-        (("scaled", (1, 2)), "the factor must be three"),
-        (("scaled", "2"), "the factor must be"),
-        (("with_material", "gould"), "gould"),
         (("with_material", None), "a mesh's material must be a Material; given None"),
     ]
     assert_refused(lambda given: getattr(MOVED, given[0])(*given[1:]), cases, SceneError)

@@ -109,11 +109,8 @@ def test_what_is_no_texture_is_refused():
     cases = [
         (np.zeros((2, 2, 5)), r"given \(2, 2, 5\) float64"),
         (np.zeros((0, 2, 3)), r"given \(0, 2, 3\)"),
-        (np.zeros(4), r"given \(4, 1\)|given \(4,\)"),
         (np.zeros((1, 2**14 + 1)), "up to 16384 texels"),
         (np.zeros((2, 2), np.uint16), "must be uint8; given uint16"),
-        (np.zeros((2, 2), np.int64), "given .* int64"),
-        (np.zeros((2, 2), bool), "given .* bool"),
         *((image, "object") for image in ([[1, 2], [3]], None)),
         (np.full((1, 1), -0.1), "at least 0"),
         *((np.full((1, 1), value), "finite") for value in (np.nan, 1e300)),
@@ -123,7 +120,6 @@ def test_what_is_no_texture_is_refused():
     cases = [
         ({"filter": "cubic"}, "filter must be one of 'nearest', 'bilinear', 'trilinear'; given 'cubic'"),
         ({"wrap": "once"}, "wrap must be one of 'repeat', 'clamp', 'mirror'; given 'once'"),
-        ({"wrap": ("clamp", "once")}, "given 'once'"),
         *(({"wrap": wrap}, "one word, or two") for wrap in (("clamp",), 3)),
         ({"name": 3}, "name must be text"),
     ]
