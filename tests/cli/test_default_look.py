@@ -6,43 +6,14 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.command import CUBE, SMALL, loaded, picture, raster
-from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.viewer.session import PAPER, Session
 
 pytestmark = pytest.mark.usefixtures("folder")
-SIZE, TEXT = (48, 36), "48x36"
 
 
 def run(*argv) -> int:
     return raster("render", *SMALL, *argv)
-
-
-@pytest.mark.parametrize("model", ["teapot.obj", "gear.stl", "still_life.obj"])
-def test_every_entry_draws_the_same_picture(model):
-    path = str(ROOT / "models" / model)
-    expected = rz.render(path, SIZE).rgba
-    assert 0 < expected[..., 3].mean() < 255
-    with rz.Renderer(path, SIZE) as renderer:
-        assert not differences(renderer.render().rgba, expected)
-    assert raster("render", path, "-s", TEXT, "-o", "x.png") == 0
-    assert not differences(picture("x.png"), expected)
-    assert raster("sheet", path, "-s", TEXT, "--azimuth", "35", "--gap", "0", "--no-labels", "-o", "sheet.png") == 0
-    assert not differences(picture("sheet.png"), expected)
-    session = Session(rz.load(path))
-    session.answer({"size": list(SIZE), "background": PAPER, "is_rest": True, "events": []})
-    assert not differences(session.frame.rgba, rz.render(path, SIZE, background=PAPER).rgba)
-
-
-@pytest.mark.parametrize("ground", [False, True])
-def test_a_turntable_and_a_sheet_show_what_render_does(ground):
-    flags = ["-s", TEXT, "--eye", "3,4,5", "--ground" if ground else "--no-ground"]
-    for command, name in (("render", "x.png"), ("sheet", "sheet.png"), ("turntable", "{frame}.png")):
-        more = {"sheet": ["--gap", "0", "--no-labels"], "turntable": ["--frames", "2"]}.get(command, [])
-        assert raster(command, CUBE, *flags, *more, "-o", name) == 0
-    for name in ("sheet.png", "0.png"):
-        assert not differences(picture(name), picture("x.png")), name
 
 
 def test_the_ground_brings_its_lights_where_the_model_has_none():
@@ -69,17 +40,6 @@ def test_a_scene_file_keeps_its_lights_and_may_ask_for_the_ground(folder):
     assert not differences(picture("file.png"), picture("flag.png")) and differences(
         picture("none.png"), picture("flag.png")
     )
-
-
-def test_alone_the_ground_has_a_soft_shadow_and_it_fades_before_the_border():
-    shadows = {}
-    for flags in ("", "--preset tabletop", "--ground"):
-        assert run(CUBE, "-o", "x.png", "-s", "64", *flags.split()) == 0
-        seen = picture("x.png")
-        shadows[flags] = bool(((seen[..., 3] > 0) & (seen[..., 3] < 140) & (seen[..., :3] == 0).all(axis=2)).any())
-        rim = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
-        assert not rim.any(), flags
-    assert shadows == {"": False, "--preset tabletop": False, "--ground": True}
 
 
 def test_an_array_has_no_ground_and_the_same_camera(capsys):

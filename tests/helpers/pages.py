@@ -42,13 +42,6 @@ def shell_lines(page) -> list[str]:
     return [line for line in lines if line]
 
 
-def code_of(page) -> list[str]:
-    """Return everything on a page that is set as code: lines of blocks, and spans between backquotes."""
-    fenced = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
-    lines = [line for block in fenced.findall(text_of(page)) for line in block.splitlines()[1:-1]]
-    return lines + re.findall(r"`([^`]+)`", fenced.sub("", text_of(page)))
-
-
 def console_lines(page) -> list[tuple[str, int]]:
     """Return the commands `raster ...` of console blocks, without a `timeout` before them, each with its exit code: 0,
     or the number behind `echo $?`."""
@@ -66,11 +59,6 @@ def console_lines(page) -> list[tuple[str, int]]:
 def commands(page) -> list[str]:
     """Return the arguments of the commands `raster ...` in shell blocks."""
     return [line.removeprefix("raster ") for line in shell_lines(page) if line.startswith("raster ")]
-
-
-def pictures(page) -> list[str]:
-    """Return the pictures that a page shows, as it names them."""
-    return re.findall(r"!\[[^]]*\]\(([^)]+)\)", text_of(page))
 
 
 def links(page) -> list[str]:

@@ -25,14 +25,6 @@ def make_frame(alpha=(0, 128, 255), **arrays) -> Frame:
     return Frame(rgba, arrays, STATS, (3, 2))
 
 
-def test_a_frame_is_an_array():
-    frame = make_frame()
-    assert np.asarray(frame).shape == (2, 3, 4) and np.asarray(frame).dtype == np.uint8
-    assert not differences(np.asarray(frame), frame.rgba) and not differences(frame.rgb, frame.rgba[..., :3])
-    assert frame.alpha.dtype == np.float32 and frame.alpha[0].tolist() == [0.0, np.float32(128 / 255), 1.0]
-    assert np.asarray(frame, dtype=np.float64).dtype == np.float64
-
-
 def test_one_line_says_what_it_is():
     text = repr(make_frame(depth=np.zeros((2, 3), np.float32)))
     assert text == "<Frame 3x2 rgb+depth, 12 faces, 25.0 % covered, 2.0 ms>"

@@ -40,16 +40,6 @@ def test_every_source_makes_a_picture_of_the_same_cube():
     assert len(set(covered.values())) == 1 and covered["path"] > 500, covered
 
 
-def test_several_meshes_are_one_scene():
-    pair = [MESH, MESH.translated((3, 0, 0))]
-    assert (
-        rz.render(pair, SIZE, shading="gouraud").stats.faces
-        == 2 * MESH.n_face
-        == rz.render(tuple(pair), SIZE, shading="gouraud").stats.faces
-    )
-    assert rz.load(pair).n_face == 2 * MESH.n_face
-
-
 def test_what_render_is_told_is_what_a_scene_says():
     lamp, camera = rz.headlight(), rz.Camera.perspective((3, 4, 5))
     scene = rz.Scene(MESH, lamp, camera, "#102030")
@@ -72,27 +62,11 @@ def test_angles_frame_the_scene_for_the_size(up):
         assert renderer.render().rgba.tobytes() == bytes_of(MESH, SIZE, up=up)
 
 
-def test_one_angle_leaves_the_other_at_its_default():
-    assert bytes_of(MESH, SIZE, azimuth=35) == bytes_of(MESH, SIZE, elevation=25) == bytes_of(MESH, SIZE)
-
-
 def test_angles_and_up_come_before_the_camera_of_a_scene():
     scene = rz.Scene(MESH, camera=rz.Camera.perspective((9, 0, 0)))
     framed = rz.Scene(MESH)
     assert bytes_of(scene, SIZE) != bytes_of(framed, SIZE) == bytes_of(scene, SIZE, azimuth=35)
     assert bytes_of(scene, SIZE, up="z") == bytes_of(framed, SIZE, up="z")
-
-
-def test_a_camera_and_an_angle_are_refused():
-    camera = rz.Camera.perspective((3, 4, 5))
-    for angle in ("azimuth", "elevation"):
-        with pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
-            rz.render(MESH, 8, camera=camera, **{angle: 3})
-        with (
-            rz.Renderer(MESH, 8, shading="gouraud") as renderer,
-            pytest.raises(rz.SceneError, match=f"given camera, {angle}"),
-        ):
-            renderer.render(camera, **{angle: 3})
 
 
 def test_pictures_have_four_samples_and_pictures_beside_buffers_one():
@@ -151,13 +125,6 @@ def test_what_a_frame_does_not_have_can_be_asked_for():
         frame.save(io.BytesIO())
 
 
-def test_a_frame_without_a_picture_is_no_image():
-    from PIL import Image
-
-    with pytest.raises(rz.SceneError, match="ask for it with outputs"):
-        Image.fromarray(rz.render(MESH, 8, outputs="depth", shading="gouraud", samples=1))
-
-
 def test_show_opens_a_program_or_says_what_to_do(monkeypatch):
     from PIL import ImageShow
 
@@ -179,4 +146,4 @@ def test_show_in_a_notebook_shows_it_in_the_cell(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython", python)
     frame = rz.render(MESH, SIZE, shading="gouraud")
     frame.show()
-    assert shown == [frame]
+    assert [image.tobytes() for image in shown] == [frame.to_pil().tobytes()]

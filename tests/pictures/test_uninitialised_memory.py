@@ -13,7 +13,7 @@ from helpers.campaign_scenes import make_case
 from helpers.dirty_memory import FILLINGS, dirty_memory
 from helpers.pinhole import octasphere
 from helpers.raster import COLORED
-from helpers.small_scenes import SHADINGS, cube, drawn, floor, mixed, scene_of
+from helpers.small_scenes import SHADINGS
 
 import rasterizer as rz
 from rasterizer.engine.ground_shadow import GroundShadow
@@ -25,15 +25,6 @@ BUFFERS = (
     "depth", "face", "normal", "mask", "object", "material", "uv", "barycentric", "position", "position_camera",
     "normal_camera",
 )  # fmt: skip
-LOOKS = {
-    "plain": {"samples": 1},
-    "four samples": {"samples": 4, "outputs": ("color",)},
-    "bytes": {"samples": 4, "outputs": "rgb", "color_range": "global"},
-    "buffers": {"samples": 1, "outputs": ("color", "rgb", *BUFFERS)},
-    "buffers alone": {"outputs": BUFFERS},
-    "edges": {"samples": 4, "outputs": ("color",), "edges": "all"},
-    "culled": {"samples": 1, "outputs": ("color", "depth"), "cull": "back"},
-}
 
 
 def content_of(frame) -> dict[str, bytes]:
@@ -111,69 +102,6 @@ def test_random_scenes():
 @pytest.mark.nightly
 def test_many_random_scenes():
     check_random_scenes(range(N_CASE, int(os.environ.get("RASTERIZER_FUZZ_CASES", 150))))
-
-
-def check_small_scenes(shading, look, scenes, n=6):
-    """Draw scenes in one shading and with one set of options, in memory full of every n-th filling."""
-    faults = []
-    for number, (name, (scene, options)) in enumerate(scenes.items()):
-        own = {"shading": shading, **options, **LOOKS[look]}
-        cameras = [scene.camera or scene.camera_for(SIZE), rz.Camera.perspective((-2.5, -1.6, 3.0), fov=60)]
-        found = find_faults(scene, cameras, SIZE, own, FILLINGS[number % n :: n])
-        faults += [f"{name}: {fault}" for fault in found]
-    assert not faults, "\n".join([f"{look}, {shading}: {len(faults)} differences: {faults[0]}", *faults[1:10]])
-
-
-def all_scenes():
-    return drawn() | {name: (scene, {}) for name, scene in mixed().items()}
-
-
-@pytest.mark.parametrize("look", [look for look in LOOKS if look != "culled"])
-def test_some_small_scenes(look):
-    number = list(LOOKS).index(look)
-    scenes = dict(list(all_scenes().items())[number :: len(LOOKS)])
-    check_small_scenes(SHADINGS[number % 3 - 1], look, scenes)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("look", LOOKS)
-def test_every_small_scene(look):
-    for shading in SHADINGS:
-        check_small_scenes(shading, look, all_scenes(), 3)
-
-
-LAMPS = {
-    "a lamp whose first map shows nothing": [rz.PointLight((1.4, 0.3, 0.2), 0.9, shadow=rz.Shadow(24, 3))],
-    "a lamp below": [rz.PointLight((0.1, -9.0, 0.2), 0.9, shadow=rz.Shadow(24))],
-    "a wide spot": [rz.SpotLight((0, 1.9, 0), (0.2, -1, 0), 0.9, outer=89, shadow=rz.Shadow(16, 5))],
-    "carried lamps": [
-        rz.PointLight((0.2, 0.1, -1.4), 0.7, attached="camera", shadow=rz.Shadow(16, 3)),
-        rz.SpotLight((0.0, 0.5, 0.0), (0, 0, -1), 0.5, attached="camera", shadow=rz.Shadow(20)),
-        rz.DirectionalLight((0.5, -1, -1), 0.5, "camera", shadow=rz.Shadow(18)),
-    ],
-    "an area light": [rz.AreaLight((-1, 3, -1), (2, 0, 0), (0, 0, 2), 0.8, resolution=(2, 2), shadow=rz.Shadow(16))],
-}
-
-
-def leaf():
-    """A small bent mesh, its normals averaged, that no lamp stands behind."""
-    vertices = np.array([(0.9, -1.2, 1.4), (0.9, 0.1, 1.9), (-0.9, 0.1, 1.7), (-0.9, -1.2, 1.4), (0.0, -0.5, 2.1)])
-    return rz.Mesh(vertices, [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)], crease_angle=180)
-
-
-@pytest.mark.parametrize("lamps, shading, tolerance", [
-    (lamps, ("phong", "gouraud")[k % 2], 0.0 if k == 3 else 2.0**-12) for k, lamps in enumerate(LAMPS)
-])  # fmt: skip
-def test_shadow_maps(lamps, shading, tolerance):
-    """Maps of cubes, with faces that show nothing; maps that are drawn anew for every picture, in the same memory."""
-    vertices, faces = octasphere(2)
-    ball = rz.Mesh(vertices * 0.5 + (0.2, 1.5, 0.3), faces, material=rz.Material(specular=0.4))
-    below = floor() if lamps != "a lamp whose first map shows nothing" else leaf()
-    scene = scene_of(cube(), below, ball, lights=[rz.AmbientLight(0.1), *LAMPS[lamps]])
-    cameras = [scene.camera, rz.Camera.perspective((-2.0, 1.6, 3.0), fov=60), rz.Camera.perspective((-3, 4, -4))]
-    options = {"shading": shading, "tolerance": tolerance, "samples": 1}
-    faults = find_faults(scene, cameras, SIZE, options, FILLINGS[1::2])
-    assert not faults, "\n".join(faults)
 
 
 def test_what_is_made_before_the_first_picture():

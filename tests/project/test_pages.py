@@ -1,9 +1,7 @@
 """The pages: their examples run, their commands make their pictures and end as they say, and what they name exists."""
 
 import argparse
-import dataclasses
 import glob
-import inspect
 import re
 import shlex
 import shutil
@@ -19,7 +17,6 @@ from helpers.pages import (
     anchors,
     blocks,
     chapters,
-    code_of,
     commands,
     console_lines,
     links,
@@ -30,10 +27,7 @@ from helpers.pages import (
 from helpers.raster import ROOT
 from PIL import Image
 
-import rasterizer as rz
-from rasterizer import reference
 from rasterizer.cli import main
-from rasterizer.cli.parser import COMMANDS, make_command_parser
 
 PICTURES = ROOT / "models" / "pictures"
 GALLERY, RECIPES = "models/README.md", "rasterizer/recipes.md"
@@ -206,77 +200,3 @@ def test_every_link_file_and_test_that_is_named_exists():
         words = [word for line in shell_lines(page) for word in line.split() if word.startswith("tests/")]
         missing += [f"{page} runs {word}" for word in words if not (ROOT / word).exists()]
     assert not missing, "; ".join(missing)
-
-
-# Flags of other programs, by the word that stands before them in the line or span, and those that stand alone.
-OTHERS = ("pytest", "docker", "pip", "apt-get", "git", "ruff", "pre-commit", "python -m helpers", "ssh", "timeout")
-ALONE = {"--cpuset-cpus", "--cpus", "--read-only", "--user", "--flag", "--version", "--lazily"}
-OF_OTHERS = {
-    "quality",
-    "dpi",
-    "axis",
-    "size",
-    "strict",
-    "dtype",
-    "key",
-    "reference",
-    "drawn",
-    "n",
-}  # keywords, of Pillow ...
-PUBLIC = "|".join(name for name in rz.__all__ if name != "__version__")
-
-
-def flags_in(text) -> set[str]:
-    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", text))
-
-
-def is_public(path) -> bool:
-    """Tell whether a dotted path leads somewhere: a public name and its attributes, parameters or fields."""
-    value = rz
-    for part in path.split("."):
-        fields = {field.name for field in dataclasses.fields(value)} if dataclasses.is_dataclass(value) else set()
-        source = (
-            inspect.getsource(value) if inspect.isclass(value) and value.__module__.startswith("rasterizer") else ""
-        )
-        written = {*getattr(value, "__annotations__", ()), *fields, *re.findall(r"self\.(\w+)", source)}
-        if not hasattr(value, part):
-            return part in written  # of whose own attributes nothing is known
-        value = getattr(value, part)
-    return True
-
-
-def keywords() -> set[str]:
-    """Every parameter and field of a public function, class or method."""
-    found = set(inspect.signature(reference.render).parameters)
-    for name in rz.__all__:
-        value = getattr(rz, name)
-        for each in [value, *(getattr(value, key) for key in dir(value) if not key.startswith("_"))]:
-            try:
-                found |= set(inspect.signature(each).parameters)
-            except (TypeError, ValueError):
-                continue
-    return found
-
-
-def test_every_flag_name_and_option_on_a_page_exists():
-    flags = ALONE.union(*(flags_in(make_command_parser(name).format_help()) for name in COMMANDS))
-    scripts = {flag for path in (ROOT / "bench").glob("*.py") for flag in flags_in(path.read_text(encoding="utf-8"))}
-    known, missing = keywords(), []
-    assert is_public("Camera.framing") and is_public("Frame.depth") and not is_public("rendr") and "samples" in known
-    for page in PAGES:
-        code = code_of(page)
-        flagged = [line for line in code if not any(word in line for word in OTHERS)]
-        named = set().union(*map(flags_in, flagged)) - flags
-        missing += [
-            (page, name) for name in named - (scripts if page in ("bench/README.md", "CHANGELOG.md") else set())
-        ]
-        text = "\n".join(code)
-        named = set(re.findall(r"\brz\.([A-Za-z_][\w.]*\w)", text)) - {"__version__"}
-        named |= set(re.findall(rf"(?<![\w./-])((?:{PUBLIC})\.[a-z_]\w*)", text))
-        named = {name for name in named if name.split(".")[0] not in ("registries", "reference", "load")}
-        missing += [(page, name) for name in named if not is_public(name.removesuffix(".png"))]
-        if not page.startswith(("tests", "bench")):
-            calls = [line for line in code if re.search(rf"\b(rz|frame|renderer)\.\w+\(|\b({PUBLIC})\(", line)]
-            named = {word for line in calls for word in re.findall(r"[(,] ?(\w+)=(?!=)", line)}
-            missing += [(page, f"{name}=") for name in named - known - OF_OTHERS]
-    assert not missing, f"named, and not there: {sorted(missing)}"

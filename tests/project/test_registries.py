@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from helpers.against_reference import assert_matches_reference, compare_with_reference
-from helpers.arrays import differences
-from helpers.command import CUBE, run
+from helpers.command import CUBE
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.raster import ROOT
 from helpers.toy_extensions import Minnaert, SlabLight, add_minnaert, add_slab, slab_strength
@@ -120,30 +119,6 @@ def test_it_casts_shadows(toys):
     frame = rz.render(scene, SIZE, samples=1, **settings)
     assert (frame.color < lit.color - 0.1).sum() > 100, "no shadow of the ball on the floor"
     assert_matches_reference(scene, SIZE, 1e-5, far=0.06, **settings)  # pixels at the shadow's edge
-
-
-# ---------------------------------------------------------------- it is read and written
-
-
-def test_scene_files_keep_it(toys, tmp_path):
-    lights = slab_light(color=(0.1, 0.5, 1 / 3), shadow=rz.Shadow(64, 3)), slab_light(attached="camera")
-    scene = scene_of(moon(name="the moon"), *lights)
-    loaded = rz.load(rz.save(scene, tmp_path / "scene.json"))
-    assert loaded.lights == lights
-    assert loaded.meshes[0].material == scene.meshes[0].material
-    again, drawn = (rz.render(each, SIZE, samples=1, shading="gouraud").color for each in (loaded, scene))
-    assert again.tobytes() == drawn.tobytes()
-
-
-def test_the_command_line_draws_it(toys, folder):
-    flags = ["--light", "slab:-1,-2,-1.5,position=0.2/0.1/0,width=0.8,color=0.9,shadow=64", "--material"]
-    assert run(CUBE, *flags, "reflection=minnaert,diffuse=0.7", "--shading", "gouraud", "-o", "cube.npy") == 0
-    light = slab_light(shadow=rz.Shadow(64))
-    material = rz.Material(reflection="minnaert", diffuse=0.7)
-    cube = rz.load(CUBE)
-    meshes = [replace(mesh, material=material) for mesh in cube.meshes]
-    expected = rz.render(replace(cube, meshes=meshes, lights=[light]), (24, 16), threads=1, shading="gouraud")
-    assert not differences(np.load("cube.npy"), expected.color) and np.ptp(expected.color) > 0.1
 
 
 # ---------------------------------------------------------------- what is not registered is an error
