@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cores import MIN_PART
-from ..pipeline.fragments import make_batch
+from ..pipeline.fragments import BATCH_SHAPE
 from ..pipeline.gradients import HAS_COLORS
 from ..pipeline.lighting import SurfacePoints, flag_seen, light_points
 
@@ -93,7 +93,7 @@ def light(points: SurfacePoints, groups, plan, lightings, screen, n_side, thread
     ]
 
     def light_bundle(bundle):
-        batches = {dtype: make_batch(dtype) for dtype in lightings}
+        batches = {dtype: np.zeros(BATCH_SHAPE, dtype) for dtype in lightings}
         for side, out in enumerate(intensities):
             sign = 0 if plan.options.is_flat else 1 - 2 * side
             for material, which in bundle:

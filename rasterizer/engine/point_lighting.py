@@ -102,7 +102,7 @@ def illuminate(
     n, side = len(points), 0 if two_sided else 1
     surface = SurfacePoints(points, normals, tangents, np.empty((0, 3)), np.empty((2, 0)))
     found = np.empty((n, plan.n_channel))
-    light_points(surface, np.arange(n), screen, side, lighting, 0, f.make_batch(plan.dtype), found)
+    light_points(surface, np.arange(n), screen, side, lighting, 0, np.zeros(f.BATCH_SHAPE, plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * tables.tint_of(0)
     return found.reshape(shape)
@@ -226,7 +226,7 @@ def _evaluate(
     """
     from numba.core.errors import NumbaError
 
-    batch, row, n = f.make_batch(dtype), row.astype(dtype), len(put[f.NORMAL])
+    batch, row, n = np.zeros(f.BATCH_SHAPE, dtype), row.astype(dtype), len(put[f.NORMAL])
     for quantity, values in put.items():
         for k, column in enumerate(values.T if values.ndim == 2 else [values]):
             batch[int(quantity + k * f.NEXT) :][:n] = column

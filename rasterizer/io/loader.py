@@ -268,10 +268,12 @@ def doubt_of_up(scene: Scene, source: Any, format: str | None = None) -> tuple[s
     scene : what was loaded
     source, format : as `load` got them
     """
-    if not is_foreign(source):
-        entry = formats.find(format or Path(name_of(source)).suffix) if _is_file(source) else None
+    if _is_file(source):
+        entry = formats.find(format or Path(name_of(source)).suffix)
         if entry is None or entry.name not in _UNTOLD_UP:
             return None
+    elif not is_foreign(source):
+        return None
     step, points, faces, n_point = scene.n_face // _MAX_LOOKED_AT + 1, [], [], 0
     for mesh in scene.meshes:
         faces.append(mesh.faces[::step] + np.int64(n_point))

@@ -29,6 +29,7 @@ from ..scene.arrays import distinct
 from ..scene.material import WHITE, Material
 from ..scene.mesh_arrays import has_area
 from .model_file import (
+    FEW,
     Contents,
     ModelFile,
     Part,
@@ -36,10 +37,10 @@ from .model_file import (
     cut_faces,
     mend_unused,
     name_in,
+    read_words,
     report_progress,
     text_of,
 )
-from .text_numbers import FEW, read_words
 
 
 def read_obj(model: ModelFile) -> Contents:

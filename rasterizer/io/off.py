@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import cut
 from ..scene.material import WHITE, Material
-from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
-from .text_numbers import numbers_in
+from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, numbers_in, text_of
 
 _HEAD = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z_])(\s+BINARY\b)?", re.ASCII)
 _COLOR = (3, 4)  # how many numbers a colour has

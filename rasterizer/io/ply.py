@@ -16,6 +16,7 @@ Polygon File Format, Stanford University.
 
 import codecs
 import re
+import struct
 from array import array
 from dataclasses import replace
 from typing import NamedTuple
@@ -26,8 +27,7 @@ from ..errors import ModelError, counted, cut
 from ..scene.arrays import distinct
 from ..scene.material import WHITE, Material
 from ..scene.scalars import Fields
-from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
-from .text_numbers import numbers_in
+from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, numbers_in, text_of
 
 _PICTURE = re.compile(rb"^comment\s+TextureFile[ \t](.*)$", re.MULTILINE)
 _DRAWN = ("vertex", "face", "tristrips")
@@ -274,6 +274,7 @@ _TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
+_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
 MAX_PICTURES = 256  # of a file
 MAX_PROPERTIES = 256  # of an element, and elements of a file
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -365,12 +366,7 @@ class Rows:
         if element.n_row * least > len(self.data) - self.at:  # a list has at least its length
             raise self.is_short(element, max(len(self.data) - self.at, 0) // least)
         even = self._even_rows(element)
-        if even is not None:
-            return even
-        lengths = [self.dtype(each.count_type) for each in element.properties if each.count_type is not None]
-        if len(lengths) == 1 and lengths[0].kind != "f":
-            return self._rows_of_one_list(element)
-        return self._walk(element)
+        return self._uneven_rows(element) if even is None else even
 
     def _even_rows(self, element):
         """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""
@@ -406,51 +402,40 @@ class Rows:
         self.at += element.n_row * rows.itemsize
         return found
 
-    def _rows_of_one_list(self, element):
-        """Return the columns of rows with one list, whatever its length: where each row begins is found row by row, the
+    def _uneven_rows(self, element):
+        """Return the columns of rows whose lists have any lengths: where each property begins is found row by row, the
         rest for all rows at once."""
-        dtypes = [self.dtype(each.count_type or each.type) for each in element.properties]
-        number = next(k for k, each in enumerate(element.properties) if each.count_type is not None)
-        one = element.properties[number]
-        item = self.dtype(one.type)
-        before = sum(dtype.itemsize for dtype in dtypes[:number])
-        starts, counts = self._list_starts(element, before, dtypes, item.itemsize)
-        places = {}
-        for k, dtype in enumerate(dtypes):
-            behind = counts * item.itemsize if k > number else 0
-            places[k] = starts + sum(each.itemsize for each in dtypes[:k]) + behind, dtype
-        found = {
-            each.name: self._gather(*places[k], 1).reshape(-1)
-            for k, each in enumerate(element.properties)
-            if k != number
-        }
-        items = np.empty(int(counts.sum()), item)
-        first = np.cumsum(counts) - counts
-        for count in distinct(counts).tolist():
-            rows = np.flatnonzero(counts == count)
-            begins = starts[rows] + before + dtypes[number].itemsize
-            items[first[rows, None] + np.arange(count)] = self._gather(begins, item, count)
-        return found | {one.name: List(counts, items)}
-
-    def _list_starts(self, element, before, dtypes, item_size):
-        """Return where each row of one list begins, and how long its list is, both (n_row,) int64."""
-        count_dtype = dtypes[next(k for k, each in enumerate(element.properties) if each.count_type is not None)]
-        fixed, at, data = sum(dtype.itemsize for dtype in dtypes), self.at, self.data
-        size, signed = count_dtype.itemsize, count_dtype.kind == "i"
-        order = "big" if self.order == ">" else "little"
-        starts, counts = array("q"), array("q")
+        at, data = self.at, self.data
+        begins, counts = ([array("q") for _ in element.properties] for _ in range(2))
+        kinds = []  # of each property the size of a number, and how the length of its list is read
+        for each in element.properties:
+            length = (
+                None
+                if each.count_type is None
+                else struct.Struct(self.order + _CODES[self.dtype(each.count_type).str[1:]])
+            )
+            kinds.append((self.dtype(each.type).itemsize, length))
         for row in range(element.n_row):
-            place = at + before
-            count = data[place] if size == 1 and place < len(data) and not signed else None
-            if count is None:
-                count = int.from_bytes(data[place : place + size], order, signed=signed)
-            if not 0 <= count <= (len(data) - at - fixed) // item_size:
-                raise self.fault(element, row)
-            starts.append(at)
-            counts.append(count)
-            at += fixed + count * item_size
-        self.at = at
-        return np.frombuffer(starts, np.int64), np.frombuffer(counts, np.int64)
+            for k, (size, length) in enumerate(kinds):
+                count = 1
+                if length is not None:
+                    at += length.size
+                    count = length.unpack_from(data, at - length.size)[0] if at <= len(data) else -1
+                if not (0 <= count <= (len(data) - at) // size and count == int(count)):
+                    self.at = at
+                    raise self.fault(element, row)
+                begins[k].append(at)
+                counts[k].append(int(count))
+                at += size * int(count)
+        self.at, found = at, {}
+        for each, begin, count in zip(element.properties, begins, counts, strict=True):
+            begin, count, dtype = np.array(begin, np.int64), np.array(count, np.int64), self.dtype(each.type)
+            items, first = np.empty(int(count.sum()), dtype), np.cumsum(count) - count
+            for n in distinct(count).tolist():
+                rows = np.flatnonzero(count == n)
+                items[first[rows, None] + np.arange(n)] = self._gather(begin[rows], dtype, n)
+            found[each.name] = items if each.count_type is None else List(count, items)
+        return found
 
     def _gather(self, begins, dtype, n) -> np.ndarray:
         """Return n numbers of a type from each of some places on, (n_place, n)."""
@@ -462,36 +447,6 @@ class Rows:
         for k in range(n * dtype.itemsize):
             columns[:, k] = letters[begins + k]
         return columns.view(dtype) if n else np.empty((len(begins), 0), dtype)
-
-    def _walk(self, element):
-        """Return the columns of an element number by number."""
-        scalars = {each.name: [] for each in element.properties if each.count_type is None}
-        lists = {each.name: ([], []) for each in element.properties if each.count_type is not None}
-        for row in range(element.n_row):
-            try:
-                for each in element.properties:
-                    if each.count_type is None:
-                        scalars[each.name].append(self._next(each.type, 1)[0])
-                    else:
-                        items = self._next(each.type, self._next(each.count_type, 1)[0])
-                        lists[each.name][0].append(len(items))
-                        lists[each.name][1].append(items)
-            except IndexError:
-                raise self.fault(element, row) from None
-        columns = {name: np.array(values) for name, values in scalars.items()}
-        return columns | {
-            name: List(np.array(counts, np.int64), np.concatenate(items) if items else np.empty(0))
-            for name, (counts, items) in lists.items()
-        }
-
-    def _next(self, type, n) -> np.ndarray:
-        """Return the next n numbers; IndexError where there are fewer, or n is no whole number."""
-        dtype = self.dtype(type)
-        if not (0 <= n <= (len(self.data) - self.at) // dtype.itemsize and n == int(n)):
-            raise IndexError
-        numbers = np.frombuffer(self.data, dtype, int(n), self.at)
-        self.at += numbers.nbytes
-        return numbers
 
     def line_of(self, _name, _row) -> int | None:
         """Return the number of the line where a row stands; a binary file has no lines."""

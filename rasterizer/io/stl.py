@@ -10,8 +10,7 @@ from ..cores import Workers, n_core
 from ..errors import counted
 from ..geometry.weld import weld_triangles
 from ..scene.material import WHITE, Material
-from .model_file import ModelFile, Part, report_progress, text_of
-from .text_numbers import FEW, numbers_in
+from .model_file import FEW, ModelFile, Part, numbers_in, report_progress, text_of
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _HEAD = 4096  # bytes in which a text shows that it is one

@@ -1,4 +1,4 @@
-"""Numbers in text, read where they stand: the compiled part of obj.py, stl.py and text_numbers.py.
+"""Numbers in text, read where they stand: the compiled part of obj.py, stl.py and model_file.py.
 
 Long files are read here as most programs write them: numbers with blanks between them, and nothing else. Where a line
 holds anything else, or a number that can't be rounded exactly here, a kernel says so, and its caller reads it. What is

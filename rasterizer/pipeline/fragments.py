@@ -9,8 +9,6 @@ unit vectors and point away from the surface. Positions are relative to the eye,
 its digits far from the origin.
 """
 
-import numpy as np
-
 from ..compiler.kernels import IS_COMPILING, helper
 
 BATCH_SIZE = 256
@@ -47,11 +45,6 @@ METALLIC, ROUGHNESS = _quantity(37), _quantity(38)
 TEXCOORD_U, TEXCOORD_T, INVERSE_SUM, BARYCENTRIC = _quantity(41), _quantity(42), _quantity(43), _quantity(44)
 N_QUANTITY = 47
 BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)
-
-
-def make_batch(dtype) -> np.ndarray:
-    """Return the batch of one thread, BATCH_SHAPE zeros of float32 or float64."""
-    return np.zeros(BATCH_SHAPE, dtype)
 
 
 @helper

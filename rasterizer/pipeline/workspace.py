@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .a_buffer import Room
-from .fragments import make_batch
+from .fragments import BATCH_SHAPE
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
@@ -77,8 +77,8 @@ def make_workspace(shape: WorkspaceShape, n_record: int) -> Workspace:
         make_records(max(n_record, 1), shape.n_attribute),
         make_block(),
         np.zeros((shape.n_channel, n_sample), shape.dtype),
-        make_batch(np.float32),
-        make_batch(np.float64),
+        np.zeros(BATCH_SHAPE, np.float32),
+        np.zeros(BATCH_SHAPE),
         make_lookup_batch() if shape.is_textured else np.zeros(0, np.float32),
         make_pixel_batch(),
         np.zeros(n_sample if shape.is_textured and shape.is_transparent else 0, np.float32),

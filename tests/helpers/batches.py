@@ -84,7 +84,7 @@ def reflect(
     quantities = [*axes_of(f.NORMAL), *axes_of(f.LIGHT_DIR), *axes_of(f.VIEW_DIR), f.N_DOT_L, f.N_DOT_V, f.STRENGTH]
     rows = [*normal.T, *light_dir.T, *view_dir.T, *cosines, np.full(n, strength)]
     for start in range(0, n, f.BATCH_SIZE):
-        batch = f.make_batch(dtype)
+        batch = np.zeros(f.BATCH_SHAPE, dtype)
         batch[:] = np.nan  # nothing may be taken over from before
         write(batch, axes_of(f.TANGENT), np.repeat([[3.0], [0.0], [-1.0]], f.BATCH_SIZE, axis=1))
         write(batch, quantities, [row[start : start + f.BATCH_SIZE] for row in rows])

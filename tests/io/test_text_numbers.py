@@ -5,7 +5,7 @@ import random
 import numpy as np
 import pytest
 
-from rasterizer.io.text_numbers import FEW, numbers_in, read_words
+from rasterizer.io.model_file import FEW, numbers_in, read_words
 
 HARD = """
 0 -0 -0.0 .5 +1. 1. -.5 . - + -. nan -NAN inf -Infinity nan(ind) -nan(snan) nan( 1e999 -1e999 1e-999 4.9e-324
@@ -47,7 +47,7 @@ def test_words_are_numbers_as_python_reads_them():
 @pytest.mark.parametrize("few", [FEW, 1])
 def test_numbers_of_a_text_stand_between_any_blanks(few, monkeypatch):
     """Also of a text that is read in several blocks of 2^18 letters, and of one that compiled code reads."""
-    monkeypatch.setattr("rasterizer.io.text_numbers.FEW", few)
+    monkeypatch.setattr("rasterizer.io.model_file.FEW", few)
     for n in (0, 3, 100, 30_000):
         values = [k / 7 for k in range(n)]
         text = "".join(f"{value!r}{blank}" for value, blank in zip(values, " \n\t\v\f\r" * n, strict=False))

@@ -90,7 +90,7 @@ class Points:
     def lit(self, is_double, rows):
         """The lit share of points (n,) that rows of GIVEN describe."""
         dtype = np.float64 if is_double else np.float32
-        shares, batch, block = [], f.make_batch(dtype), self.blocks[is_double]
+        shares, batch, block = [], np.zeros(f.BATCH_SHAPE, dtype), self.blocks[is_double]
         assert block.dtype == dtype
         for start in range(0, rows.shape[1], f.BATCH_SIZE):
             some = rows[:, start : start + f.BATCH_SIZE]
@@ -191,7 +191,7 @@ def test_no_number_leads_out_of_a_map(kind, taps, dtype):
     block = points.blocks[dtype == np.float64]
     wild = np.array([0, -0.0, 1, -1, 1e-30, 1e30, -1e30, np.inf, -np.inf, np.nan, 3e38, 1e-45])
     n = 128
-    batch = f.make_batch(dtype)
+    batch = np.zeros(f.BATCH_SHAPE, dtype)
     rows = np.where(rng.random((11, n)) < 0.3, rng.choice(wild, (11, n)), points.rows[:, :n])
     with np.errstate(all="ignore"):
         write(batch, GIVEN, rows.astype(dtype))
