@@ -143,7 +143,7 @@ class PreparedScene:
         reach = domains.measure_reach(plan, view, screen)
         is_far = domains.is_far(plan, reach, screen)
         if tables.has_shadows and not plan.of_materials.is_double.all():
-            is_far = is_far or self._shadows.is_far(view)
+            is_far = is_far or self._shadows.is_far(view, self._shadows.slice_view(view, screen, self.n_sample))
         shares = domains.share_of_tolerance(reach.roundings, tolerance)
         shares = np.where(plan.of_materials.is_double | is_far, np.inf, shares)
         key = shares.tobytes()
@@ -187,7 +187,8 @@ class PreparedScene:
         for dtype, lighting in drawing.lightings.items():
             maps: Sequence[Any] = ()
             if plan.tables.has_shadows:
-                maps = self._shadows.draw(plan, view, dtype, self.workspaces, self.threads)
+                seen = self._shadows.slice_view(view, screen, self.n_sample)
+                maps = self._shadows.draw(plan, view, dtype, self.workspaces, self.threads, seen)
                 clock.lap("shadows")
             lightings[dtype] = light_view(lighting, plan, view, maps)
         hidden_sides, light, planes = self._hidden_sides(view, screen, self.n_sample), None, NO_PLANES

@@ -3,13 +3,13 @@
 
 What a map shows follows from the light's `Beam` (lights.py); an area light is many point lights:
 
-    parallel rays   one map, fitted to the scene
+    parallel rays   one map of the scene; where the picture shows a part of it, maps of what it shows before it
     a cone          one map about its axis, as wide as the cone, if that has 63 degrees at most; else as to all sides
     to all sides    one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
 from ..pipeline.cut_outs import CutOuts
 from ..pipeline.setup import DEPTH_PLANE_ROUNDING, DepthScale
-from ..pipeline.transform import Screen, make_screen
+from ..pipeline.transform import DEPTH_MARGIN, Screen, make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
 from .depth_range import NEAREST, are_seen_from_outside, fit_screen, scale_depths
@@ -41,6 +41,10 @@ MAX_TEXELS = 2**28  # of all maps of a scene: 1 GiB in float32
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
 # Tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have.
 WIDEST = 2.0
+# A map's texels are even, and pixels grow with the distance: so what is seen is cut into slices whose furthest depth is
+# some SLICE times the nearest. A header has room for six maps, and the last one shows the whole scene.
+SLICE, MAX_SLICES = 8.0, 5
+FINER = 2.0  # a slice's map is more than so many times as fine as that of the scene: else that one's edges will do
 MARGIN = 1.0  # texels that stay free at the borders of a fitted map, beside those that the filter reaches
 # The directions of the faces of a cube, in the order in which a lookup counts them.
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
@@ -48,6 +52,8 @@ CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0,
 MAX_SHIFT = 0.125
 NORMALS = 7  # u that an interpolated normal errs by
 BEYOND_RANGE = 1.0 + 2.0**-10  # times the range of a light: no rounding brings anything back from there
+
+Slices = Sequence[NDArray[np.float64]]  # (n, 3) points round what is seen, one for each slice of its depths
 
 
 class Casters(NamedTuple):
@@ -101,20 +107,26 @@ class Shadows:
         self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan, inner_sides: NDArray[np.int8] | None = None
     ):
         cut_outs = make_cut_outs(plan, geometry, NO_DEPTHS)
-        self._casters, self._corners = (
-            gather_casters(geometry, bounds, plan.opacity, inner_sides, cut_outs),
-            corners_of(bounds),
-        )
+        self._casters = gather_casters(geometry, bounds, plan.opacity, inner_sides, cut_outs)
+        self._corners, self._bounds = corners_of(bounds), bounds
         self._geometry, self._plan = geometry, plan
         # Where a light was (`place_of`), and its maps, by its index and their type; or its extent, by its index.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
         self._extents: dict[int, tuple[tuple, tuple]] = {}
 
+    def slice_view(self, view: View, screen: Screen, n_sample: tuple[int, int]) -> list[NDArray[np.float64]]:
+        """Return what a picture shows of the scene, see `slice_view`; nothing where no light asks for it."""
+        lights = [self._plan.tables.lights[k] for k in self._list_lights()]
+        beams = [entry_of(light).beam(light, view) for light in lights]
+        if all(beam is None or beam.origin is not None for beam in beams):
+            return []
+        return slice_view(view, screen, n_sample, self._corners, self._bounds)
+
     def draw(
-        self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
+        self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers, seen: Slices = ()
     ) -> "list[ShadowMap | None]":
         """Return the maps of all lights in a type, None for those that cast no shadows here; those of lights that are
-        where they were in the picture before are kept.
+        where they were in the picture before, and that show the same, are kept. `seen` is what `slice_view` returns.
 
         Raises SceneError where they would have more than MAX_TEXELS numbers.
         """
@@ -122,12 +134,14 @@ class Shadows:
         moved, n_number = {}, 0
         for k in self._list_lights() if self._casters is not None else ():
             light = plan.tables.lights[k]
-            place, (last_place, maps[k]) = place_of(light, view), self._maps.get((k, dtype), (None, None))
+            place, (last_place, maps[k]) = place_of(light, view, seen), self._maps.get((k, dtype), (None, None))
             if place != last_place:
-                moved[k] = place, plan_maps(light, view, self._casters)
+                moved[k] = place, plan_maps(light, view, self._casters, seen)
                 n_number += moved[k][1].n_number if moved[k][1] is not None else 0
             elif maps[k] is not None:
                 n_number += len(maps[k].block)
+        if n_number > MAX_TEXELS and len(seen):  # there is room for fewer maps
+            return self.draw(plan, view, dtype, workspaces, threads)
         if n_number > MAX_TEXELS:
             raise SceneError(
                 f"the shadow maps of all lights may have {MAX_TEXELS} texels; this scene needs {n_number}: "
@@ -147,27 +161,28 @@ class Shadows:
         lights = self._plan.tables.lights
         return [k for k in np.flatnonzero(self._plan.tables.is_lit.any(axis=0)) if shadow_of(lights[k]) is not None]
 
-    def is_far(self, view: View) -> bool:
+    def is_far(self, view: View, seen: Slices = ()) -> bool:
         """Tell whether float32 moves any point that shadows are asked for too far in one view."""
-        return any(not shift <= MAX_SHIFT * texel for shift, texel in self.shifts_in(view))
+        return any(not shift <= MAX_SHIFT * texel for shift, texel in self.shifts_in(view, seen))
 
-    def shifts_in(self, view: View) -> Iterator[tuple[float, float]]:
-        """Yield of each light how far float32 moves points in a view, and the width of a texel, scene units.
+    def shifts_in(self, view: View, seen: Slices = ()) -> Iterator[tuple[float, float]]:
+        """Yield of each map of each light how far float32 moves points in a view, and the width of a texel, scene
+        units.
 
         Positions are rounded to ROUNDINGS·u of their distances (pipeline/shadow_lookup.py), from the eye to the light
         and from there to the points. That must be no more than MAX_SHIFT of a texel's width where the scene is furthest
         from the light: up to there float32 and float64 show the same shadows, but for edges that move by so much. So it
         holds where the eye and the lights are no further from the scene than some twenty times its extent, with maps of
-        1024 texels, and half as far with twice as many.
+        1024 texels, and half as far with twice as many. Points that are lit before they are drawn may lie anywhere.
         """
         for k in self._list_lights():
             light = self._plan.tables.lights[k]
-            place, (last_place, found) = place_of(light, view), self._extents.get(k, (None, ()))
+            place, (last_place, found) = place_of(light, view, seen), self._extents.get(k, (None, ()))
             if place != last_place:
-                found = measure_extent(light, view, self._corners)
+                found = measure_extents(light, view, self._corners, seen, self._plan.is_lit_per_sample)
                 self._extents[k] = place, found
-            origin, extent, texel = found
-            yield lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum())), texel
+            for origin, extent, texel in found:
+                yield lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum())), texel
 
     @cached_property
     def shapes(self) -> NDArray[np.float64]:
@@ -182,25 +197,37 @@ class Shadows:
         return compute_normal_offsets(self._geometry, self._plan.options.is_flat)
 
 
-def place_of(light: Any, view: View) -> tuple:
-    """Return where a light that moves with the camera shines, as what can be compared; () for any other light."""
-    beam = entry_of(light).beam(light, view) if is_carried(light) else None
-    return () if beam is None else tuple(None if part is None else np.asarray(part).tobytes() for part in beam)
-
-
-def measure_extent(light: Any, view: View, corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
-    """Return where a light is, (3,), how far the boxes (n_mesh, 8, 3) extend from there, a sum of components, and the
-    least width of a texel where they are furthest from the light, on a surface that faces it, scene units."""
+def place_of(light: Any, view: View, seen: Slices) -> tuple:
+    """Return what the maps of a light follow from, beside the scene, as what can be compared: where it shines, if it
+    moves with the camera, and of parallel rays what the picture shows."""
     beam = entry_of(light).beam(light, view)
     if beam is None:
-        return np.zeros(3), 0.0, math.inf
-    maps, least = choose_views(beam, corners, shadow_of(light)), math.inf
+        return ()
+    carried = (None if part is None else np.asarray(part).tobytes() for part in beam if is_carried(light))
+    return (*carried, *(points.tobytes() for points in seen if beam.origin is None))
+
+
+def measure_extents(
+    light: Any, view: View, corners: NDArray[np.float64], seen: Slices, is_lit_per_sample: bool
+) -> list[tuple[NDArray[np.float64], float, float]]:
+    """Return where a light is, (3,), how far the boxes (n_mesh, 8, 3) extend from there, a sum of components, and the
+    least width of a texel where they are furthest from the light, on a surface that faces it, scene units. Of parallel
+    rays for each map, and of what is seen there."""
+    beam = entry_of(light).beam(light, view)
+    if beam is None:
+        return [(np.zeros(3), 0.0, math.inf)]
+    maps, least = choose_views(beam, corners, shadow_of(light), seen), math.inf
     points = (corners - maps.origin).reshape(-1, 3)
+    if beam.origin is None:
+        parts = [points if part is None or not is_lit_per_sample else part - maps.origin for part in maps.parts]
+        extents = [float(np.abs(part).sum(axis=1).max()) for part in parts]
+        texels = [1.0 / max(projection.scale_x, projection.scale_y) for _, projection in maps.views]
+        return [(maps.origin, *found) for found in zip(extents, texels, strict=True)]
     for (light_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
-        furthest = float((points @ light_view.forward).max()) if projection.is_perspective else 1.0
+        furthest = float((points @ light_view.forward).max())
         if is_needed and furthest > 0.0:
             least = min(least, furthest / max(projection.scale_x, projection.scale_y))
-    return maps.origin, float(np.abs(points).sum(axis=1).max()), least
+    return [(maps.origin, float(np.abs(points).sum(axis=1).max()), least)]
 
 
 # ---------------------------------------------------------------- the maps of one light
@@ -238,8 +265,9 @@ class PlannedMaps(NamedTuple):
         return lookup.HEADER + sum(self.maps.is_needed) * map_side(self.shadow) ** 2
 
 
-def plan_maps(light: Any, view: View, casters: Casters) -> PlannedMaps | None:
-    """Return which maps show what a light sees; one that is attached to the camera is where `view` puts it.
+def plan_maps(light: Any, view: View, casters: Casters, seen: Slices = ()) -> PlannedMaps | None:
+    """Return which maps show what a light sees; one that is attached to the camera is where `view` puts it. `seen` is
+    what `slice_view` returns.
 
     None where it reaches nothing. Raises SceneError where the light has no beam.
     """
@@ -248,7 +276,7 @@ def plan_maps(light: Any, view: View, casters: Casters) -> PlannedMaps | None:
         raise SceneError(f"a {type(light).__name__} shines from no single place or direction, so it casts no shadows")
     if not reaches(light, beam, casters.corners):
         return None
-    return PlannedMaps(choose_views(beam, casters.corners, light.shadow), light.shadow)
+    return PlannedMaps(choose_views(beam, casters.corners, light.shadow, seen), light.shadow)
 
 
 def draw_maps(
@@ -273,12 +301,11 @@ def draw_maps(
     header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
     block[header] = len(maps.views), size, shadow.filter, maps.views[0][1].is_perspective
     block[lookup.POSITION_ROUNDING] = lookup.ROUNDINGS * u if u == SINGLE else DOUBLE_ROUNDING
-    coarsest = min(min(projection.scale_x, projection.scale_y) for _, projection in maps.views)  # texels a unit
-    block[lookup.FILTER_RANGE] = (shadow.filter + 2) / coarsest
 
     layers = iter(block[lookup.HEADER :].reshape(-1, size, size))
     for k, (seen_from, projection) in enumerate(maps.views):
         row = block[lookup.MAPS + lookup.N_MAP_COLUMN * k :][: lookup.N_MAP_COLUMN]
+        row[lookup.FILTER_RANGE] = (shadow.filter + 2) / min(projection.scale_x, projection.scale_y)
         row[lookup.LAYER] = sum(maps.is_needed[:k]) if maps.is_needed[k] else -1
         if maps.is_needed[k]:
             depths = draw_layer(seen_from, projection, casters, next(layers), workspaces, threads)
@@ -338,8 +365,15 @@ def _fit_screen(view: View, projection: Projection, casters: Casters, size: int)
     depth = (casters.corners.reshape(-1, 3) - view.eye) @ view.forward
     nearest, furthest = float(depth.min()), float(depth.max())
     if not projection.is_perspective:
-        margin = NEAREST * max(furthest - nearest, np.abs(depth).max())
-        return make_screen(view, projection, (nearest - margin, furthest + margin), nearest - margin, np.inf)
+        window, is_part = Window(view, projection, (size, size), (-np.inf, np.inf)), False
+        if not window.holds(casters.corners).all():
+            window = window._replace(depths=(nearest, furthest))
+            depth = (window.meet(casters.corners, casters.bounds) - view.eye) @ view.forward
+            is_part = len(depth) > 0
+        nearest, furthest = _extent(depth) if is_part else (nearest, furthest)
+        margin = NEAREST * max(furthest - nearest, np.abs(depth).max(initial=0.0))
+        fitted = nearest - margin, furthest + margin
+        return make_screen(view, projection, fitted, fitted[0], fitted[1] if is_part else np.inf)
     furthest = (furthest if furthest > 0.0 else 1.0) * (1 + NEAREST)
     near = max(nearest * (1 - NEAREST), furthest * NEAREST)
     return fit_screen(view, projection, (near, furthest), np.inf, casters.geometry, (size, size))[0]
@@ -354,23 +388,23 @@ class MapViews(NamedTuple):
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
     views: list[tuple[View, Projection]]
     is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
+    parts: Sequence[NDArray[np.float64] | None] = (None,)  # what each is fitted to, of `seen`; None = the scene
 
 
-def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapViews:
+def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, seen: Slices = ()) -> MapViews:
     """Choose the views that a light's maps show of the scene.
 
     Parameters
     ----------
     corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
     shadow : Shadow of the light
+    seen : what `slice_view` returns
     """
-    origin = corners.reshape(-1, 3).mean(axis=0) if beam.origin is None else beam.origin
+    if beam.origin is None:
+        return _choose_parallel_views(beam, corners, shadow, seen)
+    origin = beam.origin
     corners, radius = corners - origin, shadow.filter >> 1
     points = corners.reshape(-1, 3)
-    if beam.origin is None:
-        view = _look(origin, beam.axis)
-        box = _extent(points @ view.right), _extent(points @ view.up)
-        return MapViews(origin, [(view, _fit_projection(*box, shadow, False))], [True])
     spread = beam.spread
     view = _look(origin, beam.axis if spread <= WIDEST else points.mean(axis=0))
     depth = points @ view.forward
@@ -386,6 +420,29 @@ def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapVi
     widest = map_side(shadow) / shadow.size  # tangent of half a map's angle
     is_needed = [_is_needed(forward, widest, corners, beam) for forward in CUBE]
     return MapViews(origin, [(_look(origin, forward), whole) for forward in CUBE], is_needed)
+
+
+def _choose_parallel_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, seen: Slices) -> MapViews:
+    """Fit a map to each slice of what is seen where that makes it finer than the last one, which shows the whole scene.
+
+    Texels narrower than DOUBLE_ROUNDING of the scene's extent show nothing but rounding.
+    """
+    whole = corners.reshape(-1, 3)
+    origin = (seen[0] if len(seen) else whole).mean(axis=0)
+    view, extent = _look(origin, beam.axis), np.abs(whole - origin).sum(axis=1).max()
+
+    def fit(points: NDArray[np.float64]) -> Projection:
+        relative = points - origin
+        return _fit_projection(_extent(relative @ view.right), _extent(relative @ view.up), shadow, False)
+
+    last, parts, views = fit(whole), [], []
+    for points in seen:
+        found = fit(points)
+        is_finer = found.scale_x > FINER * last.scale_x or found.scale_y > FINER * last.scale_y
+        if is_finer and max(found.scale_x, found.scale_y) * DOUBLE_ROUNDING * extent < 1.0:
+            parts.append(points)
+            views.append((view, found))
+    return MapViews(origin, [*views, (view, last)], [True] * (len(views) + 1), [*parts, None])
 
 
 def _is_needed(forward, widest, corners, beam) -> bool:
@@ -432,6 +489,111 @@ def _fit_projection(across, upward, shadow, is_perspective) -> Projection:
     scale_x, scale_y = ((shadow.size - 2 * MARGIN) / max(width, least) for width in widths)
     margin = MARGIN + (shadow.filter >> 1)
     return Projection(scale_x, scale_y, margin - scale_x * across[0], margin + scale_y * upward[1], is_perspective)
+
+
+# ---------------------------------------------------------------- what a picture shows
+
+# Corners of a box at both ends of its twelve edges, as `corners_of` counts them.
+EDGES = np.array([(k, k | 1 << axis) for axis in range(3) for k in range(8) if not k >> axis & 1]).T
+
+
+class Window(NamedTuple):
+    """What lies in a picture between two depths."""
+
+    view: View
+    projection: Projection
+    size: tuple[int, int]
+    depths: tuple[float, float]
+
+    @property
+    def planes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Normals (6, 3) and offsets (6,): what lies within is normal·(p - eye) + offset >= 0 for each."""
+        (width, height), (near, far), lens = self.size, self.depths, self.projection
+        forward, skew = self.view.forward, lens.skew * self.view.up
+        x, y = lens.scale_x * self.view.right - skew, lens.scale_y * self.view.up
+        borders = np.array([lens.center_x, width - lens.center_x, height - lens.center_y, lens.center_y])
+        sides, offsets = np.array([x, -x, y, -y]), borders
+        if lens.is_perspective:
+            sides, offsets = sides + borders[:, None] * forward, np.zeros(4)
+        return np.vstack([sides, [forward, -forward]]), np.append(offsets, [-near, far])
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """(8, 3) world space, in the order of `corners_of`."""
+        (across, upward), lens, forward = self.projection.ray_axes(self.view), self.projection, self.view.forward
+        found = []
+        for k in range(8):
+            ends = (0, self.size[0]), (0, self.size[1]), self.depths
+            x, y, depth = (pair[k >> axis & 1] for axis, pair in enumerate(ends))
+            beside = (x - lens.center_x) / lens.scale_x * across + (lens.center_y - y) / lens.scale_y * upward
+            found.append(self.view.eye + depth * forward + beside * (depth if lens.is_perspective else 1.0))
+        return np.array(found)
+
+    def holds(self, corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points (..., 3) lie within."""
+        normals, offsets = self.planes
+        return ((corners - self.view.eye) @ normals.T + offsets >= 0.0).all(axis=-1)
+
+    def meet(self, corners: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the corners of what is left of boxes within the window, (n, 3).
+
+        A corner lies on three planes of both bodies together: where an edge of one ends within the other, or meets one
+        of its planes.
+        """
+        normals, offsets = self.planes
+        is_there = ~((corners - self.view.eye) @ normals.T + offsets < 0.0).all(axis=1).any(axis=-1)
+        corners, (low, high) = corners[is_there], bounds[is_there].swapaxes(0, 1)
+        of_boxes = _clip_edges(corners, normals, offsets - normals @ self.view.eye)
+        of_window = _clip_edges(self.corners, np.vstack([np.eye(3), -np.eye(3)]), np.hstack([-low, high])[:, None])
+        return np.concatenate([of_boxes, of_window])
+
+
+def _clip_edges(corners, normals, offsets) -> NDArray[np.float64]:
+    """Return the ends (n, 3) of what is left of edges of boxes (..., 8, 3) where normal·p + offset >= 0 for all planes.
+
+    Source: Cyrus & Beck 1978, "Generalized two- and three-dimensional clipping", Computers & Graphics 3, 23-28.
+    """
+    starts, ends = corners[..., EDGES[0], :], corners[..., EDGES[1], :]
+    first, last = starts @ normals.T + offsets, ends @ normals.T + offsets  # (..., 12, n_plane)
+    share = first / np.where(first == last, 1.0, first - last)
+    enters = np.where(first < 0.0, np.where(last < 0.0, np.inf, share), 0.0).max(axis=-1)
+    leaves = np.where(last < 0.0, np.where(first < 0.0, -np.inf, share), 1.0).min(axis=-1)
+    is_left = enters <= leaves
+    shape = (*is_left.shape, 3)
+    starts, ways = np.broadcast_to(starts, shape)[is_left], np.broadcast_to(ends - starts, shape)[is_left]
+    return np.concatenate([starts + share[is_left][:, None] * ways for share in (enters, leaves)])
+
+
+def slice_view(
+    view: View, screen: Screen, n_sample: tuple[int, int], corners: NDArray[np.float64], bounds: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return points round what a picture shows of boxes, (n, 3) each, for each slice of its depths, the nearest first;
+    none where it shows all of them.
+
+    Parameters
+    ----------
+    screen : Screen of the picture, whose depths are fitted to what is seen
+    n_sample : (width, height) of the picture in samples
+    corners, bounds : (n_mesh, 8, 3) and (n_mesh, 2, 3) of the boxes
+    """
+    lens = Projection(*screen[5:9], screen.is_perspective, screen.skew)
+    if Window(view, lens, n_sample, (screen.near, screen.far)).holds(corners).all():
+        return []
+    depth, n_slice = (corners - view.eye) @ view.forward, 1
+    near, far = max(float(depth.min()), screen.near), min(float(depth.max()), screen.far)
+    if lens.is_perspective and screen.z_scale != 0.0:
+        near = max(near, screen.z_scale / (DEPTH_MARGIN - screen.z_offset))
+    if not near < far:
+        return []
+    if lens.is_perspective:
+        n_slice = min(max(math.ceil(math.log(far / near, SLICE)), 1), MAX_SLICES)
+        depths = near * (far / near) ** (np.arange(n_slice + 1) / n_slice)
+    else:
+        depths = np.array([near, far])
+    with np.errstate(all="ignore"):
+        windows = (Window(view, lens, n_sample, (a, b)) for a, b in zip(depths[:-1], depths[1:], strict=True))
+        found = [window.meet(corners, bounds) for window in windows]
+    return [points for points in found if len(points)]
 
 
 def corners_of(bounds: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -68,26 +68,28 @@ from .fragments import get_vector, read_vector, set_vector
 from .interpolate import row_extent
 from .visibility import CLEAR, PAYLOAD_BITS, clear
 
-# The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
-# rays diverge; the light's position relative to the eye; how far positions are rounded, as a share of the distances;
-# how far the normal's error turns the slopes, in texels; twice how far texels of the filter reach on a surface that
-# faces the light, scene units, in perspective 1 away. Then a block of N_MAP_COLUMN numbers for each map.
+# The header: how many maps (1; or 6, one for each face of a cube; of parallel rays any number up to that, each of which
+# shows more than those before it, the last one all), texels a side, texels a side of the filter, whether rays diverge;
+# the light's position relative to the eye; how far positions are rounded, as a share of the distances; how far the
+# normal's error turns the slopes, in texels. Then a block of N_MAP_COLUMN numbers for each map.
 N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN = 0, 1, 2, 3, 4
-POSITION_ROUNDING, NORMAL_ERROR, FILTER_RANGE, MAPS = 7, 8, 9, 10
+POSITION_ROUNDING, NORMAL_ERROR, MAPS = 7, 8, 9
 # A map's block: its axes, unit length; scale and centre, texels; how far its values are rounded; how many texels the
-# limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen:
-# then the others aren't written.
+# limit is raised by, times the slopes; twice how far texels of the filter reach on a surface that faces the light,
+# scene units, in perspective 1 away; which of the blocks of texels is its own, or -1 where nothing is to be seen: then
+# the others aren't written.
 RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
-N_MAP_COLUMN = 16
+FILTER_RANGE = 16
+N_MAP_COLUMN = 17
 HEADER = MAPS + 6 * N_MAP_COLUMN
 ROUNDINGS = 35
 # Quantities of the batch. FROM_LIGHT, the point as seen from the light, becomes: the number of the texel that it lies
-# in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube.
+# in, the limit there, and the texel. Beside the slopes of the limit: the number of the map.
 TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
 N_BEFORE = TEXEL  # where there is a filter: how many of its texels lie before the limit
 SLOPE_X, SLOPE_Y = f.LIMIT_SLOPES, f.LIMIT_SLOPES + f.NEXT
 MAX_MOVED = SLOPE_X  # before: how far a point may have been moved along its normal
-CUBE_FACE = f.SHADOW_COUNT
+MAP_NUMBER = f.SHADOW_COUNT
 
 
 class MapView(NamedTuple):
@@ -110,30 +112,38 @@ def occlude(batch, n, shadow_map):
     batch, header = as_array(batch, f.BATCH_SHAPE), as_array(shadow_map, (HEADER,))
     size, n_map = np.int64(header[SIZE]), np.int64(header[N_MAP])
     texels = as_array(shadow_map, (HEADER + n_map * size * size,))
-    move_points(batch, header, n)
+    move_points(batch, header, 0, 0, n)
     if n_map == 1:
         look_up(batch, header, texels, 0, 0, n)
         return
-    compute_cube_faces(batch, n)
+    is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
+    if is_perspective:
+        compute_cube_faces(batch, n)
+    else:
+        choose_maps(batch, header, n_map, n)
     start = 0
     while start < n:  # neighbouring points look at the same map
-        face, end = batch[CUBE_FACE + start], start + 1
-        while end < n and batch[CUBE_FACE + end] == face:
+        number, end = batch[MAP_NUMBER + start], start + 1
+        while end < n and batch[MAP_NUMBER + end] == number:
             end += 1
-        look_up(batch, header, texels, np.int64(face), start, end)
+        if not is_perspective:
+            move_points(batch, header, np.int64(number), start, end)
+        look_up(batch, header, texels, np.int64(number), start, end)
         start = end
 
 
 @helper
-def move_points(batch, header, n):
-    """Move points onto the planes of their polygons and along their normals; count from the light.
+def move_points(batch, header, number, start, end):
+    """Move the points start..end onto the planes of their polygons and along their normals, for map `number`; count
+    from the light.
 
     Fills MAX_MOVED, too.
     """
     origin, forward = read_vector(header, ORIGIN), read_vector(header, MAPS + FORWARD)
     is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
-    zero, one, filter_range = batch.dtype.type(0), batch.dtype.type(1), header[FILTER_RANGE]
-    for k in range(n):
+    filter_range = header[MAPS + N_MAP_COLUMN * number + FILTER_RANGE]
+    zero, one = batch.dtype.type(0), batch.dtype.type(1)
+    for k in range(start, end):
         position, plane = get_vector(batch, f.POSITION, k), get_vector(batch, f.FACE_NORMAL, k)
         normal, plane_offset = get_vector(batch, f.NORMAL, k), batch[f.FACE_OFFSET + k]
         back = plane_offset - dot(plane, position)
@@ -168,7 +178,23 @@ def compute_cube_faces(batch, n):
         along_yz = y if ay >= az else z
         is_x = (ax >= ay) & (ax >= az)
         along, axis = x if is_x else along_yz, zero if is_x else of_yz
-        batch[CUBE_FACE + k] = axis + (zero if along > zero else one)
+        batch[MAP_NUMBER + k] = axis + (zero if along > zero else one)
+
+
+@helper
+def choose_maps(batch, header, n_map, n):
+    """Fill the number of the first map that shows a point and the filter's texels round it; the last one shows all."""
+    real, radius, size = batch.dtype.type, np.int64(header[FILTER]) >> 1, np.int64(header[SIZE])
+    low, high = real(radius), real(size - radius)
+    for number in range(n_map - 1, -1, -1):
+        move_points(batch, header, number, 0, n)
+        view, is_last = read_view(header, number), number == n_map - 1
+        (right, up, _), (scale_x, scale_y), (center_x, center_y) = view.axes, view.scales, view.center
+        for k in range(n):
+            position = get_vector(batch, f.FROM_LIGHT, k)
+            x, y = center_x + scale_x * dot(position, right), center_y - scale_y * dot(position, up)
+            is_shown = is_last | ((x >= low) & (x < high) & (y >= low) & (y < high))
+            batch[MAP_NUMBER + k] = real(number) if is_shown else batch[MAP_NUMBER + k]
 
 
 @helper

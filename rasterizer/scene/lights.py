@@ -48,8 +48,9 @@ class Shadow:
 
     Parameters
     ----------
-    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; a light
-        with a place has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells
+    size : texels along each side of the map, 16 to 8192. A directional light has one map of the scene, and where a
+        picture shows a part of it up to five more, of what the picture shows at growing distances; a light with a place
+        has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells
         of an area light have maps of half the size, but at least 16
     filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin &
         Cook 1987): an odd number, 1 (hard edges) to 9

@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 import rasterizer as rz
 from rasterizer.engine.lights import entry_of
 from rasterizer.engine.shadow_maps import choose_views, corners_of
+from rasterizer.reference import shadow
 from rasterizer.scene.lights import Shadow
 
 AMBIENT = 0.1
@@ -240,6 +241,54 @@ def test_no_light_leaks_in_where_a_box_stands_on_the_floor():
             assert not is_changed(frame, bare)[~is_floor].any(), f"{case}: nothing hides the top"
 
 
+BALL_VIEWS = {
+    "near": rz.Camera.perspective((2, -4, 2.5), (0, 0, 0.4), up=(0, 0, 1), fov=40),
+    "to the horizon": rz.Camera.perspective((1, -4, 1.2), (0, 0, 0.8), up=(0, 0, 1), fov=60),
+    "orthographic": rz.Camera.orthographic((2, -4, 2.5), (0, 0, 0.4), up=(0, 0, 1), height=4),
+}
+
+
+@pytest.mark.parametrize("name", BALL_VIEWS)
+def test_a_ball_casts_its_shadow_on_floors_of_any_size(name):
+    """The shadow's edge is off by 2 texels at most of a map of what the view shows up to ten times as far away."""
+    camera, size = BALL_VIEWS[name], (120, 90)
+    faces = octasphere(2)[1]
+    ball = 0.5 * octasphere(2)[0] + (0, 0, 0.7)
+    caster = ball[np.asarray(faces)]
+    casters = shadow.gather_casters(caster, np.arange(len(caster)), np.ones(len(caster), bool))
+    turns = 2 * np.pi * np.arange(16)[:, None] / 16
+    tolerances = cycle(TOLERANCES)
+    for reach, way in product(10.0 ** np.arange(1, 6), ((-1, 0.3, -1), (-1, -0.5, -0.2), (0.05, 0, -1))):
+        light = rz.DirectionalLight(way, 0.8, shadow=Shadow(512))
+        meshes = [floor_mesh((reach, reach)), rz.Mesh(ball, faces, material=MATTE)]
+        frame, bare = draw_both(meshes, light, camera, size, tolerance=next(tolerances))
+        view, lens = camera.view(), camera.projection(size)
+        x, y = np.meshgrid(np.arange(size[0]) + 0.5 - lens.center_x, lens.center_y - np.arange(size[1]) - 0.5)
+        beside = (x[..., None] * view.right + y[..., None] * view.up) / lens.scale_x
+        starts = view.eye + (0 if lens.is_perspective else beside)
+        rays = view.forward + (beside if lens.is_perspective else 0)
+        is_floor = (frame.face >= 0) & (frame.face < 2)
+        with np.errstate(divide="ignore"):
+            depth = -starts[..., 2] / rays[..., 2]
+        points = (starts + depth[..., None] * rays)[is_floor]
+        depth = depth[is_floor]
+
+        def hidden(places, toward):
+            owner = np.full(len(places), shadow.NO_OWNER)
+            return ~shadow.reaches(casters, places, owner, np.broadcast_to(toward, places.shape), False)
+
+        is_dark = is_changed(frame, bare)[is_floor]
+        wrong = np.flatnonzero(is_dark != hidden(points, -np.array(way)))
+        u, v = np.linalg.svd(np.array([way], float))[2][1:]
+        for k in wrong:
+            near = points[depth <= 10 * depth[k]]
+            texel = max(np.ptp(near @ u), np.ptp(near @ v)) / (512 - 2)
+            across = 2 * texel * (np.cos(turns) * u + np.sin(turns) * v)
+            round_it = hidden(points[k] + across - across[:, 2:] * np.array(way) / way[2], -np.array(way))
+            assert len(set(round_it)) == 2, f"{name}, {reach:g}, {way}: further than 2 texels from the edge"
+        assert is_dark.sum() > 50, f"{name}, {reach:g}, {way}: {is_dark.sum()} pixels in shadow"
+
+
 # ── penumbra and filter ─────────────────────────────────────────────────────────────────────────────────
 
 
@@ -355,13 +404,15 @@ def test_neither_threads_nor_earlier_pictures_matter():
         rz.AmbientLight(AMBIENT),
         make_light("area", 40, 30, shadow=Shadow(128)),
         make_light("spot", 60, 200, shadow=SMALL),
+        make_light("directional", 50, 120, shadow=SMALL),
     ]
     lights += [replace(make_light("point", 70, 100, shadow=SMALL), attached="camera", position=(1, 1, 0))]
     cameras = [rz.Camera.perspective((2, y, 4), (0, 0, 0), fov=40) for y in (-3, 0, 2)]
+    cameras += [rz.Camera.perspective((0, y, 1), (0, 0, 0), fov=30) for y in (-1, 1)]  # which show a part
     for shading, threads in zip(SHADINGS, (2, 1, 3), strict=True):
         options = {"shading": shading, "samples": 1}
         with rz.Renderer(rz.Scene(meshes, lights), (64, 48), threads=threads, **options) as renderer:
-            for k in (0, 1, 2, 0, 0):
+            for k in (0, 1, 2, 0, 3, 3, 4, 0, 0):
                 alone = rz.render(rz.Scene(meshes, lights, cameras[k]), (64, 48), threads=1, **options)
                 frame = renderer.render(cameras[k])
                 assert frame.color.tobytes() == alone.color.tobytes(), f"{shading}, {threads} threads, camera {k}"

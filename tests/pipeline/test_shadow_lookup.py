@@ -115,7 +115,7 @@ class Points:
 def reach_of(block, from_light):
     """Twice as far as texels of the filter reach, where a point of (3,) or points of (3, n) lie."""
     away = np.linalg.norm(from_light, axis=0) if block[lookup.IS_PERSPECTIVE] else 1.0
-    return block[lookup.FILTER_RANGE] * away
+    return block[lookup.MAPS + lookup.FILTER_RANGE] * away
 
 
 def naive_share(block, row):
