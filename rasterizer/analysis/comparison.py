@@ -19,9 +19,6 @@ from ..errors import SceneError
 from ..frame import Frame
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 
-_XYZ_OF_RGB = np.array([(0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505)])
-_WHITE = _XYZ_OF_RGB.sum(axis=1)
-_LINEAR_BELOW = (6.0 / 29.0) ** 3  # of Y/Yn: the cube root is continued by its tangent there
 _AT_ONCE = 2**16  # pixels: the formula's arrays of them stay in cache
 
 
@@ -132,30 +129,9 @@ def delta_e_2000(first: NDArray, second: NDArray) -> NDArray[np.float64]:
     difference = np.empty(len(first))
     for start in range(0, len(first), _AT_ONCE):
         part = slice(start, start + _AT_ONCE)
-        difference[part] = skimage_color.deltaE_ciede2000(lab_from_linear(first[part]), lab_from_linear(second[part]))
+        labs = (skimage_color.rgb2lab(srgb_from_linear(np.clip(linear[part], 0.0, 1.0))) for linear in (first, second))
+        difference[part] = skimage_color.deltaE_ciede2000(*labs)
     return difference
-
-
-def lab_from_linear(linear: ArrayLike) -> NDArray[np.float64]:
-    """Convert linear RGB to CIE L*a*b* with the white D65.
-
-    scikit-image's `rgb2lab` takes encoded colours, and its white is not quite that of its primaries: there white has
-    a* = -0.002.
-
-    Parameters
-    ----------
-    linear : (..., 3), sRGB primaries, 1 = white; clamped to 0..1
-
-    Returns
-    -------
-    (..., 3) float64: L* within 0..100, a*, b*
-
-    Source: CIE 15:2004, section 8.2.1; primaries and white: IEC 61966-2-1:1999.
-    """
-    ratio = np.clip(np.asarray(linear, np.float64), 0.0, 1.0) @ (_XYZ_OF_RGB / _WHITE[:, None]).T
-    f = np.where(ratio > _LINEAR_BELOW, np.cbrt(ratio), ratio * (29.0 / 6.0) ** 2 / 3.0 + 4.0 / 29.0)
-    x, y, z = f[..., 0], f[..., 1], f[..., 2]
-    return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
 
 
 def flip_map(found: NDArray, expected: NDArray) -> NDArray[np.float32]:

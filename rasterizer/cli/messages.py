@@ -22,7 +22,6 @@ class Messages:
 
     def __init__(self, level: int = NORMAL):
         self.level = level
-        self._told: set[str] = set()  # what is said but once
 
     def error(self, text) -> None:
         """Say what went wrong."""
@@ -37,12 +36,6 @@ class Messages:
         """Say what a person should know while waiting."""
         if self.level > QUIET:
             self.say(text)
-
-    def notice_once(self, text) -> None:
-        """Say what holds for all models of a run, at the first of them."""
-        if text not in self._told:
-            self._told.add(text)
-            self.notice(text)
 
     def detail(self, text) -> None:
         """Say what only somebody who asks wants to know."""

@@ -3,12 +3,13 @@ not at all, those of a picture together, and never in place of one that the run 
 """
 
 import os
-import re
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, groupby
 from operator import attrgetter
 from pathlib import Path
+from string import Formatter
 from typing import NamedTuple
 
 from ..choices import ARRAY_SUFFIXES
@@ -71,7 +72,7 @@ def plan_targets(request, check=None, n_frame=None) -> list[list[Target]]:
         of_files = []  # the template of each file, and which arrays it holds: one, where {array} is in it
         for output, arrays in files:
             template = _template(output, name, arrays, request)
-            parts = [(each,) for each in arrays] if arrays and has_field(template, "array") else [arrays]
+            parts = [(each,) for each in arrays] if arrays and "array" in fields_of(template) else [arrays]
             of_files += zip([template] * len(parts), parts, strict=True)
         targets = []
         for view in views:
@@ -85,9 +86,11 @@ def plan_targets(request, check=None, n_frame=None) -> list[list[Target]]:
     return plan
 
 
-def has_field(template, name) -> bool:
-    """Tell whether a template has a field in braces."""
-    return bool(re.search(r"(?<!\{)(\{\{)*\{" + name + "[:}]", template or ""))
+def fields_of(template) -> set[str]:
+    """Return the names in braces that a template has; none where it is not legal."""
+    with suppress(ValueError):
+        return {name for _, name, *_ in Formatter().parse(template or "") if name is not None}
+    return set()
 
 
 def by_view(targets) -> list[list[Target]]:
@@ -117,7 +120,7 @@ def plan_sheet(request) -> list[list[Target]]:
 
 def writes_frames(request) -> bool:
     """Tell whether a command that makes moving pictures is to write a file for each frame: {frame} is in the name."""
-    return has_field(request.files.output, "frame")
+    return "frame" in fields_of(request.files.output)
 
 
 def _default_names(request, models) -> list[str]:
@@ -184,20 +187,12 @@ def _fill(template, model, view, frame, arrays, request) -> str:
     if arrays is not None:
         values["array"] = "-".join(arrays)
 
-    def replace(match) -> str:
-        word = match[0]
-        if word in ("{{", "}}"):
-            return word[0]
-        name, _, form = word[1:-1].partition(":")
-        if name not in values or not re.fullmatch(r"(.?[<>^])?\d{0,3}", form):
-            legal = ", ".join(f"{{{name}}}" for name in values)
-            padded = "{stem:_>9} for at least 9 letters"
-            raise SceneError(
-                f"-o may hold {legal}, padded as in {padded}, and {{{{ }}}} for braces; given {template!r}"
-            )
-        return format(values[name], form)
-
-    return re.sub(r"\{\{|\}\}|\{[^{}]*\}|[{}]", replace, template)
+    with suppress(ValueError, MemoryError):
+        if fields_of(template) <= values.keys():
+            return template.format_map(values)
+    legal = ", ".join(f"{{{name}}}" for name in values)
+    padded = "{stem:_>9} for at least 9 letters"
+    raise SceneError(f"-o may hold {legal}, padded as in {padded}, and {{{{ }}}} for braces; given {template!r}")
 
 
 def _check_targets(targets, models, request, check) -> None:
@@ -282,7 +277,7 @@ def check_scale(files) -> None:
         return
     has_png = False
     for output, names in files.asked:
-        is_apart = has_field(output, "array")
+        is_apart = "array" in fields_of(output)
         has_depth = "depth" in names if names and is_apart else names == ("depth",)
         has_png |= suffix_of(output) == "png" and has_depth
     if not has_png:

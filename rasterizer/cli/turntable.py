@@ -179,7 +179,9 @@ def _turn_model(targets, request, messages, output, angles, timing) -> None:
     is_hard = suffix == ".gif" and not is_apart and scene.background is None
     if is_hard and options.ground:
         options = replace(options, ground=False)
-        messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
+        messages.notice(
+            f"{model}: a transparent GIF has no shadow on the ground; with --background, or as .webp, it has"
+        )
     with make_renderer(scene, options) as renderer, closing(Bar(messages)) as bar:
         cameras = _cameras(angles, model, loaded, lambda: renderer.subject)
         frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))

@@ -7,7 +7,6 @@ While something moves, a picture has one sample a pixel and is a JPEG file. At r
 file: the picture that `rasterizer.render` draws through the same camera, byte for byte.
 """
 
-import io
 import math
 import threading
 from collections import OrderedDict
@@ -16,7 +15,6 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import SceneError, shown
 from ..frame import Frame
@@ -175,7 +173,7 @@ class Session:
         settings = {"size": self._resolution.size_of(self._size), "samples": 1, "outputs": ("rgb",)}
         renderer = self._renderer(settings)
         start = perf_counter()
-        content = encode_jpeg(renderer.render(self.camera).rgba)
+        content = renderer.render(self.camera).encode("JPEG", quality=_QUALITY)
         seconds = perf_counter() - start
         if n_made == self._n_made:  # a first picture also compiles and allocates
             self._resolution.note(1e3 * seconds)
@@ -286,24 +284,3 @@ class Resolution:
         elif 4.0 * mean <= self._budget and self._level > 0:
             self._level -= 1
             self._mean = None
-
-
-def encode_jpeg(rgba: NDArray[np.uint8]) -> bytes:
-    """Return a picture without transparency as the bytes of a JPEG file: one of greys has one channel.
-
-    Parameters
-    ----------
-    rgba : (height, width, 4) uint8, without gaps
-
-    Returns
-    -------
-    bytes
-    """
-    from PIL import Image
-
-    words = rgba.view("<u4")[..., 0]
-    is_grey = not ((words ^ (words >> 8)) & 0xFFFF).any()  # red is green, and green is blue
-    image = Image.fromarray(np.ascontiguousarray(rgba[..., 0] if is_grey else rgba[..., :3]))
-    stream = io.BytesIO()
-    image.save(stream, "JPEG", quality=_QUALITY)
-    return stream.getvalue()

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import rasterizer as rz
-from rasterizer.analysis.comparison import lab_from_linear
 from rasterizer.frame import Frame, Stats
 from rasterizer.scene.color import linear_from_srgb_bytes
 
@@ -82,15 +81,6 @@ def test_what_is_no_picture():
 
 
 # ── CIEDE2000, by scikit-image: the pairs that its authors publish ─────────────────────────────────────────
-
-
-def test_lab_of_known_colours():
-    """White is 100, 0, 0."""
-    lab = lab_from_linear([[1, 1, 1], [0, 0, 0], [1, 0, 0], [7, -1, 0]])
-    assert lab[0] == pytest.approx([100, 0, 0], abs=1e-12)
-    assert lab[1] == pytest.approx([0, 0, 0], abs=1e-12)
-    assert lab[2] == pytest.approx([53.23, 80.11, 67.22], abs=0.01)
-    assert (lab[3] == lab[2]).all(), "what a display can't show is clamped"
 
 
 def test_difference_of_pictures():

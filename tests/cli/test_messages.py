@@ -90,11 +90,10 @@ def test_each_kind_of_message_is_said_from_its_level_on(capsys):
     said = {}
     for level in (QUIET, NORMAL, VERBOSE):
         messages = Messages(level)
-        for tell in (messages.error, messages.warn, messages.notice, messages.notice_once, messages.notice_once,
-                     messages.detail):  # fmt: skip
+        for tell in (messages.error, messages.warn, messages.notice, messages.detail):
             tell(f"one {tell.__name__}")
         said[level] = [line.removeprefix("raster: ") for line in errors(capsys).splitlines()]
-    normal = ["error: one error", "warning: one warn", "one notice", "one notice_once"]
+    normal = ["error: one error", "warning: one warn", "one notice"]
     assert said == {QUIET: normal[:1], NORMAL: normal, VERBOSE: [*normal, "one detail"]}
 
 

@@ -66,8 +66,8 @@ def test_templates_folders_and_patterns(folder, capsys):
 
 
 def test_names_that_no_output_can_have(folder, capsys):
-    templates = """{stem:>99999999999}.png {stem:{view}}.png {stem!r}.png {0}.png {}.png {stem.a}.png {stem[0]}.png
-        {frame:03}.png }.png {stem:_>9999}.png {stem:e}.png {name}.png {stem.png {stem.upper}.png"""
+    templates = """{stem:>99999999999}.png {stem:{view}}.png {0}.png {}.png {stem.a}.png {stem[0]}.png
+        {frame:03}.png }.png {stem:e}.png {name}.png {stem.png {stem.upper}.png"""
     legal = "-o may hold {stem}, {ext}, {view}, padded as in"
     assert_refused(capsys, [([CUBE, "-o", template], legal) for template in templates.split()], "render")
     assert_refused(capsys, [([CUBE, "-o", "{stem:>300}.png"], "too long")], "render", code=4)

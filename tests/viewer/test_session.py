@@ -16,7 +16,7 @@ from PIL import Image
 import rasterizer as rz
 from rasterizer.viewer.controls import describe_pick
 from rasterizer.viewer.orbit import camera_flags
-from rasterizer.viewer.session import BUDGET, DIVISORS, Resolution, Session, encode_jpeg
+from rasterizer.viewer.session import BUDGET, DIVISORS, Resolution, Session
 
 CUBE = str(ROOT / "models" / "cube.obj")
 
@@ -224,17 +224,6 @@ def test_options_that_are_not_legal_are_told_at_once(scene):
                     {"camera": 3}):  # fmt: skip
         with pytest.raises(rz.SceneError, match=next(iter(options))):
             Session(scene, **options)
-
-
-def test_jpeg_files_hold_the_picture():
-    ramp = np.linspace(0, 255, 64).astype(np.uint8)
-    for mode in ("L", "RGB"):
-        rgba = np.dstack([np.tile(ramp, (48, 1))] * 3 + [np.full((48, 64), 255, np.uint8)])
-        if mode == "RGB":
-            rgba[..., 2] //= 2
-        image = Image.open(io.BytesIO(encode_jpeg(np.ascontiguousarray(rgba))))
-        assert image.mode == mode
-        assert np.abs(np.asarray(image.convert("RGB")).astype(int) - rgba[..., :3]).mean() < 2, mode
 
 
 # ── how many pixels a picture has while something moves ────────────────────────────────────────────────────
