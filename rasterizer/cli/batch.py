@@ -19,19 +19,20 @@ examples:
   raster batch parts/*.stl -o '{stem}-{view}.png' --view random:20 --seed 0
   raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
 
-One picture that can't be drawn doesn't stop the others, whatever the reason. A file appears whole or not at all, so a
-batch that was interrupted goes on with --resume or --skip-existing; these don't ask how a file was made. The last line
+One picture that can't be drawn doesn't stop the others, whatever the reason. Files are never half
+written, so a batch that was interrupted goes on with --resume or --skip-existing. These look at names and times of
+files alone, not at the options that a file was drawn with. The last line
 on stderr, and with --json the last on stdout, counts what was drawn, skipped and failed.
 
-Dask's workers read models themselves where they see the same file, of the same length and time of change; else it is
-loaded here and sent. Files are written here.
+A worker of Dask reads a model itself where it sees the same file, of the same length and time of change; otherwise the
+model is loaded here and sent. Files are written here.
 """
 
 
 def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster batch MODEL... [-o OUT] [-j N] [options]"
-    parser.description = "Draw each model in one of several processes, and write a picture of it, or arrays."
+    parser.description = "Draw many models in several processes, and write a picture of each, or arrays."
     parser.epilog = _EXAMPLES
     add_models(parser)
     add_output(parser, "{stem}", Options.size, has_arrays=True)

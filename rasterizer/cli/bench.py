@@ -21,7 +21,8 @@ _OPTIONS = ("size", "cull", "exposure", "spectral", "threads")
 _BUSY = 0.5  # load average, a core, from which on times are not to be trusted
 _DESCRIPTION = """\
 Draw each model by many methods and measure them in turns: shading, subdivision, samples a pixel, tolerance. The table
-has those that no other beats in time and error, --all has the rest, too; the last line says what to choose, and why.
+lists the methods that no other beats in both time and error; --all lists the others, too. The last line says which to
+choose.
 """
 _TABLE = """\
 Lists have commas between their values. The table says of each method:

@@ -21,7 +21,7 @@ SIZE = (320, 240)  # four pictures beside each other, one of them by the referen
 _DESCRIPTION = """\
 Draw each model with flat, Gouraud's and Phong's shading (or --methods) and with the reference, one sample a pixel, side
 by side on one sheet. Below them are their errors, in false colours on one scale: the difference of linear intensity
-from the reference's Phong shading. On stdout goes a table.
+from the reference's Phong shading. A table is printed on stdout.
 """
 _TABLE = """\
 The table says of each method:

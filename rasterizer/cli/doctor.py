@@ -23,7 +23,7 @@ ENVIRONMENT = {  # all variables that are read
     "RASTER_MOST_TEXELS": "the most texels of a file's texture (default 8192 x 4096)",
     "NUMBA_CACHE_DIR": "as RASTER_STORE, where that is not set",
     "NUMBA_DISABLE_JIT": "1: nothing is compiled; for small pictures, in a debugger",
-    "NUMBA_CPU_FEATURES": "instructions of kernels, as numba reads it; kept apart",
+    "NUMBA_CPU_FEATURES": "instruction sets of kernels, as numba reads it; stored apart",
     "NUMBA_BOUNDSCHECK": "1: kernels that check every index, compiled for that alone",
     "XDG_CACHE_HOME": "folder above rasterizer/, the kernels' (default ~/.cache)",
 }
@@ -33,7 +33,7 @@ examples:
   raster doctor --json > machine.json
   raster doctor --clear                    raster warmup makes kernels again
 
-exit codes: 0 all is well, 1 something is missing or broken, which is told,
+exit codes: 0 all is well, 1 something is missing or broken, and is named,
 2 usage, 4 kernels can't be removed, 130 interrupted
 
 variables of the environment:
@@ -59,9 +59,9 @@ def add_flags(parser) -> None:
     """Add the flags to the command's parser, and what its help says."""
     parser.usage = "raster doctor [options]"
     parser.description = (
-        "Say what a report of a fault should say: versions, processor, threads, where compiled kernels are kept and "
-        "how large they are, what extras give and which of their packages are missing, which settings the environment "
-        "has. Nothing is drawn."
+        "Print what a bug report should hold: versions, processor, threads, where compiled kernels are kept and how "
+        "large they are, what extras give and which of their packages are missing, variables of the environment. "
+        "Nothing is drawn."
     )
     parser.epilog = _EXAMPLES
     parser.add_argument("--clear", action="store_true", help="remove all compiled kernels, of other versions, too")

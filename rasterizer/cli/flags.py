@@ -20,8 +20,9 @@ UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text
 _MATERIAL = """\
 KEY is ambient diffuse specular emissive fresnel metal (colours), shininess opacity alpha_cutoff levels metallic
 (numbers), roughness (a number, or two, A/B, along the tangent and across), tangent (u or X/Y/Z), texture
-metallic_roughness (pictures), reflection distribution (words), normalized (yes or no). Where ambient or metal isn't
-given, it is the diffuse colour. A name first, as in gold,shininess=80, takes the rest from the classic table.
+metallic_roughness (pictures), reflection distribution (words), normalized (yes or no). ambient and metal
+are the diffuse colour unless they are given. With a name first, as in gold,shininess=80, the other fields are those of
+that material.
 """
 
 _LIGHT = """\
@@ -37,7 +38,7 @@ A light is one of these, in scene units; COLOR is #f80, orange, 0.5 (linear grey
 
 A direction is the one in which light travels; angles are in degrees; an area has a corner and two edges. attenuation is
 1/(KC + KL d + KQ d^2), never above 1 without amplify; 1, 1/d, 1/(d+3) and 1/d^2 may be written as such. shadow is yes,
-no, SIZE or SIZE/FILTER: texels along its map, and along the square that softens its edge.
+no, SIZE or SIZE/FILTER: texels along a side of the shadow map, and of the square over which edges are softened.
 """
 
 
@@ -52,7 +53,7 @@ _Z_UP = " and ".join(each.name for each in formats.FORMATS.values() if each.up =
 def add_models(parser) -> None:
     """Add the models that are read, and how."""
     group = parser.add_argument_group("models", "A scene file (.json) holds models, materials, lights, "
-                                      "camera, background, depth cue and options; flags come first.")
+                                      "a camera, background, depth cue and options; flags override them.")
     models, scenes = [], []
     for entry in formats.FORMATS.values():
         (scenes if entry.is_scene else models).append(entry.name)
@@ -63,7 +64,7 @@ def add_models(parser) -> None:
     add("--input-format", choices=tuple(formats.FORMATS), metavar="NAME",
         help="format of the models, whatever their suffix; needed for stdin")
     add("--recursive", action="store_true",
-        help="of a folder, take all models in it and below; outputs stay in folders")
+        help="search folders, and those below, for models; outputs are put into folders of the same names")
     add_loading(group)
 
 
@@ -88,7 +89,7 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
     """
     parser.set_defaults(default_name=default_name, default_suffix=suffix, always_writes=True, outputs=None, files=())
     fields += " {array}" if has_arrays else ""
-    several = "; several -o, each after its --array, write what one frame shows" if has_arrays else ""
+    several = ". Several pairs of --array NAME -o OUT write files of one picture" if has_arrays else ""
     group = parser.add_argument_group("output")
     default = f"{default_name.replace('{stem}', 'MODEL')}{suffix} in the current folder"
     default += ", -VIEW before .png for several views" if "{view}" in fields else ""
@@ -120,30 +121,30 @@ def add_messages(group) -> None:
     """Add how much is said."""
     add = group.add_mutually_exclusive_group().add_argument
     add("-v", "--verbose", dest="level", action="count", default=NORMAL,
-        help="say what a file had, what was used, and how long it took; -vv: also how it was drawn")
+        help="also say what each file holds, what of it is used, and how long it took; -vv: also how it is drawn")
     add("-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors")
 
 
 def add_arrays(parser) -> None:
     """Add arrays, in place of pictures or beside them."""
     group = parser.add_argument_group(
-        "array", "-o '{stem}.{array}.png' makes a file of each, as an -o after each does. Arrays have one sample a "
-        f"pixel, but for color and rgb with --samples.\n{_ARRAYS}")
+        "array", "With {array} in its name, as in -o '{stem}.{array}.png', each array gets a file. Arrays have one "
+        f"sample a pixel; color and rgb have as many as --samples says.\n{_ARRAYS}")
     add = group.add_argument
     add("--array", dest="outputs", action="append", choices=tuple(_HELD), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
         "(repeat it; default MODEL.npz)")
     add("--scale", type=values.number, metavar="UNITS",
-        help="scene units of 1 in a .png of the depth, which takes 1 to 65535 (default 0.001)")
-    _add_option(group, "min_opacity", "from which opacity on a surface counts for arrays but color and rgb "
-                "(default 0: all do)", type=values.fraction, metavar="A")
+        help="scene units for each step of a depth in a .png, which has the steps 1 to 65535 (default 0.001)")
+    _add_option(group, "min_opacity", "the least opacity of a surface that arrays other than color and rgb show "
+                "(default 0: all)", type=values.fraction, metavar="A")
 
 
 def add_processes(group) -> None:
     """Add how many processes draw."""
     group.add_argument(
         "-j", "--processes", dest="n_process", type=values.processes, metavar="N",
-        help="draw N models at a time, each in a process of its own with one thread (unless --threads says more)")
+        help="draw in N processes, each with one thread unless --threads says more")
 
 
 def add_camera(parser, views=True, azimuth="about the up axis",
@@ -157,8 +158,9 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     has_seed : whether views and lights may be random
     """
     add = parser.add_argument_group(
-        "camera", "The model fills the picture, unless --eye is given. A scene file's camera is used where none of "
-        "these but --zoom is given; a model's is, with --camera file.").add_argument
+        "camera", "Without --eye the camera stands where the model fills the picture. The camera of a scene file is "
+        "used unless one of these flags other than --zoom is given; that of a model file is used with --camera file "
+        "alone.").add_argument
     parser.set_defaults(views=[])
     if views:
         legal = (*choices.VIEWS, "random:N") if has_seed else tuple(choices.VIEWS)
@@ -167,7 +169,7 @@ def add_camera(parser, views=True, azimuth="about the up axis",
             help=f"from {', '.join(legal)}; several, with commas, make a picture each")
     if has_seed:
         add("--seed", type=values.seed, metavar="N",
-            help="of random:N and --light random: N, N+1, ... for each model's views")
+            help="seed of random views, which are N, N+1, ... for each model, and of --light random")
     add("--azimuth", type=values.number, metavar="A", help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})")
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
     add("--fov", type=values.number, metavar="A", help=f"vertical field of view, degrees (default {FOV:g})")
@@ -175,9 +177,9 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     add("--zoom", type=values.number, default=1.0, metavar="F",
         help="enlarge the middle of the picture F times (default 1)")
     add("--margin", type=values.percentage, metavar="M",
-        help="share that stays empty on each side (default 5%%)")
+        help="share of the picture that stays empty at each border (default 5%%)")
     add("--camera", metavar="FILE",
-        help=f"a camera out of a scene file, or one in JSON; file = the model's own; {frame}")
+        help=f"a scene file, whose camera is taken, or a JSON file of a camera alone; file = the model's own; {frame}")
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     add("--up", type=values.axis, choices=("auto", *choices.AXES),
@@ -193,25 +195,26 @@ def add_look(parser, is_compared=False):
     """
     group = parser.add_argument_group("shading")
     if not is_compared:
-        _add_option(group, "shading", "light polygons (flat or lambert), vertices (gouraud) or samples (phong)")
+        _add_option(group, "shading", "compute light for polygons (flat or lambert), vertices (gouraud) or samples "
+                    "(phong)")
         _add_option(group, "samples", "samples a pixel; buffers have one")
     add = group.add_argument
     add("--crease-angle", type=values.number, metavar="A",
         help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)")
     add("--weighting", choices=choices.WEIGHTINGS,
-        help="what faces count by where normals are averaged (default: as a scene file says, else angle)")
+        help="the weight of faces where normals are averaged (default: as a scene file says, else angle)")
     add("--subdivide", type=int, default=0, metavar="N",
         help="cut every triangle in four, N times, up to 15: for highlights with gouraud (default 0)")
-    _add_option(group, "cull", "leave out what closed bodies hide, nothing, or all faces seen from behind")
+    _add_option(group, "cull", "leave out the inner sides of closed bodies, nothing, or all faces seen from behind")
 
     add = parser.add_argument_group("material", _MATERIAL).add_argument
     add("--material", dest="materials", action="append", type=values.material, default=[],
         metavar="[NAME,]KEY=VALUE,...",
-        help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic "
-        "... (default: the file's materials, else neutral grey)")
+        help="set these fields of every material; NAME is a material of the classic table: gold, jade, red plastic ... "
+        "(default: the file's materials, else neutral grey)")
     add("--color", type=values.color, metavar="COLOR",
-        help="the colour of everything, in place of textures and the file's colours, which --material diffuse=... "
-        "multiplies")
+        help="one colour for everything, in place of textures and the file's colours; --material diffuse=... "
+        "multiplies these")
     add("--reflection", metavar=f"{{{','.join(choices.REFLECTIONS)}}}", help="short for --material reflection=...")
 
     add = parser.add_argument_group(
@@ -227,41 +230,41 @@ def add_look(parser, is_compared=False):
     add("--preset", choices=choices.PRESETS,
         help="ready-made lights (default: the file's own, else studio, or none beside --light)")
     add("--light", dest="lights", action="append", default=[], metavar="KIND:...",
-        help="add a light; in raster render and batch also random, for lights by --seed in place of the file's")
+        help="add a light; with render and batch, random puts lights made by --seed in the place of the file's")
 
     group = parser.add_argument_group("shadow")
     add = group.add_argument
     add("--shadows", action="store_true", help="all lights but ambient ones cast shadows, unless one says shadow=no")
     add("--shadow-size", type=int, metavar="N", help="texels along the side of shadow maps, 16 to 8192 (default 1024)")
     add("--shadow-filter", type=int, metavar="N",
-        help="texels that soften the edges of shadows, odd, 1 (hard) to 9 (default 1)")
+        help="texels along the square over which edges of shadows are softened, odd, 1 (hard) to 9 (default 1)")
     if not is_compared:
-        _add_option(group, "ground", "the tabletop: a key light with its shadow in place of the studio's, and a soft "
-                    "shadow on the ground, in pictures' alpha (default: none, or as a scene file says)")
+        _add_option(group, "ground", "stand the model on a ground: a soft shadow lies under it, also in pictures' alpha, "
+                    "and the tabletop's lights replace the studio's (default: as a scene file says, else not)")
 
     group = parser.add_argument_group("picture")
     add = group.add_argument
     add("-b", "--background", type=values.color, metavar="COLOR",
-        help="colour, or transparent (default, but for a scene file with a background)")
+        help="colour behind the model, or transparent (default: that of a scene file, else transparent)")
     add("--depth-cue", type=values.depth_cue, default=UNSAID, metavar="D[,start=S][,color=C]",
-        help="let what is further away fade to the colour C (default black): d units behind S (default 0), D/(D+d) is "
-        "left; none = not even as the scene file says")
+        help="fade to the colour C (default black) with distance: d units beyond S (default 0) the share D/(D+d) of a "
+        "colour is left; none = no depth cue, whatever a scene file says")
     _add_option(group, "color_range",
-                "what becomes of colours too bright: cut off, the picture darkened, or the pixel darkened")
-    _add_option(group, "exposure", "multiply the light by 2^STOPS, the background not (default 0)", metavar="STOPS")
+                "colours brighter than white are cut off, or the picture is darkened, or the pixel")
+    _add_option(group, "exposure", "multiply the light by 2^STOPS, but not the background (default 0)", metavar="STOPS")
     _add_option(group, "spectral", f"compute with N samples of the spectrum, {MIN_WAVES} to {MAX_WAVES} "
                 "(default: 81 where a light or material has one, else three colours)", metavar="N")
     if not is_compared:
-        _add_option(group, "edges", "edges of polygons drawn over the picture where nothing hides them, with commas "
+        _add_option(group, "edges", "draw edges of polygons over the picture where nothing hides them, with commas "
                     "between: wire (all), crease (where faces meet at more than the crease angle, or end), silhouette, "
                     "all (default: none)", type=values.edge_types, metavar="LIST")
-        _add_option(group, "edge_color", "of the edges (default black)", type=values.color, metavar="COLOR")
-        _add_option(group, "edge_width", "of the edges, in pixels", metavar="PX")
+        _add_option(group, "edge_color", "colour of the edges (default black)", type=values.color, metavar="COLOR")
+        _add_option(group, "edge_width", "width of the edges, in pixels", metavar="PX")
 
     group = parser.add_argument_group("speed")
     if not is_compared:
         _add_option(group, "tolerance", "error accepted, in linear intensity with white = 1; 0 = all in float64 "
-                    "(default 1/4096: 8-bit values are off by one level at most, but next to steps of the light)",
+                    "(default 1/4096: 8-bit values are off by one level at most, except next to steps of the light)",
                     type=values.fraction, metavar="T")
     _add_option(group, "threads", "threads that draw a picture (default: all that the process may use)", metavar="N")
     return group

@@ -22,12 +22,12 @@ Say what is in each model, without drawing it.
 
   faces, vertices    triangles, and the different positions that they use
   bounds             lowest and highest corner, in scene units
-  watertight         whether every edge has triangles on both sides, turned the
-                     same way; the edges that haven't are counted
+  watertight         whether every edge has triangles on both sides, wound the
+                     same way; edges that haven't are counted
   bodies             parts that share no edge
   up                 the axis that raster render takes
   up guess           what the shape says
-  not drawn          what the file holds and no picture shows
+  not drawn          what the file holds and pictures don't show
 """
 _EXAMPLES = """\
 examples:

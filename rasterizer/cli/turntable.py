@@ -50,11 +50,11 @@ def add_flags(parser) -> None:
     add = parser.add_argument_group("turn").add_argument
     add("--frames", type=values.whole, metavar="N",
         help=f"pictures of one round (default {_FRAMES}, or as many as --fps and --seconds make)")  # fmt: skip
-    add("--seconds", type=values.number, metavar="S", help=f"that a round takes (default {_SECONDS:g})")
-    add("--fps", type=values.number, metavar="N", help="frames a second, instead of --frames or of --seconds")
+    add("--seconds", type=values.number, metavar="S", help=f"length of a round (default {_SECONDS:g})")
+    add("--fps", type=values.number, metavar="N", help="frames a second, in place of --frames or --seconds")
     add("--turn", type=values.number, default=360.0, metavar="A",
-        help="degrees of the round, or with a minus sign the other way round (default 360)")  # fmt: skip
-    add("--loop", type=values.whole, default=0, metavar="N", help="how often it is shown (default 0: again and again)")
+        help="degrees of the round; with a minus sign it goes the other way (default 360)")  # fmt: skip
+    add("--loop", type=values.whole, default=0, metavar="N", help="how often it is played (default 0: again and again)")
     add_camera(parser, False, "at the first frame", "frame = show all of the model in every frame (default)")
     add_look(parser)
 

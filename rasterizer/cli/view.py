@@ -11,9 +11,9 @@ from .messages import compilation_shown, print_text
 IMPORTS = ("drawing",)
 _DESCRIPTION = """\
 Show a model in a page of your browser, to be turned, moved and zoomed. A click tells which face is seen, of which
-object, where it is and how it is turned. At rest it is drawn as raster render draws it, on the page's colour where
+object, and its position and normal. At rest it is drawn as raster render draws it, on the page's colour where
 it has no background. While something moves it is drawn with one sample a pixel, and smaller where that takes long. The
-page says the camera in flags of raster render.
+page shows the flags of raster render that draw the same view.
 """
 _PAGE = """\
 The address on stdout is served to this machine alone, and holds a random token. Over SSH: ssh -L 8000:localhost:8000

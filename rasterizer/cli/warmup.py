@@ -28,7 +28,7 @@ def add_flags(parser) -> None:
         "(default: the user's own store, which raster doctor names)",
     )
     parser.add_argument(
-        "--cpu", choices=PROCESSOR_LEVELS, help="what the code shall run on (default: this machine's processor)"
+        "--cpu", choices=PROCESSOR_LEVELS, help="the processors that the code is for (default: this machine's)"
     )
     add_messages(parser)
 

@@ -170,14 +170,14 @@ def test_a_camera_that_looks_down_the_axis_turns_its_picture():
     assert not deviations(tops, [[0, 0, -1], [-1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-12)
 
 
-def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_once(capsys):
+def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_of_each_model(capsys):
     def turn(*argv):
         few = ["-s", "48x36", "--threads", "1", "--frames", "2", "--shading", "gouraud", "--preset", "tabletop"]
         assert raster("turntable", CUBE, *few, *argv) == 0
         return capsys.readouterr().err.count("no shadow on the ground")
 
     shutil.copy(CUBE, "again.obj")
-    assert turn("again.obj", "-o", "{stem}.gif", "--ground") == 1
+    assert turn("again.obj", "-o", "{stem}.gif", "--ground") == 2
     kept = open("cube.gif", "rb").read()
     for argv in (["--no-ground"], ["-q", "--ground"]):
         assert turn("-o", "cube.gif", *argv) == 0 and open("cube.gif", "rb").read() == kept, argv
