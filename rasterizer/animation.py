@@ -134,8 +134,8 @@ def turntable(
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
     n_frame = whole(n_frame, "n_frame", 1, _MAX_FRAMES)
-    side, others = divided(words, Viewpoint)
-    viewpoint, others = viewpoint_of(side), others | {"outputs": "rgb"}
+    view_words, others = divided(words, Viewpoint)
+    viewpoint, others = viewpoint_of(view_words), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]
     look = Look(**divided(others, Look)[0])
     read = read_source(scene, camera=viewpoint.of_file, **look.reading)

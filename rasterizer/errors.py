@@ -82,14 +82,14 @@ def one_file(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def told_of(what: object) -> Iterator[None]:
+def named_in_errors(what: object) -> Iterator[None]:
     """Begin the message of a fault inside the block with what it is about."""
     try:
         yield
     except (ModelError, SceneError) as fault:
-        told = type(fault)(f"{what}: {cut(fault, 400)}")
-        vars(told).update(vars(fault))  # whether it is internal
-        raise told from fault
+        named = type(fault)(f"{what}: {cut(fault, 400)}")
+        vars(named).update(vars(fault))  # whether it is internal
+        raise named from fault
 
 
 def warn_caller(text: str) -> None:

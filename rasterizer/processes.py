@@ -26,7 +26,7 @@ _GLANCE = 0.2  # seconds between looks at who has started a process
 # A thread a process for numpy's libraries. And a process that keeps a model is no leak, for which loky would end it.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _SETTINGS = {"PYTHONSAFEPATH": "1", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e18"}
-_NO_LEAKS = "ignore::UserWarning:loky.backend.resource_tracker"  # told of processes that were killed
+_NO_LEAKS = "ignore::UserWarning:loky.backend.resource_tracker"  # warned of where processes were killed
 _executors: "weakref.WeakSet[Executor]" = weakref.WeakSet()  # that run
 _folders: set[str] = set()  # that are there
 _starting = threading.Lock()

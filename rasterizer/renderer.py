@@ -31,7 +31,7 @@ from .viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     from .keywords import Unpack
-    from .words import RenderWords, SceneWords, SideWords
+    from .words import RenderWords, SceneWords, ViewpointWords
 
 
 @takes_words(Viewpoint, Look, Options, but=("size",))
@@ -67,7 +67,7 @@ def render(
     fov : degrees, vertical field of view of the camera that frames, or stands at `eye`; None = 30
     ortho : without perspective; with `eye`, the target keeps its size
     zoom : enlarges the middle of the picture as many times
-    margin : share of the picture that stays empty on each side; None = 0.05
+    margin : share of the picture that stays empty at each border; None = 0.05
     eye, target : three numbers each, where the camera stands, and what it looks at; None = the middle of the scene
 
     How the model looks
@@ -115,8 +115,8 @@ def render(
     if TYPE_CHECKING:  # how Jedi finds the words
         Viewpoint(**words)
         Renderer(scene, size, **words)
-    side, others = divided(words, Viewpoint)
-    viewpoint = viewpoint_of(side)  # what is not legal is told before a file is read
+    view_words, others = divided(words, Viewpoint)
+    viewpoint = viewpoint_of(view_words)  # what is not legal is refused before a file is read
     with Renderer(scene, size, options=options, camera=viewpoint.of_file, **others) as renderer:
         is_framed = viewpoint.camera is None and viewpoint.eye is None and renderer.scene.camera is None
         if is_framed and others.get("up") is None:
@@ -221,9 +221,9 @@ class Renderer:
         camera: Camera | str | os.PathLike[str] | None = None,
         *,
         out: NDArray[np.uint8] | None = None,
-        **words: Unpack[SideWords],
+        **words: Unpack[ViewpointWords],
     ) -> Frame:
-        """Render the scene through its own camera, or through another one, or framed from a side.
+        """Render the scene through its own camera, or through another one, or as words frame it.
 
         Parameters
         ----------
@@ -371,6 +371,6 @@ def load_look(
             made = Options(**own | chosen)
         except SceneError as fault:
             raise SceneError(f"{name_of(source)}: options: {fault}") from fault
-    if camera is None and look.up is not None and scene.camera is not None:  # another side is meant
+    if camera is None and look.up is not None and scene.camera is not None:  # another view is meant
         scene = replace(scene, camera=None)
     return SceneFile(look.over(look_of_file).change(scene, made.shading, made.ground), made, framing)

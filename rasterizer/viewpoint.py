@@ -174,7 +174,7 @@ def check_words(words: Mapping[str, Any], mark: str = "") -> None:
     given = words_given(words)
     if given and camera is not None and not (isinstance(camera, str) and camera == "frame"):
         others = ", ".join(mark + name for name in given)
-        raise SceneError(f"a picture has a camera, or a side that it is framed from; given {mark}camera, {others}")
+        raise SceneError(f"a picture has a camera, or words that frame it; given {mark}camera, {others}")
     if words["eye"] is None and words["target"] is not None:
         raise SceneError(f"{mark}target needs {mark}eye")
     if words["eye"] is not None and not _FRAMED.isdisjoint(given):

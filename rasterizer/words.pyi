@@ -55,7 +55,7 @@ class LookWords(TypedDict, total=False):
     drop_bad_faces: bool
     allow_outside: bool
 
-class SideWords(TypedDict, total=False):
+class ViewpointWords(TypedDict, total=False):
     """Fields of `Viewpoint`."""
 
     view: ViewName | Sequence[float] | None
@@ -68,7 +68,7 @@ class SideWords(TypedDict, total=False):
     eye: VectorLike | None
     target: VectorLike | None
 
-class ViewWords(SideWords, total=False):
+class ViewWords(ViewpointWords, total=False):
     """All fields of `Viewpoint`."""
 
     camera: Camera | str | os.PathLike[str] | None

@@ -61,8 +61,8 @@ def explain(
     """
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
-    side, others = divided(words, Viewpoint)
-    viewpoint = viewpoint_of(side)
+    view_words, others = divided(words, Viewpoint)
+    viewpoint = viewpoint_of(view_words)
     scene, options, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
     camera = viewpoint.over(framing).camera_of(scene, options.size)
     found = explaining.explain(replace(scene, camera=camera), x, y, options)

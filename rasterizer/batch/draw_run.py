@@ -177,7 +177,7 @@ def _annotate(model: Model, options: Options, frame: Frame, kept: dict[str, Any]
 
 def view_of(task: RenderTask) -> bytes:
     """Return what tells the view and look of a task from others of its model."""
-    return pickle.dumps((task.side, task.view, task.look, task.lights, task.seed))
+    return pickle.dumps((task.view_words, task.view, task.look, task.lights, task.seed))
 
 
 def lights_of(scene: Scene, task: RenderTask) -> Any:
@@ -191,10 +191,10 @@ def lights_of(scene: Scene, task: RenderTask) -> Any:
 def side_of(scene: Scene, task: RenderTask, size: tuple[int, int]) -> dict[str, Any]:
     """Return the words that say where a picture is taken from."""
     if not is_random(task.view):
-        return task.side
+        return task.view_words
     settings: dict[str, Any] = {"seed": task.seed, "size": size}
     given: Any = {} if isinstance(task.view, str) else task.view
-    return task.side | {"camera": Camera.random(scene, **settings | dict(given))}
+    return task.view_words | {"camera": Camera.random(scene, **settings | dict(given))}
 
 
 def encode(frame: Frame, task: RenderTask, options: Options) -> dict[str, bytes]:

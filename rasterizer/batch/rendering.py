@@ -186,7 +186,7 @@ class Batch:
         if record is None:
             if counts.failed and not counts.drawn + counts.skipped:
                 first, self._first_error = self._first_error, None
-                if first is not None:  # it is told once
+                if first is not None:  # it is raised once
                     raise RasterizerError(
                         f"{counts.failed} of {counts.failed} tasks failed; the first: {first}"
                     ) from first

@@ -129,7 +129,7 @@ class RenderTask:
         from ..io.array_files import check_arrays
         from ..io.camera_file import viewpoint_of
 
-        viewpoint_of(self.side)
+        viewpoint_of(self.view_words)
         options = self.options_over({})
         files = self.files(options)
         for path, names in files.items():
@@ -142,7 +142,7 @@ class RenderTask:
                 check_arrays(held, suffix[1:], self.scale_in(path, names))
         if self.scale is not None and not any(self.scale_in(*each) for each in files.items()):
             raise SceneError(f"scale is that of depth in a PNG file, and none is written; given {shown(self.scale)}")
-        pickle.dumps((self.side, self.look, self.view, self.lights))  # other processes get them
+        pickle.dumps((self.view_words, self.look, self.view, self.lights))  # other processes get them
         return options
 
     def scale_in(self, path: str, names: tuple[str, ...]) -> float | None:
@@ -210,7 +210,7 @@ class RenderTask:
         return divided(self.options, Look)[0] if isinstance(self.options, Mapping) else {}
 
     @property
-    def side(self) -> dict[str, Any]:
+    def view_words(self) -> dict[str, Any]:
         """The words that say where its picture is taken from, but for a random view."""
         words = divided(self.options, Viewpoint)[0] if isinstance(self.options, Mapping) else {}
         return words | {"view": None if is_random(self.view) else self.view, "camera": self.camera}

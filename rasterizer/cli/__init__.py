@@ -101,7 +101,7 @@ def _guarded(argv, is_imported) -> int:
                 return _run(arguments, messages, is_imported)
         finally:
             if sys.stdout is not None:
-                write_stdout(b"")  # help is flushed here, where a fault can still be told
+                write_stdout(b"")  # help is flushed here, where a fault can still be said
     except BrokenPipeError:  # the reader has seen enough
         return NO_OUTPUT
     except RasterizerError as error:

@@ -115,13 +115,13 @@ def _version_of(name) -> str | None:
 
 
 def _cpu_name() -> str | None:
-    """The processor's model name, and the best level of processors that it belongs to; None where it can't be told."""
+    """The processor's model name, and the best level of processors that it belongs to; None where that isn't known."""
     try:
         from ..analysis.timing import describe_machine
         from ..compiler.fingerprint import usable_processors
 
         return f"{describe_machine()['cpu']} ({', '.join(usable_processors()[1:2]) or 'no level'})"
-    except ImportError:  # numpy or llvmlite is missing, which is told
+    except ImportError:  # numpy or llvmlite is missing, which is said elsewhere
         return platform.processor() or platform.machine()
 
 

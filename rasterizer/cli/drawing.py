@@ -102,7 +102,7 @@ def _why_empty(stats, scene, request, camera) -> str:
     if request.viewpoint.eye is not None:
         low, high = ("(" + ", ".join(f"{value:g}" for value in corner) + ")" for corner in scene.bounds)
         return f"{cause}the model reaches from {low} to {high}; try another --eye or --target, or leave --eye out"
-    if scene.camera is not None and not request.is_side_given:
+    if scene.camera is not None and not request.is_view_given:
         return f"{cause}the camera of the file sees nothing of it; try --view iso"
     if request.viewpoint.zoom > 1.0:
         return f"{cause}try a smaller --zoom"

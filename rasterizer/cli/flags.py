@@ -239,8 +239,8 @@ def add_look(parser, is_compared=False):
     add("--shadow-filter", type=int, metavar="N",
         help="texels along the square over which edges of shadows are softened, odd, 1 (hard) to 9 (default 1)")
     if not is_compared:
-        _add_option(group, "ground", "stand the model on a ground: a soft shadow lies under it, also in pictures' alpha, "
-                    "and the tabletop's lights replace the studio's (default: as a scene file says, else not)")
+        _add_option(group, "ground", "stand the model on a ground: a soft shadow lies under it, also in pictures' "
+                    "alpha, and the tabletop's lights replace the studio's (default: as a scene file says, else not)")
 
     group = parser.add_argument_group("picture")
     add = group.add_argument

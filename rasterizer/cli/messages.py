@@ -107,7 +107,7 @@ class Failures(list):
     Parameters
     ----------
     messages : Messages
-    is_json : whether each is also told as a line of JSON
+    is_json : whether each is also printed as a line of JSON
     """
 
     def __init__(self, messages, is_json: bool = False):

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import ModelError, SceneError, told_of
+from ..errors import ModelError, SceneError, named_in_errors
 from ..io import formats
 from ..io.loader import SceneFile, doubt_of_up, read_source
 from ..io.model_file import noticing_progress
@@ -82,10 +82,10 @@ def load_scene(model, request, messages, files_read=None, read=None) -> Loaded:
     with noted_warnings() as texts:
         with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show if bar.is_shown else None):
             read = _read(model, request, messages, files_read, read)
-        with told_of(f"{model}: options"):
+        with named_in_errors(f"{model}: options"):
             request = request.over(read)
         shading = None if request.is_compared else request.options.shading
-        with told_of(model):
+        with named_in_errors(model):
             scene = request.look.change(read.scene, shading, request.options.ground, request.shadow_fields)
         if request.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
             name = next(iter(request.shadow_fields))
@@ -107,7 +107,7 @@ def noted_warnings():
 
 
 def _read(model, request, messages, files_read, read) -> SceneFile:
-    """Read a model, unless `read` is it; messages are told of its camera and its upward axis."""
+    """Read a model, unless `read` is it; say what is noted of its camera and its upward axis."""
     look, is_own = request.look, request.viewpoint.of_file == "file"
     if read is None:
         source = source_of(model, look.format)
@@ -115,7 +115,7 @@ def _read(model, request, messages, files_read, read) -> SceneFile:
         read = read_source(source, camera="file", **look.reading, log=log, files_read=files_read)
     entry, scene = formats.find(look.format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
-        is_dropped = request.is_up_given and not is_own  # another side is meant
+        is_dropped = request.is_up_given and not is_own  # another view is meant
     else:
         is_dropped = scene.camera is not None and not is_own
         if is_dropped:

@@ -1,5 +1,5 @@
 """What is written. Names and formats are known and checked before the first model is loaded. A file appears whole or
-not at all, those of a picture together, and never in place of one that the run is told to read or has read.
+not at all, those of a picture together, and never in place of one that the run is to read, or has read.
 """
 
 import os

@@ -65,7 +65,7 @@ def draw_in_processes(
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not request.is_json)
     failures, summary = Failures(messages, request.is_json), RenderSummary()
-    told: dict[str, dict[str, Exception]] = {shot.source: {} for shot in shots}  # by the model and the text
+    said_of: dict[str, dict[str, Exception]] = {shot.source: {} for shot in shots}  # by the model and the text
     draw = partial(draw_shots, draw, replace(request, models=(), views=()))  # a shot has its own of both
     with compilation_shown(messages), Batch(iter(shots), pool, existing, manifest, draw) as batch:
         try:
@@ -75,12 +75,12 @@ def draw_in_processes(
                 messages.warn(*record.warnings)
                 for name, what in record.remarks or ():
                     getattr(results if name == "tell" else messages, name)(*what)
-                if error is not None and told[shot.source].setdefault(str(error), error) is error:
+                if error is not None and said_of[shot.source].setdefault(str(error), error) is error:
                     failures.tell(shot.source, error)
         except RasterizerError:
             if batch.summary.failed < len(shots):
-                raise  # else each of them was told
-    failures += [next(iter(errors.values())) for errors in told.values() if errors]
+                raise  # else each of them was said
+    failures += [next(iter(errors.values())) for errors in said_of.values() if errors]
     summary.first_error = str(failures[0]) if failures else None
     return failures, summary
 
@@ -121,7 +121,7 @@ class HeldMessages(Messages):
 
 
 class HeldOutput:
-    """Keep what is to be written, and what is told of it."""
+    """Keep what is to be written, and what is said of it."""
 
     def __init__(self, said):
         self.results, self._said, self.contents = self, said, {}
@@ -140,7 +140,7 @@ def draw_shots(draw, request, run: Run, shared, kept) -> list[Drawn] | None:
     if not is_seen(run):
         return None
     drawn, made = [], ()
-    # Who has sent the work has told that kernels are compiled.
+    # The process that has sent the work has said that kernels are compiled.
     with noticing_compilation(lambda *_: None), ExitStack() as stack:
         for shot, _ in run.tasks:
             start, messages, error, said = perf_counter(), HeldMessages(request.level), None, None

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
-from ..errors import ModelError, SceneError, cut, told_of
+from ..errors import ModelError, SceneError, cut, named_in_errors
 from ..io.loader import SceneFile
 from ..look import Look
 from ..options import Options
@@ -26,7 +26,7 @@ from ..viewpoint import Viewpoint, check_words, words_given, zoomed
 from .flags import EVERY, UNSAID
 from .values import make_light
 
-_SIDE = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
+_VIEWPOINT = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
 _LOOK = ("preset", "background", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
          "allow_outside", "scalars", "cmap", "clim")  # fmt: skip
 _FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing", "colorbar")
@@ -75,11 +75,11 @@ class Request:
     of_file: frozenset[str]  # names of the options that a scene file decides
     look: Look
     shadow_fields: Mapping[str, int]  # fields of Shadow to replace, of lights that cast one
-    is_compared: bool  # shading is what a command compares, not what it is told
+    is_compared: bool  # shading is what a command compares, no option
     viewpoint: Viewpoint  # but for the view
     views: tuple[str | None, ...]  # names of views, and random-SEED; None = where the other words say
     framing: Viewpoint | None = None  # that a scene file asks for
-    is_side_given: bool  # whether any flag but --zoom and --camera says where the picture is taken from, and how
+    is_view_given: bool  # whether any flag but --zoom and --camera says where the picture is taken from, and how
     is_up_given: bool
     seed_of_lights: int | None  # of random lights, where they are asked for
     read: tuple[str, ...]  # files that flags name, but for the models
@@ -137,8 +137,9 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     is_random = can_be_random and RANDOM in lights
     if is_random and len(lights) > 1:
         raise SceneError("--light random takes the place of all lights; given another --light beside it")
-    side = {
-        name: take(name, default) for name, default in {**dict.fromkeys(_SIDE), "ortho": False, "zoom": 1.0}.items()
+    view_words = {
+        name: take(name, default)
+        for name, default in {**dict.fromkeys(_VIEWPOINT), "ortho": False, "zoom": 1.0}.items()
     }
     views, seed = _numbered_views(take("views", []), take("seed", None), is_random)
     shadow_fields = {"size": take("shadow_size", None), "filter": take("shadow_filter", None)}
@@ -160,12 +161,12 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
         look=_make_look(words, materials),
         shadow_fields={} if has_shadows else shadow_fields,
         is_compared=is_compared,
-        viewpoint=_make_viewpoint(side, views, up, options.size),
+        viewpoint=_make_viewpoint(view_words, views, up, options.size),
         views=views,
-        is_side_given=bool(views != (None,) or up is not None or words_given({"view": None} | side)),
+        is_view_given=bool(views != (None,) or up is not None or words_given({"view": None} | view_words)),
         is_up_given=up is not None,
         seed_of_lights=seed if is_random else None,
-        read=tuple(_files_named(materials, side["camera"], scalars)),
+        read=tuple(_files_named(materials, view_words["camera"], scalars)),
         files=files,
         is_json=take("json", False),
         level=take("level", None),
@@ -237,7 +238,7 @@ def _make_look(words: dict[str, Any], materials: list[dict[str, Any]]) -> Look:
             raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
     if not material:
         return Look(**words)
-    with told_of("--material"):
+    with named_in_errors("--material"):
         fields_of_material = Look(material=material, reflection=reflection).material
     return Look(**words | {"material": fields_of_material})
 
@@ -246,7 +247,7 @@ def _depth_cue(given: Any) -> Any:
     """Return what Look takes for --depth-cue."""
     if given is None or given == UNSAID:
         return None if given == UNSAID else "none"
-    with told_of("--depth-cue"):
+    with named_in_errors("--depth-cue"):
         return DepthCue(**given)
 
 
@@ -273,25 +274,25 @@ def _numbered_views(words: Any, seed: int | None, has_random_lights: bool) -> tu
     return tuple(names) or (None,), seed
 
 
-def _make_viewpoint(side: dict[str, Any], views: Any, up: str | None, size: tuple[int, int]) -> Viewpoint:
+def _make_viewpoint(view_words: dict[str, Any], views: Any, up: str | None, size: tuple[int, int]) -> Viewpoint:
     """Make the Viewpoint of all views; SceneError where no model could be looked at like this: something stands in for
     the model."""
     named = [view for view in views if seed_of(view) is None]
     for view in named:
-        check_words(side | {"view": view}, "--")
+        check_words(view_words | {"view": view}, "--")
     if len(named) < len(views):
-        check_words(side | {"view": None}, "--")
-        given = ["camera"] * (side["camera"] not in (None, "frame")) + words_given(side | {"view": None})
+        check_words(view_words | {"view": None}, "--")
+        given = ["camera"] * (view_words["camera"] not in (None, "frame")) + words_given(view_words | {"view": None})
         if given:
             raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
-    if side["camera"] in (None, "file", "frame"):
-        viewpoint = Viewpoint(**side)
+    if view_words["camera"] in (None, "file", "frame"):
+        viewpoint = Viewpoint(**view_words)
     else:
         from ..io.camera_file import viewpoint_of  # only here: most pictures need no file
 
-        viewpoint = viewpoint_of(side)
-    if side["camera"] != "file" and (named != [None] or words_given(side | {"view": None})):
-        box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (side["eye"] or (0.0, 0.0, 0.0))
+        viewpoint = viewpoint_of(view_words)
+    if view_words["camera"] != "file" and (named != [None] or words_given(view_words | {"view": None})):
+        box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (view_words["eye"] or (0.0, 0.0, 0.0))
         scene = SimpleNamespace(camera=None, bounds=box, up="y" if up in (None, "auto") else up)
         viewpoint.camera_of(scene, size, lambda: box)
     return viewpoint

@@ -21,7 +21,7 @@ _VIEWS = ("iso", "front", "right", "back", "left", "top")  # of one model
 _DESCRIPTION = f"""\
 Lay pictures on one sheet, with labels: several views of one model
 ({", ".join(_VIEWS)} unless --view says others), or many
-models from one side; with many models and several views each model has a row.
+models from one view; with many models and several views each model has a row.
 """
 _EXAMPLES = """\
 examples:
@@ -62,8 +62,11 @@ def run(request, messages, *, columns, rows, gap, has_labels) -> tuple[list, int
     start = perf_counter()
     _check_grid(columns, rows, gap)
     request = replace(request, of_file=request.of_file - {"size"})  # its pictures are of one size
-    side, plan = request.viewpoint, plan_sheet(request)
-    is_framed = side.camera in (None, "frame") and side.view is side.eye is side.azimuth is side.elevation is None
+    viewpoint, plan = request.viewpoint, plan_sheet(request)
+    is_framed = (
+        viewpoint.camera in (None, "frame")
+        and viewpoint.view is viewpoint.eye is viewpoint.azimuth is viewpoint.elevation is None
+    )
     if request.views == (None,) and is_framed and len(plan) == 1:
         request = replace(request, views=_VIEWS)
         plan = plan_sheet(request)

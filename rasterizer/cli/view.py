@@ -61,7 +61,7 @@ def run(request, messages, *, is_opened, is_once, port) -> tuple[list, int]:
     (model, *others), (view, *other_views) = list_models(request), request.views
     if others or other_views:
         given = f"{1 + len(others)} models, {1 + len(other_views)} views"
-        raise SceneError(f"view shows one model, from one side at first; given {given}")
+        raise SceneError(f"view shows one model, from one view at first; given {given}")
     session = _open_session(model, view, request, messages)
     server = Server(session, port, is_once=is_once, note=messages.warn)
     try:
@@ -86,7 +86,7 @@ def _open_session(model, view, request, messages):
     loaded = load_scene(model, request, messages)
     scene, request = loaded.scene, loaded.request
     options = {name: value for name, value in vars(request.options).items() if name not in ("size", "outputs")}
-    is_framed = scene.camera is None and request.framing is None and not request.is_side_given
+    is_framed = scene.camera is None and request.framing is None and not request.is_view_given
     camera = None if is_framed and request.viewpoint.zoom == 1.0 else request.camera_of(view, scene)
     session = Session(scene, camera=camera, title=os.path.basename(model), **options)
     with compilation_shown(messages):

@@ -193,7 +193,7 @@ def _text(scale: float, offset: float, unit: str) -> dict[str, str]:
 
 
 def encode_exr(arrays: dict[str, NDArray]) -> bytes:
-    """Return arrays by name as the bytes of an EXR file: its channels are told at the top of this file.
+    """Return arrays by name as the bytes of an EXR file: its channels are listed at the top of this file.
 
     Colours are multiplied by the array "alpha", where there is one.
 

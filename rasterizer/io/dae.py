@@ -76,7 +76,7 @@ def _check(model, text) -> Contents:
     """Count what a document asks for before anybody follows it; return what it says of itself."""
     check_tree(model, text)
     for counts in _VCOUNT.findall(text):
-        model.allowance.make(_CORNER * sum(int(word[:18]) for word in counts.split() if word.isdigit()))
+        model.limits.count_bytes(_CORNER * sum(int(word[:18]) for word in counts.split() if word.isdigit()))
     graph = Graph(model)
     unit, axis, others, stride, n_corner = "1", "", set(), 1, 1
 
@@ -88,11 +88,11 @@ def _check(model, text) -> Contents:
             graph.open(attributes.get("id") or f"a {word} at {graph.n_opened}", above)
         elif word in ("instance_node", "instance_geometry", "instance_controller", "instance_visual_scene"):
             graph.add(attributes.get("url", "").removeprefix("#"), above)
-            model.allowance.show(_SLOW)
+            model.limits.count_meshes(_SLOW)
         elif word in ("skin", "morph"):
             graph.add(attributes.get("source", "").removeprefix("#"), above)
         elif word in _PRIMITIVES:
-            model.allowance.show(_SLOW)
+            model.limits.count_meshes(_SLOW)
             stride, n_corner = 1, 3 if word == "triangles" else 1  # a polygon may have a triangle a corner
         elif word == "input":
             offset = attributes.get("offset", "0")
@@ -231,7 +231,7 @@ class _Reader:
         is_of_triangles = type(primitive).__name__ == "TriangleSet"
         counts = np.full(len(table) // 3, 3) if is_of_triangles else np.asarray(primitive.vcounts, np.int64)
         if counts.min(initial=0) < 0 or counts.sum() != len(table):
-            raise self._model.error(f"mesh '{cut(name, 80)}': {len(table)} corners, {counts.sum()} are told")
+            raise self._model.error(f"mesh '{cut(name, 80)}': {len(table)} corners, {counts.sum()} are stated")
 
         def place(polygon):
             return f": mesh '{cut(name, 80)}', polygon {polygon}"

@@ -76,10 +76,10 @@ def read_gltf(model: ModelFile) -> Contents:
             number: [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
             for number in dict.fromkeys(pose.mesh for pose, _ in shown)
         }
-        model.allowance.show(sum(len(primitives[pose.mesh]) for pose, _ in shown))
+        model.limits.count_meshes(sum(len(primitives[pose.mesh]) for pose, _ in shown))
         poses = {pose: _weights_of(tree, pose) for pose in dict.fromkeys(pose for pose, _ in shown)}
         for pose, weights in poses.items():
-            model.allowance.make(sum(_n_byte(tree, each, pose, weights) for each in primitives[pose.mesh]))
+            model.limits.count_bytes(sum(_n_byte(tree, each, pose, weights) for each in primitives[pose.mesh]))
         listed = [primitive for each in primitives.values() for primitive in each]
         used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
@@ -401,7 +401,7 @@ class Buffers:
             if len(data) < length:
                 raise Fault(f"buffer {number} must have {length} bytes, but has {len(data)}")
             if not buffer.get("uri", "data:").startswith("data:"):
-                self.model.allowance.n_byte += len(data)
+                self.model.limits.n_byte += len(data)
             self._buffers[number] = data
         return self._buffers[number]
 
@@ -435,7 +435,7 @@ class Buffers:
             return rows
         if count < 1:
             raise Fault(f"{label}: {count} rows; 1 is needed")
-        self.model.allowance.make(count * width * dtype.itemsize)
+        self.model.limits.count_bytes(count * width * dtype.itemsize)
         made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
         if "sparse" in accessor:
             self._replace(made, accessor["sparse"], label)

@@ -155,24 +155,7 @@ def load(
     UserWarning : materials, textures or texture coordinates that the file uses are missing or unreadable, values of
         materials that are taken otherwise than they stand there, polygons that cross themselves
     """
-    return read_source(
-        source,
-        format=format,
-        crease_angle=crease_angle,
-        up=up,
-        lights=lights,
-        camera=camera,
-        background=background,
-        depth_cue=depth_cue,
-        weighting=weighting,
-        drop_bad_faces=drop_bad_faces,
-        scalars=scalars,
-        cmap=cmap,
-        clim=clim,
-        log=log,
-        allow_outside=allow_outside,
-        files_read=files_read,
-    ).finished_scene()
+    return read_source(**locals()).finished_scene()
 
 
 def read_source(
@@ -336,7 +319,7 @@ def load_model(
     Returns and raises what `load` does.
     """
     name = name_of(source)
-    with one_file(name), np.errstate(invalid="ignore"):  # numbers that aren't finite are refused, or told of
+    with one_file(name), np.errstate(invalid="ignore"):  # numbers that aren't finite are refused, or reported
         entry = formats.format_of(name, format, is_scene=False)
         with opened_source(source, name, entry.name if entry.is_binary else "", entry.in_parts) as data:
             if not data[: formats.HEAD].strip() and not data[:].strip():
@@ -411,7 +394,7 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
             made[id(part)] = _make_mesh(model, part, settings)
         mesh = made[id(part)]
         if matrix is not None and not np.array_equal(matrix, np.eye(4)):
-            model.allowance.make(bytes_of_copy(mesh))
+            model.limits.count_bytes(bytes_of_copy(mesh))
             try:
                 mesh = mesh.transformed(matrix)
             except (ModelError, SceneError) as fault:
@@ -490,7 +473,7 @@ def _mend(model, part: Part) -> None:
     """Mend the arrays of a part where that changes nothing that was meant: of every format alike, see `ModelFile.mend`.
 
     Vertices that no face uses may be anywhere; texture coordinates that aren't finite become 0, colours are brought
-    into their range. Normals that are zero or not finite become zero, which is told: a mesh computes those from its
+    into their range. Normals that are zero or not finite become zero, which is reported: a mesh computes those from its
     faces.
     """
     vertices, faces = part["vertices"], part["faces"]

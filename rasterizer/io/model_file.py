@@ -104,7 +104,7 @@ def materials_of(part: Part) -> tuple[Material, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ModelFile:
-    """One file: name for messages, format, bytes, the files that it may name, who is told, and what may be made of
+    """One file: name for messages, format, bytes, the files that it may name, who gets facts, and what may be made of
     it."""
 
     name: str
@@ -112,14 +112,14 @@ class ModelFile:
     data: bytes | LongFile  # the latter where the format is read in parts
     beside: Folder
     log: Callable[[str], object] | None  # None = nobody wants facts
-    allowance: "Allowance" = None  # None = its own, by its size
+    limits: "Limits" = None  # None = its own, by its size
     textures: Budget = None  # counts those that are made of it
 
     def __post_init__(self) -> None:
         if self.textures is None:
             object.__setattr__(self, "textures", Budget(self.name))
-        if self.allowance is None:
-            object.__setattr__(self, "allowance", Allowance(len(self.data), f"{self.name}: "))
+        if self.limits is None:
+            object.__setattr__(self, "limits", Limits(len(self.data), f"{self.name}: "))
 
     def error(self, fault: object, line: int | None = None) -> ModelError:
         """Make the error `name:line: fault`, whose fault is cut."""
@@ -127,10 +127,10 @@ class ModelFile:
 
     def warn(self, fault: object, line: int | None = None) -> None:
         """Warn of `name:line: fault`, cut; of a file that has many faults only of the first."""
-        self.allowance.n_warning += 1
-        if self.allowance.n_warning < MAX_WARNINGS:
+        self.limits.n_warning += 1
+        if self.limits.n_warning < MAX_WARNINGS:
             warn_caller(f"{self._place(line)}: {cut(fault, MAX_MESSAGE)}")
-        elif self.allowance.n_warning == MAX_WARNINGS:
+        elif self.limits.n_warning == MAX_WARNINGS:
             warn_caller(f"{self.name}: there is more to warn of, which is left out")
 
     def tell(self, fact: object, line: int | None = None) -> None:
@@ -141,11 +141,11 @@ class ModelFile:
     def mend(self, noun: str, what: str, n: int = 1) -> None:
         """Count `n` of something that is taken otherwise than it stands in the file: of each kind one warning is made,
         as "2 nodes of scale 0: left out", once the whole file has been read."""
-        self.allowance.mended[noun, what] += int(n)
+        self.limits.mended[noun, what] += int(n)
 
     def warn_of_mended(self) -> None:
         """Warn of what `mend` has counted."""
-        for (noun, what), n in self.allowance.mended.items():
+        for (noun, what), n in self.limits.mended.items():
             if n:
                 self.warn(f"{counted(n, noun)} {what}")
 
@@ -326,7 +326,7 @@ def name_in(text: object) -> str:
     return text[:MAX_NAME] if isinstance(text, str) else str(text)[:MAX_NAME]
 
 
-class Allowance:
+class Limits:
     """Count what is made of one file and those that it names.
 
     Parameters
@@ -340,7 +340,7 @@ class Allowance:
         self.n_made = self.n_mesh = self.n_warning = 0
         self.mended: Counter[tuple[str, str]] = Counter()
 
-    def make(self, n_byte: int) -> None:
+    def count_bytes(self, n_byte: int) -> None:
         """Count bytes of arrays before they are made; ModelError where they are too many."""
         self.n_made += n_byte
         if self.n_made > most(self.n_byte):
@@ -349,7 +349,7 @@ class Allowance:
                 f"{self.name}asks for {self.n_made} bytes of arrays: too many for {size}, {most(self.n_byte)} are legal"
             )
 
-    def show(self, n_mesh: int) -> None:
+    def count_meshes(self, n_mesh: int) -> None:
         """Count meshes, each as often as it is shown; ModelError where they are too many."""
         self.n_mesh += n_mesh
         legal = LEAST_MESHES + self.n_byte // MESH_BYTES

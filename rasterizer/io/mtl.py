@@ -108,7 +108,7 @@ def _library(model, name, known) -> ModelFile | None:
     except (OSError, ValueError):
         return None
     beside = model.beside.below(path.parent)
-    known[identity] = ModelFile(str(path), "mtl", data, beside, model.log, model.allowance)
+    known[identity] = ModelFile(str(path), "mtl", data, beside, model.log, model.limits)
     return known[identity]
 
 

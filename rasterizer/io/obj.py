@@ -125,7 +125,7 @@ def _read_parts(model, lines) -> list[Part]:
         of_groups = np.array([0, *map(_smoothing_group, groups)], np.int32)
         whole["smoothing"] = np.repeat(of_groups, np.diff(group_begins))
     ranges, parts = _object_ranges(whole, object_begins), []
-    model.allowance.show(len(ranges))
+    model.limits.count_meshes(len(ranges))
     laid = {numbers[name]: place for name, place in places.items()}
     for number, begin, end in ranges:
         parts.append(_with_materials(model, _laid(_take_range(whole, begin, end), laid), palette, objects[number]))

@@ -119,7 +119,7 @@ def check_3mf(model: ModelFile, members: dict[str, bytes]) -> tuple[str, bool, b
         elif word in _LAYERED:
             n_layer = len(attributes.get(_LAYERED[word], "").split())
         elif word in ("multi", "composite"):  # each has one number for each layer, also where it says none
-            model.allowance.make(LAYER * n_layer)
+            model.limits.count_bytes(LAYER * n_layer)
         has_looks = has_looks or "pid" in attributes
 
     for name, text in members.items():
@@ -261,8 +261,8 @@ class Graph:
 
         totals = [count(name, 0) for name in self._roots]
         n_node, n_triangle = sum(n for n, _ in totals), sum(n for _, n in totals)
-        self.model.allowance.show(n_node)
-        self.model.allowance.make(_TRIANGLE * n_triangle)
+        self.model.limits.count_meshes(n_node)
+        self.model.limits.count_bytes(_TRIANGLE * n_triangle)
         return n_node
 
 

@@ -14,11 +14,11 @@
                 of all meshes and lights: the words of `Look`, with the meanings that `render` and the command line give
                 them. How a mesh says itself that it is read comes first
 
-A table is the fields of a dataclass, which checks them itself; a fault is told with the tables round it. Names of files
+A table is the fields of a dataclass, which checks them itself; errors name the tables round a fault. Names of files
 are relative to the folder of the scene file; which are read is said in `files.py`. `scene_file_write` writes what is
 read here. Text may be MAX_JSON bytes long: the arrays of large meshes go into .npz files beside it. What else a file
 asks for is bounded before it is spent: MAX_PIXELS of a picture, MAX_CUT_FACES of meshes that are subdivided, and the
-limits of lights and of `Allowance`.
+limits of lights and of `Limits`.
 """
 
 import json
@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, cut, one_file, shown, told_of
+from ..errors import ModelError, SceneError, cut, named_in_errors, one_file, shown
 from ..look import Look
 from ..options import Options
 from ..scene.camera import Camera
@@ -49,7 +49,7 @@ from ..viewpoint import Viewpoint
 from . import formats
 from .files import Folder, name_of, read_source, unpack
 from .loader import SceneFile, load_model
-from .model_file import Allowance, MeshSettings, bytes_of_copy, most
+from .model_file import Limits, MeshSettings, bytes_of_copy, most
 
 MAX_JSON = 2**26  # bytes, whose tables take some 2 GB
 MAX_PIXELS = 2**26  # of a picture: 8192 x 8192
@@ -68,8 +68,8 @@ TEXTURES = ("texture", "metallic_roughness")
 # Tables within a table of fields; those of all other fields are spectra.
 _TABLES: dict[str, Any] = {"shadow": Shadow, "shadows": Shadow, "depth_cue": DepthCue}
 # The words of Viewpoint but `camera`; the last as ortho.
-_SIDE = (*(field.name for field in fields(Viewpoint) if field.name != "camera"), "orthographic")
-_ELSEWHERE = dict.fromkeys(_SIDE, "camera") | {field.name: "options" for field in fields(Options)}
+_VIEWPOINT = (*(field.name for field in fields(Viewpoint) if field.name != "camera"), "orthographic")
+_ELSEWHERE = dict.fromkeys(_VIEWPOINT, "camera") | {field.name: "options" for field in fields(Options)}
 
 
 def read_scene(
@@ -106,8 +106,8 @@ def read_scene(
     reader = _Reader(name, files, log, mesh_settings or MeshSettings())
     with one_file(name):
         data = read_source(source, name)
-        reader.allowance.n_byte += len(data)
-        with told_of(name):
+        reader.limits.n_byte += len(data)
+        with named_in_errors(name):
             return reader.read(_parse(data))
 
 
@@ -130,7 +130,7 @@ def read_camera_file(path: str | os.PathLike[str]) -> Camera | Viewpoint:
     name = name_of(path, "scene")
     with one_file(name):
         data = read_source(path, name)
-        with told_of(name):
+        with named_in_errors(name):
             formats.format_of(name, None, is_scene=True)
             root = _table(_parse(data))
             if "meshes" in root and "camera" not in root:
@@ -189,11 +189,11 @@ def _table(value: Any, legal: Collection[str] | None = None, needed: Collection[
 
 
 def _items(value: Any, name: str) -> Iterator[tuple[Any, Any]]:
-    """Yield what a list holds, each with a context in which faults are told of its place."""
+    """Yield what a list holds, each with a context in which errors name its place."""
     if not isinstance(value, list):
         raise SceneError(f"{name} must be a list; given {shown(value)}")
     for k, item in enumerate(value):
-        yield item, told_of(f"{name}[{k}]")
+        yield item, named_in_errors(f"{name}[{k}]")
 
 
 def _make(cls: Any, value: Any) -> Any:
@@ -207,7 +207,7 @@ def _field(key: str, value: Any) -> Any:
     """Return a field as the classes take it: of a table what it stands for, else what is there."""
     if not isinstance(value, dict):
         return value
-    with told_of(key):
+    with named_in_errors(key):
         if key in _TABLES:
             return _make(_TABLES[key], value)
         return Spectrum(**_table(value, ("wavelengths", "values"), ("wavelengths", "values")))
@@ -215,13 +215,13 @@ def _field(key: str, value: Any) -> Any:
 
 def _read_camera(value: Any) -> Camera | Viewpoint:
     """Read a camera, or words that say where the scene is seen from: which, its fields tell."""
-    with told_of("camera"):
+    with named_in_errors("camera"):
         if isinstance(value, str):
             raise SceneError(f'must be a table, such as {{"view": "iso"}}; given {shown(value)}')
-        of_camera = {field.name for field in fields(Camera)}.difference(_SIDE)
+        of_camera = {field.name for field in fields(Camera)}.difference(_VIEWPOINT)
         if not of_camera.isdisjoint(_table(value)):
             return _make(Camera, value)
-        words = dict(_table(value, _SIDE))
+        words = dict(_table(value, _VIEWPOINT))
         if "orthographic" in words:
             words.setdefault("ortho", words.pop("orthographic"))
         return _make(Viewpoint, words | {"camera": "frame"})
@@ -270,7 +270,7 @@ class _Reader:
 
     def __init__(self, name: str, files: Folder, log: Any, asked: MeshSettings):
         self.files, self.log, self.asked = files, log, asked
-        self.allowance, self.budget = Allowance(0), Budget(name)
+        self.limits, self.budget = Limits(0), Budget(name)
         self.own = MeshSettings()  # of the file, for meshes that say nothing themselves
         self.scalars: dict[str, Any] = {}  # those of its words that are about scalar fields
         self.materials: dict[str, Material] = {}  # by the names of the file's table
@@ -285,7 +285,7 @@ class _Reader:
                 raise SceneError(f"unknown key {key}: {_ELSEWHERE[key]} has it")
         top = _table(root, KEYS, ("meshes",))
         for key, value in _named(top, "materials"):
-            with told_of(f"materials.{cut(key, 80)}"):
+            with named_in_errors(f"materials.{cut(key, 80)}"):
                 self.materials[key] = self._material(value, key)
         words = {key: self._word(key, top[key]) for key in LOOK if top.get(key) is not None}
         lights = {"lights": _read_lights(top["lights"])} if "lights" in top else {}
@@ -304,27 +304,27 @@ class _Reader:
         camera = _read_camera(top["camera"]) if "camera" in top else None
         framing = camera if isinstance(camera, Viewpoint) else None
         scene = Scene(meshes, camera=None if framing else camera, **settings)
-        with told_of("camera"):
+        with named_in_errors("camera"):
             if framing is not None:
                 framing.camera_of(scene, (4, 3), lambda: scene.meshes[0])
-        with told_of("options"):
+        with named_in_errors("options"):
             return SceneFile(scene, _read_options(top.get("options", {})), framing, look)
 
     def _word(self, key: str, value: Any) -> Any:
         """Return a word of Look, checked, as that takes it."""
-        with told_of(key):
+        with named_in_errors(key):
             if key == "material" and isinstance(value, dict):
                 value = self._material_fields(value)
             elif key == "material" and isinstance(value, str):
                 value = self.materials.get(value, value)
         value = _field(key, value)
-        with told_of(key):
+        with named_in_errors(key):
             Look(**{key: value})
         return value
 
     def _check_faces(self, n_face: int, times: int) -> None:
         """Refuse meshes that would have too many faces once they are subdivided."""
-        legal, n_face = max(MAX_CUT_FACES, self.allowance.n_byte), n_face * 4**times
+        legal, n_face = max(MAX_CUT_FACES, self.limits.n_byte), n_face * 4**times
         if times and n_face > legal:
             raise SceneError(f"subdivide: {times} times makes {n_face} faces; a file of its size may have {legal}")
 
@@ -353,7 +353,7 @@ class _Reader:
         path = self._path(name)
         if path not in self._arrays:
             data = self._bytes(path)
-            self.allowance.n_byte += len(data)
+            self.limits.n_byte += len(data)
             self._arrays[path] = read_arrays(data, str(path))
         return self._arrays[path]
 
@@ -386,7 +386,7 @@ class _Reader:
         found = {}
         for key, item in _table(value, [field.name for field in fields(Material)]).items():
             if key in TEXTURES and item is not None:
-                with told_of(key):
+                with named_in_errors(key):
                     item = self._texture(item, Texture if key == "texture" else Texture.of_numbers)
             found[key] = _field(key, item)
         return found
@@ -436,28 +436,28 @@ class _Reader:
         """Return the meshes of a model file with the materials asked for, and its up axis; its camera and lights aren't
         used."""
         _table(table, ("file", *_OF_MESH))
-        with told_of("file"):
+        with named_in_errors("file"):
             path, settings = self._path(table["file"]), self._settings(table)
             if (format := formats.find(path.suffix)) and format.is_scene:
                 raise SceneError(f"must be a model, no scene file; given {shown(table['file'])}")
             key = path, repr(settings)
             if key not in self._models:
                 self.files.read.append(str(path))
-                self.allowance.n_byte += path.stat().st_size
+                self.limits.n_byte += path.stat().st_size
                 self._models[key] = load_model(path, settings, self.files.below(path.parent), log=self.log)
         scene = self._models[key]
-        self.allowance.show(len(scene.meshes))
-        self.allowance.make(sum(map(bytes_of_copy, scene.meshes)))
+        self.limits.count_meshes(len(scene.meshes))
+        self.limits.count_bytes(sum(map(bytes_of_copy, scene.meshes)))
         if "material" in table and "materials" in table:
             raise SceneError("takes material (for all) or materials (by name); given both")
         meshes, changes = list(scene.meshes), {}
         if "material" in table:
-            with told_of("material"):
+            with named_in_errors("material"):
                 material = self._material(table["material"])
             return [_with_materials(mesh, [material] * len(mesh.palette)) for mesh in meshes], scene.up
         names = {material.name for mesh in meshes for material in mesh.palette} - {""}
         for name, item in _named(table, "materials"):
-            with told_of(f"materials.{cut(name, 80)}"):
+            with named_in_errors(f"materials.{cut(name, 80)}"):
                 if name not in names:
                     known = cut(", ".join(sorted(names)), 150) or "none with a name"
                     raise SceneError(f"the model has no material of this name; it has {known}")
@@ -472,17 +472,17 @@ class _Reader:
         _table(table, (*source, *_OF_MESH), needed)
         if "arrays" in table:
             start, name = f"mesh{whole(table['mesh'], 'mesh', 0)}_", table["arrays"]
-            with told_of("arrays"):
+            with named_in_errors("arrays"):
                 arrays = {key: self._array(name, start + key) for key in ARRAYS[:2]}
                 stored = self._stored(name)
             arrays |= {key: stored[start + key] for key in ARRAYS[2:] if start + key in stored}
-            self.allowance.make(sum(array.nbytes for array in arrays.values()))
+            self.limits.count_bytes(sum(array.nbytes for array in arrays.values()))
         else:
             arrays = {key: _numbers(table, key) for key in ARRAYS if key in needed or table.get(key) is not None}
-        self.allowance.show(1)
+        self.limits.count_meshes(1)
         more = self._settings(table).arguments()
         if "material" in table:
-            with told_of("material"):
+            with named_in_errors("material"):
                 more["material"] = self._material(table["material"])
         if "materials" in table:
             more["materials"] = found = []
@@ -503,7 +503,7 @@ class _Reader:
 
 def _named(table: dict[str, Any], key: str) -> list[tuple[str, Any]]:
     """Return the names and values of a table that may be left out."""
-    with told_of(key):
+    with named_in_errors(key):
         return list(_table(table.get(key, {})).items())
 
 
@@ -549,7 +549,7 @@ def _placed(mesh: Mesh, table: dict[str, Any]) -> Mesh:
     if "name" in table:
         # The mesh is new; a copy by `replace` would normalise its normals once more, which moves them by a rounding.
         store(mesh, name=text(table["name"], "name"))
-    with told_of("transform"):
+    with named_in_errors("transform"):
         return mesh.transformed(_matrix(table["transform"])) if "transform" in table else mesh
 
 
@@ -563,7 +563,7 @@ def _matrix(value: Any) -> np.ndarray:
     matrix, scale = np.eye(4), table.get("scale", 1.0)
     matrix[:3, :3] *= vector3(scale if isinstance(scale, list) else [scale] * 3, "scale (a number, or three)")
     if "rotate" in table:
-        with told_of("rotate"):
+        with named_in_errors("rotate"):
             turn = _table(table["rotate"], ("axis", "angle"), ("axis", "angle"))
             axis, angle = unit3(turn["axis"], "the axis"), number(turn["angle"], "the angle")
             matrix[:3, :3] = rotation(axis, angle) @ matrix[:3, :3]

@@ -80,7 +80,7 @@ def _read_ascii_stl(model) -> list[Part]:
     ends = [line.start() for line in lines[1:]] + [len(text)]
     found = [(line, end) for line, end in zip(lines, ends, strict=True) if text.find(b"facet", line.end(), end) >= 0]
     parts = []
-    model.allowance.show(len(found))
+    model.limits.count_meshes(len(found))
     for line, end in found:
         corners = _corners_in(text, line.end(), end)
         if corners is None or (end == len(text) and not text.rstrip().endswith(b"endfacet")):

@@ -99,7 +99,7 @@ def _contents_of(model, loaded, members) -> Contents:
     while waiting:
         item, matrix, depth = waiting.pop()
         thing, number = item.GetObjectResource(), item.GetObjectResourceID()
-        model.allowance.show(1)
+        model.limits.count_meshes(1)
         if depth > DEEPEST:
             raise ValueError(f"its components are nested more than {DEEPEST} deep")
         has_matrix = item.HasTransform() if depth else item.HasObjectTransform()
@@ -210,7 +210,7 @@ class _Looks:
         base, mixed = source.GetBaseMaterialGroup(), []
         for number in numbers:
             shares = source.GetComposite(number)
-            self.model.allowance.make(LAYER * len(shares))
+            self.model.limits.count_bytes(LAYER * len(shares))
             colors = _rows(base.GetDisplayColor(share.PropertyID) for share in shares)
             linear = np.concatenate([linear_from_srgb_bytes(colors[:, :3]), colors[:, 3:] / 255.0], axis=1)
             weights = np.array([share.MixingRatio for share in shares])
@@ -219,7 +219,7 @@ class _Looks:
 
     def _layers(self, source, numbers) -> _Properties | None:
         layers = [source.GetLayer(k) for k in range(source.GetLayerCount())]
-        self.model.allowance.make(LAYER * len(numbers) * len(layers))
+        self.model.limits.count_bytes(LAYER * len(numbers) * len(layers))
         # lib3mf 2.5 asks for room, though it is asked how much it needs.
         rows = [source.GetMultiProperty(number, [0] * len(layers)) for number in numbers]
         found = None

@@ -61,7 +61,7 @@ class Server(ThreadingHTTPServer):
     session : Session that is looked at
     port : number, 0 = one that is free
     is_once : whether `serve` ends when the last page has been closed
-    note : function that is called with a line of text about what goes wrong; None = nobody is told
+    note : function that is called with a line of text about what goes wrong; None = nobody wants it
 
     Raises
     ------
@@ -229,7 +229,7 @@ class _Handler(BaseHTTPRequestHandler):
             reply = self.server.session.answer(message)
         except RasterizerError as fault:
             raise _Refusal(HTTPStatus.BAD_REQUEST, str(fault)) from fault
-        except Exception as fault:  # whatever it is, the page and the terminal are told, and the server goes on
+        except Exception as fault:  # whatever it is, the page and the terminal say it, and the server goes on
             error = error_of(self.server.session.title, fault)
             self.server.note(str(error))
             raise _Refusal(HTTPStatus.INTERNAL_SERVER_ERROR, str(error)) from fault

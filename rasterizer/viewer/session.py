@@ -84,7 +84,7 @@ class Session:
             raise SceneError(f"shading must be one of {', '.join(SHADINGS)}; given {shown(shading)}")
         if camera is not None and not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
-        Options(samples=samples, **options)  # type: ignore[arg-type]  # what is not legal is told at once
+        Options(samples=samples, **options)  # type: ignore[arg-type]  # what is not legal is refused at once
         self.scene, self.title = scene, title or "scene"
         self._camera, self._samples, self._options = camera, samples, options
         self._state = State(None, shading, LIGHTS[0])

@@ -101,11 +101,11 @@ def view(
 
     if TYPE_CHECKING:  # how Jedi finds the words
         render(scene, **words)
-    side, others = divided(words, Viewpoint)
-    viewpoint = viewpoint_of(side)
+    view_words, others = divided(words, Viewpoint)
+    viewpoint = viewpoint_of(view_words)
     scene, made, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
-    camera = viewpoint.over(framing).camera_of(scene, made.size) if side or framing else None
+    camera = viewpoint.over(framing).camera_of(scene, made.size) if view_words or framing else None
     settings = {name: value for name, value in vars(made).items() if name not in ("size", "outputs")}
     session = Session(scene, camera=camera, title=title[:80], **settings)
     widget = Widget(size=made.size)

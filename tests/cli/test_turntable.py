@@ -97,7 +97,7 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
         ("--eye 1,2,3 --azimuth 9", "can't be used with --view, --azimuth, --elevation or --margin"),
         ("--eye 1,2,3 --target 1,2,3", "position and target must differ"),
         ("--camera file", "the model brings no camera"),
-        ("--camera file --fov 9", "a picture has a camera, or a side that it is framed from; given --camera, --fov"),
+        ("--camera file --fov 9", "a picture has a camera, or words that frame it; given --camera, --fov"),
     )], "turntable")  # fmt: skip
     assert run("nope.obj", CUBE, "-q") == 1, "a model that fails doesn't stop the rest"
     assert one_error(capsys) == "raster: error: nope.obj: no such file\n" and os.path.exists("cube-turntable.gif")

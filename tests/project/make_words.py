@@ -46,12 +46,12 @@ def text() -> str:
         ("OptionWords(TypedDict", "Fields of `Options`.", words_of(options, "Options", lambda name: name != "size")),
         ("LookWords(TypedDict", "Fields of `Look`.", words_of(look, "Look")),
         (
-            "SideWords(TypedDict",
+            "ViewpointWords(TypedDict",
             "Fields of `Viewpoint`.",
             words_of(viewpoint, "Viewpoint", lambda name: name != "camera"),
         ),
         (
-            "ViewWords(SideWords",
+            "ViewWords(ViewpointWords",
             "All fields of `Viewpoint`.",
             words_of(viewpoint, "Viewpoint", lambda name: name == "camera"),
         ),
