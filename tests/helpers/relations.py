@@ -11,11 +11,14 @@ rounded, the same within both stated bounds. No reference is asked but where a d
 import json
 import sys
 import tempfile
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
+from PIL import Image
 
 import rasterizer as rz
 from helpers.against_reference import depth_resolution
@@ -228,6 +231,54 @@ def copies(case, rng, folder):
     return Twin(arrays_of(frame), frame, of=expected)
 
 
+def foreign(case, rng, folder):
+    """A mesh of trimesh, and its file."""
+    mesh = case.scene.meshes[0]
+    if case.options["edges"]:
+        return None
+    made = trimesh_of(mesh, rng)
+    kind = "glb" if made.visual.kind == "texture" else "ply"  # glTF's colours of vertices are linear
+    path = Path(folder) / f"mesh.{kind}"
+    path.write_bytes(made.export(file_type=kind))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what neither has
+        meshes, of_file = ([*rz.load(source).meshes, *case.scene.meshes[1:]] for source in (made, path))
+    frame = draw(with_meshes(case, meshes))
+    return Twin(arrays_of(frame), frame, of=draw(with_meshes(case, of_file)))
+
+
+def trimesh_of(mesh, rng) -> trimesh.Trimesh:
+    """A Trimesh of the same shape, with normals, colours or a material of any kind, in numbers that files keep."""
+    n_vertex, n_face, visual, words = mesh.n_vertex, mesh.n_face, trimesh.visual, {}
+    kind = str(rng.choice(["plain", "colours", "colours of faces", "material", "texture"]))
+    if rng.random() < 0.4:
+        words["vertex_normals"] = np.vstack([np.eye(3), -np.eye(3)])[
+            rng.integers(0, 6, n_vertex)
+        ]  # exact, turned or not
+    if kind == "colours":
+        words["vertex_colors"] = rng.integers(0, 256, (n_vertex, 3), np.uint8)
+    elif kind == "colours of faces":
+        words["face_colors"] = rng.integers(0, 256, (n_face, 3), np.uint8)
+    elif kind != "plain":
+
+        def picture(n_channel):
+            pixels = rng.integers(0, 256, (*rng.integers(1, 5, 2), n_channel), np.uint8)
+            return Image.fromarray(pixels)
+
+        factors = {"metallicFactor": float(rng.choice([0.0, 1.0, 0.5])), "roughnessFactor": float(rng.random())}
+        factors["baseColorFactor"] = rng.integers(0, 256, 4, np.uint8)
+        factors["alphaMode"] = str(rng.choice(["OPAQUE", "BLEND", "MASK"]))
+        factors |= {"alphaCutoff": float(rng.random())} if factors["alphaMode"] == "MASK" else {}
+        factors |= {"emissiveFactor": rng.random(3)} if rng.random() < 0.3 else {}
+        if kind == "texture":
+            factors["baseColorTexture"] = picture(int(rng.integers(3, 5)))
+            factors |= {"metallicRoughnessTexture": picture(3)} if rng.random() < 0.4 else {}
+        uv = rng.integers(-512, 513, (n_vertex, 2)) / 256.0
+        words["visual"] = visual.TextureVisuals(uv=uv, material=visual.material.PBRMaterial(**factors))
+    vertices = mesh.vertices.astype(np.float32).astype(float)
+    return trimesh.Trimesh(vertices, mesh.faces.astype(int), process=False, **words)
+
+
 def scaled(case, rng, folder):
     """In a unit that is a power of two times as long, with all lengths."""
     factor = 2.0 ** int(rng.integers(1, 13))  # towards usual units: depths are float32
@@ -395,7 +446,7 @@ def exposed(case, rng, folder):
 
 RELATIONS = (
     threads, repeated, fewer_outputs, called, saved, black_light, without_area, frozen, split, copies, scaled,
-    finer, face_order, turned, window, two_lights, exposed,
+    finer, face_order, turned, window, two_lights, exposed, foreign,
 )  # fmt: skip
 WITH_GROUND = (threads, repeated, fewer_outputs, called, saved)  # its soft shadow is that of this scene, seen from here
 
