@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
 from .arrays import real_array
-from .validate import is_whole, number, vector3
+from .validate import is_whole, items_of, number, vector3
 
 RGB: TypeAlias = tuple[float, float, float]  # linear
 # A colour as a caller may give it: a grey, three linear numbers, hex or CSS text, or a Spectrum (which is a tuple).
@@ -46,12 +46,13 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
     if isinstance(color, tuple) and hasattr(color, "wavelengths"):
         return color  # a Spectrum: its module imports this one
     given: Any = color
-    if not hasattr(given, "__len__") or getattr(given, "ndim", 1) == 0:
+    is_array = hasattr(given, "__len__") or hasattr(given, "__dlpack__")
+    if not is_array or getattr(given, "ndim", 1) == 0:
         rgb = (number(given, f"{what} (a grey, three linear numbers, or a hex or CSS colour)"),) * 3
     else:
         rgb = vector3(given, what)
         # No surface reflects 255 times what it gets.
-        if max(rgb) > 1.0 and min(rgb) >= 0.0 and all(map(is_whole, given)):
+        if max(rgb) > 1.0 and min(rgb) >= 0.0 and all(map(is_whole, items_of(given))):
             text = "#{:02x}{:02x}{:02x}".format(*map(int, rgb)) if max(rgb) <= 255.0 else "#rrggbb"
             hint = f'sRGB is written "{text}" or rz.srgb(...), linear light divided by 255, or 2.0 where that is meant'
             raise SceneError(f"{what} must be linear, 1 is white; given whole numbers, {shown(color)}: {hint}")

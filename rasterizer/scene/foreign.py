@@ -13,8 +13,9 @@ averaged. Normals count that a file or the caller gave; those that trimesh compu
 can't be taken is named in one warning.
 
 What these libraries don't keep is lost: trimesh has no samplers of textures, rounds the factors of materials to 8 bits,
-and turns polygons into triangles. Of its SimpleMaterial the grey (102, 102, 102) stands for a colour that isn't given,
-and a PBRMaterial without metallicFactor is no metal, as in the files that it writes.
+and turns polygons into triangles, along other diagonals than ours. Of its SimpleMaterial the grey (102, 102, 102)
+stands for a colour that isn't given, and a PBRMaterial without metallicFactor is no metal, as in the files that it
+writes.
 """
 
 from collections.abc import Callable
@@ -35,6 +36,7 @@ from .scalars import Fields
 from .texture import Texture
 
 _NOT_GIVEN = [102, 102, 102]  # what trimesh has for it
+_EMPTY = np.full((2, 2, 4), (100, 100, 100, 255), np.uint8)  # the picture of its material where there is none
 _LIGHT_NOT_GIVEN = [60, 60, 60]
 _OF_FACES = {"face_colors", "face_material"}
 _COLOR_NAMES = ("rgb", "rgba", "color", "colors")
@@ -230,9 +232,12 @@ def _read_trimesh(found: Foreign, mesh: Any) -> None:
 def _trimesh_part(found: Foreign, mesh: Any, name: str = "") -> dict[str, Any]:
     visual: Any = getattr(mesh, "visual", None)
     kind, n_vertex = getattr(visual, "kind", None), len(mesh.vertices)
+    metadata = getattr(mesh, "metadata", None) or {}
     others: dict[str, Any] = {"normals": _given_normals(mesh)}
     if kind in ("vertex", "face"):
-        others["colors" if kind == "vertex" else "face_colors"] = plain_array(getattr(visual, f"{kind}_colors"))
+        own = plain_array(getattr(visual, f"{kind}_colors"))
+        is_linear = "from_gltf_primitive" in metadata  # a file of glTF, where colours of vertices are
+        others["colors" if kind == "vertex" else "face_colors"] = own / 255.0 if is_linear else own
     elif kind == "texture":
         colors = getattr(visual, "vertex_attributes", {}).get("color")
         if colors is not None and len(colors) == n_vertex:  # of glTF, where they are linear
@@ -247,7 +252,7 @@ def _trimesh_part(found: Foreign, mesh: Any, name: str = "") -> dict[str, Any]:
             others |= {"materials": made, "face_material": np.asarray(numbers)}
         else:
             others["material"] = made[0]
-    name = name or (getattr(mesh, "metadata", None) or {}).get("name") or ""
+    name = name or metadata.get("name") or ""
     others["fields"] = Fields(getattr(mesh, "vertex_attributes", {}), getattr(mesh, "face_attributes", {}))
     return found.part(mesh.vertices, mesh.faces, name=name if isinstance(name, str) else "", **others)
 
@@ -300,7 +305,7 @@ def _trimesh_material(found: Foreign, source: Any, has_colors: bool) -> Material
                 words["d"] = color[3] / 255.0
         words |= {"ns": source._glossiness} if hasattr(source, "_glossiness") else {}
     image = getattr(source, "image", None)
-    if not words and image is None:
+    if not words and (image is None or np.array_equal(np.asarray(image), _EMPTY)):
         return None
     if "map_d" in said:
         found.leave_out("map_d")

@@ -94,8 +94,12 @@ def text(value: object, what: str) -> str:
 
 
 def items_of(value: Any) -> list[Any]:
-    """Return what a sequence holds; nothing of text, and of what is no sequence."""
+    """Return what a sequence or an array of any library holds; nothing of text, and of what is no sequence."""
     try:
+        if hasattr(value, "__dlpack__") and not hasattr(value, "__array_interface__"):  # not numpy's
+            from .arrays import plain_array
+
+            value = plain_array(value).tolist()
         return [] if isinstance(value, (str, bytes)) else list(value)
     except TypeError:
         return []

@@ -185,10 +185,16 @@ def test_a_mesh_in_memory_and_its_file_give_one_picture(tmp_path, rows_of):
 # --- what has no file of its own --------------------------------------------------------------------------------------
 
 
-def test_what_is_loaded_looks_as_its_file():
+def test_what_is_loaded_looks_as_its_file(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     for name in ("knot.ply", "gear.stl", "glass.obj", "table.obj"):
         assert picture(trimesh.load(MODELS / name)) == picture(MODELS / name), name
+    colored = trimesh.Trimesh(VERTICES, FACES, process=False, vertex_colors=COLORS[:8])
+    colored.export(tmp_path / "colors.glb")  # where they are linear
+    for options in ({}, {"force": "mesh"}):
+        assert picture(trimesh.load(tmp_path / "colors.glb", **options)) == picture(tmp_path / "colors.glb")
+    laid = trimesh.Trimesh(VERTICES, FACES, process=False, visual=trimesh.visual.TextureVisuals(uv=UV))
+    assert picture(laid) == picture(rz.Mesh(VERTICES, FACES))  # of no material trimesh makes one of its own
     mesh = rz.load(trimesh.load(MODELS / "globe.obj")).meshes[0]  # whose quads trimesh has cut along other diagonals
     (expected,) = rz.load(MODELS / "globe.obj").meshes
     assert np.array_equal(mesh.material.texture.encoded, expected.material.texture.encoded)
@@ -273,7 +279,7 @@ def test_objects_of_vtk_and_pyvista():
     box.cell_data.clear()
     box.point_data["heat"] = np.arange(8.0)
     box.set_active_scalars("heat")
-    assert ["heat" in text for text in picture(box)[1]] == [True]
+    assert picture(box)[1] == []
     texture = rz.Texture(pyvista.Texture(PIXELS))
     assert np.array_equal(texture.encoded[::-1], PIXELS) or np.array_equal(texture.encoded, PIXELS)
     for points in (pyvista.PolyData(VERTICES), pyvista.MultiBlock(), pyvista.Line()):
@@ -348,6 +354,8 @@ def test_arrays_of_other_libraries_are_read():
         assert picture((kind(CORNERS), kind(triangles))) == picture((CORNERS, triangles))
     image = np.linspace(0, 1, 48).reshape(4, 4, 3)
     assert np.array_equal(rz.Texture(Shared(image)).image, rz.Texture(image).image)
+    position, color = np.array([3.0, 4.0, 5.0]), np.array([0.5, 0.25, 1.0])
+    assert rz.PointLight(Shared(position), Shared(color)) == rz.PointLight(position, color)
     moved = rz.Mesh(CORNERS, triangles).transformed(Tensor(np.diag([2.0, 2, 2, 1])))
     assert moved.bounds[1].tolist() == [2, 2, 0]
 
