@@ -23,7 +23,7 @@ ENVIRONMENT = {  # all variables that are read
     "RASTER_MOST_TEXELS": "the most texels of a file's texture (default 8192 x 4096)",
     "NUMBA_CACHE_DIR": "as RASTER_STORE, where that is not set",
     "NUMBA_DISABLE_JIT": "1: nothing is compiled; for small pictures, in a debugger",
-    "NUMBA_CPU_FEATURES": "instruction sets of kernels, as numba reads it; stored apart",
+    "NUMBA_CPU_FEATURES": "instruction sets for kernels, as numba reads it",
     "NUMBA_BOUNDSCHECK": "1: kernels that check every index, compiled for that alone",
     "XDG_CACHE_HOME": "folder above rasterizer/, the kernels' (default ~/.cache)",
 }

@@ -73,7 +73,7 @@ class Messages:
     def say(self, text) -> None:
         """Say a line, whatever the level."""
         if sys.stderr is not None:  # None where the process was started without one
-            print(_line_of(text), file=sys.stderr, flush=True)
+            print(f"raster: {' '.join(str(text).split())}", file=sys.stderr, flush=True)
 
     @contextmanager
     def shown_warnings(self):
@@ -86,10 +86,6 @@ class Messages:
         with warnings.catch_warnings():
             warnings.showwarning = show
             yield
-
-
-def _line_of(text) -> str:
-    return f"raster: {' '.join(str(text).split())}"
 
 
 # --- what failed, and what is done ------------------------------------------------------------------------------------

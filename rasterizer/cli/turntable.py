@@ -69,11 +69,7 @@ def run(request, messages, *, frames, seconds, fps, turn, loop) -> tuple[list, i
     if not 0 <= loop <= 65535:
         raise SceneError(f"--loop must be within 0..65535, 0 = again and again; given {loop}")
     angles = [turn * k / frames for k in range(frames)]
-
-    def check_animation(output, _) -> None:
-        _check_animation(output, frames, seconds, fps)
-
-    check = None if writes_frames(request) else check_animation
+    check = None if writes_frames(request) else partial(_check_animation, frames=frames, seconds=seconds, fps=fps)
     draw = partial(_turn_model, angles=angles, timing=Timing(seconds, loop))
     return draw_models(request, messages, draw, check, frames)
 
@@ -94,7 +90,7 @@ def _work_out(frames, seconds, fps) -> tuple[int, float]:
     return frames, seconds
 
 
-def _check_animation(output, frames, seconds, fps) -> None:
+def _check_animation(output, _arrays, frames, seconds, fps) -> None:
     """Refuse what is no moving picture, or can't be so fast, before anything is drawn."""
     from ..io.animation import animation_format
 

@@ -69,7 +69,10 @@ def run(request, messages, *, is_opened, is_once, port) -> tuple[list, int]:
         end = "close the page or press Ctrl-C" if is_once else "press Ctrl-C"
         messages.notice(f"{model} is shown at this address, to this machine alone; {end} to end")
         if is_opened:
-            _open_browser(server.url, messages)
+            import webbrowser
+
+            if not webbrowser.open(server.url):  # a machine without a browser is no error
+                messages.warn("no browser could be opened: open the address yourself")
         server.serve()
     finally:
         server.server_close()
@@ -94,11 +97,3 @@ def _open_session(model, view, request, messages):
             session.answer({"size": list(_SIZE), "background": PAPER, "is_rest": is_rest, "events": []})
     messages.warn(*picture_warnings(session.frame, scene, request, session.camera, model))
     return session
-
-
-def _open_browser(url, messages) -> None:
-    """Open the page; a machine without a browser is no error."""
-    import webbrowser
-
-    if not webbrowser.open(url):
-        messages.warn("no browser could be opened: open the address yourself")

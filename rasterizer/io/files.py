@@ -2,8 +2,8 @@
 
 What a person names (an argument of `load`, of `Texture`, of the command line) may be any file, pipe or link that ends.
 What a
-*file* names is found by these rules, whatever its format: material libraries (MTL) and textures of OBJ files, textures
-of MTL files, buffers and images of glTF files, models, arrays and textures of scene files:
+*file* names is found by these rules, whatever its format: material libraries (MTL), textures, buffers and images, and
+the models and arrays of scene files:
 
     where      at or below the folder of the file that the person named; links are followed first, so that none leads
                out of it
@@ -32,7 +32,6 @@ from ..errors import ModelError, OutputError, cut, shown
 
 _SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
 LONG = 1 << 22  # bytes of a file that is worth reading in parts
-_READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe must not make us wait
 
 
 class OutsideError(ValueError):
@@ -126,10 +125,7 @@ class Folder:
 
     def read_bytes(self, path, max_bytes: int | None = None) -> bytes:
         """Return the bytes of a file that `find` has returned, up to `max_bytes`; raises what `check` does."""
-        descriptor = os.open(self.check(path), _READ_ONLY)
-        with os.fdopen(descriptor, "rb") as stream:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # it may have become another since
-                raise OutsideError("is no regular file")
+        with open(self.check(path), "rb") as stream:
             self.read.append(str(path))
             return stream.read(-1 if max_bytes is None else max_bytes)
 

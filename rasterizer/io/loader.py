@@ -33,7 +33,7 @@ from ..scene.mesh_arrays import has_any_area
 from ..scene.scalars import Colormap, ScalarWords
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
-from ..scene.validate import COORDINATE_LIMIT, picture_size
+from ..scene.validate import COORDINATE_LIMIT, flag, picture_size
 from . import formats
 from .files import Folder, name_of, opened_source
 from .model_file import (
@@ -190,10 +190,8 @@ def read_source(
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces, scalar_words)
     if log is not None and not callable(log):
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
-    if not isinstance(mesh_settings.drop_bad_faces, (bool, np.bool_)):
-        raise SceneError(f"drop_bad_faces must be True or False; given {shown(mesh_settings.drop_bad_faces)}")
-    if not isinstance(allow_outside, (bool, np.bool_)):
-        raise SceneError(f"allow_outside must be True or False; given {shown(allow_outside)}")
+    flag(drop_bad_faces, "drop_bad_faces")
+    flag(allow_outside, "allow_outside")
     is_own_camera = isinstance(camera, str) and camera == "file"
     camera = None if is_own_camera else camera
     settings = without_none(settings | {"camera": camera})
