@@ -63,7 +63,8 @@ def run(request, messages, *, scheduler, is_resumed, manifest, coco, bop, unit) 
     from .render import render_view
 
     start = perf_counter()
-    check_scale(request.files)
+    if request.files.scale is not None:
+        check_scale(request.files)
     if not can_use_processes(request):
         raise SceneError("raster batch reads and writes files; for stdin and stdout there is raster render")
     if (coco or bop) and not manifest:

@@ -3,15 +3,11 @@ rest. And what looks like a mistake in a picture.
 """
 
 import os
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .messages import STDIO, Failures, Results, compilation_shown
 from .outputs import Outputs, plan_targets, without
-
-if TYPE_CHECKING:
-    from ..renderer import Renderer
 
 
 def draw_models(request, messages, draw, check=None, n_frame=None) -> tuple[list, int]:
@@ -53,13 +49,6 @@ def plan_missing(request, messages, check=None, n_frame=None) -> tuple[list, int
         plan, n_left_out = without(plan, lambda target: os.path.isfile(target.output))
         messages.notice(f"{n_left_out} of {n_target} outputs are there already")
     return plan, n_model
-
-
-def make_renderer(scene, options) -> "Renderer":
-    """Make what draws a scene with options."""
-    from ..renderer import Renderer
-
-    return Renderer(scene, options=options)
 
 
 def picture_warnings(frame, scene, request, camera, model) -> list[str]:

@@ -20,7 +20,7 @@ from ..choices import RANDOM
 from ..compiler.kernels import noticing_compilation
 from ..errors import RasterizerError
 from ..options import Options
-from .drawing import make_renderer
+from ..renderer import Renderer
 from .messages import STDIO, Failures, Messages, Results, compilation_shown, failure_of
 from .models import Loaded, load_scene
 from .outputs import Target, by_view
@@ -178,5 +178,5 @@ def _load(run, request, messages, shared, kept: dict[str, Any]) -> tuple[Loaded,
 
 def _make(loaded, is_annotated, stack) -> tuple:
     """Make what draws a model, and what says of its pictures what a manifest holds, if there is one."""
-    renderer = stack.enter_context(make_renderer(loaded.scene, loaded.request.options))
+    renderer = stack.enter_context(Renderer(loaded.scene, options=loaded.request.options))
     return renderer, stack.enter_context(Annotator(loaded.scene, loaded.request.options)) if is_annotated else None

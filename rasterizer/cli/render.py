@@ -49,7 +49,8 @@ def run(request, messages) -> tuple[list, int]:
     from .drawing import draw_models, plan_missing
     from .outputs import check_scale
 
-    check_scale(request.files)
+    if request.files.scale is not None:
+        check_scale(request.files)
     if request.n_process is not None:
         from .processes import can_use_processes, draw_in_processes
 
@@ -61,13 +62,13 @@ def run(request, messages) -> tuple[list, int]:
 
 def _render_model(targets, request, messages, output) -> None:
     """Draw all views of one model."""
-    from .drawing import make_renderer
+    from ..renderer import Renderer
     from .models import load_scene
     from .outputs import by_view
 
     start = perf_counter()
     loaded = load_scene(targets[0].model, request, messages, output.files_read)
-    with make_renderer(loaded.scene, loaded.request.options) as renderer:
+    with Renderer(loaded.scene, options=loaded.request.options) as renderer:
         for of_view in by_view(targets):
             render_view(of_view, renderer, loaded, request, messages, output, start)
             start = perf_counter()

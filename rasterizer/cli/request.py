@@ -148,7 +148,8 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     has_shadows = take("shadows", False)
     words = {name: left.pop(name) for name in _LOOK if name in left}
     words |= {"format": take("input_format", None), "up": None if up == "auto" else up}
-    words |= {"shadows": shadow if has_shadows else False, "depth_cue": _depth_cue(take("depth_cue", UNSAID))}
+    cue = take("depth_cue", UNSAID)
+    words |= {"shadows": shadow if has_shadows else False, "depth_cue": None if cue == UNSAID else _depth_cue(cue)}
     scalars = words.get("scalars")
     if suffix_of(scalars) == "npy":
         words["scalars"] = _read_array(scalars)
@@ -188,7 +189,7 @@ def _asked_files(files: Any, output: str | None, arrays: Any) -> tuple[Any, ...]
     """Return (output, arrays) for each -o; SceneError where --array stands after the last of several, or an output has
     none that needs some."""
     if len(files) < 2:
-        return ((output, _expanded(arrays)),)
+        return ((output, _expanded(arrays) if arrays else None),)
     if sum(len(names) for _, names in files) < len(arrays or ()):
         raise SceneError(f"with several -o, --array stands before its own; given one after -o {files[-1][0]}")
     for name, names in files:
@@ -245,8 +246,8 @@ def _make_look(words: dict[str, Any], materials: list[dict[str, Any]]) -> Look:
 
 def _depth_cue(given: Any) -> Any:
     """Return what Look takes for --depth-cue."""
-    if given is None or given == UNSAID:
-        return None if given == UNSAID else "none"
+    if given is None:
+        return "none"
     with named_in_errors("--depth-cue"):
         return DepthCue(**given)
 

@@ -115,13 +115,14 @@ def _check_grid(columns, rows, gap) -> None:
 
 def _draw(targets, request, messages, files_read) -> tuple[list, dict]:
     """Draw all views of one model; return the pictures, and what --json says of them."""
-    from .drawing import make_renderer, picture_warnings
+    from ..renderer import Renderer
+    from .drawing import picture_warnings
     from .models import load_scene
 
     model = targets[0].model
     loaded = load_scene(model, request, messages, files_read)
     frames, warnings = [], []
-    with make_renderer(loaded.scene, loaded.request.options) as renderer:
+    with Renderer(loaded.scene, options=loaded.request.options) as renderer:
         for target in targets:
             camera = loaded.request.camera_of(target.view, loaded.scene, lambda: renderer.subject)
             frames.append(renderer.render(camera))

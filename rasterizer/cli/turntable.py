@@ -161,7 +161,8 @@ class _Frames:
 def _turn_model(targets, request, messages, output, angles, timing) -> None:
     """Turn one model."""
     from ..io.animation import animation_format, encode_animation
-    from .drawing import make_renderer, picture_warnings
+    from ..renderer import Renderer
+    from .drawing import picture_warnings
     from .models import load_scene
     from .outputs import encode_picture, writes_frames
 
@@ -178,7 +179,7 @@ def _turn_model(targets, request, messages, output, angles, timing) -> None:
         messages.notice(
             f"{model}: a transparent GIF has no shadow on the ground; with --background, or as .webp, it has"
         )
-    with make_renderer(scene, options) as renderer, closing(Bar(messages)) as bar:
+    with Renderer(scene, options=options) as renderer, closing(Bar(messages)) as bar:
         cameras = _cameras(angles, model, loaded, lambda: renderer.subject)
         frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))
         warnings = picture_warnings(frames.first, scene, request, cameras[0], model)

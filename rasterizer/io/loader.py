@@ -366,11 +366,13 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         if id(part) not in parts:
             parts[id(part)] = part
             _mend(model, part)
-    try:
-        settings.scalars.lay(parts.values())
-    except ModelError as fault:
-        raise model.error(fault) from fault
-    model.textures.warn()
+    if settings.scalars.scalars is not None or any("fields" in part for part in parts.values()):
+        try:
+            settings.scalars.lay(parts.values())
+        except ModelError as fault:
+            raise model.error(fault) from fault
+    if model.textures.n_halving:
+        model.textures.warn()
     for part in parts.values() if model.textures.n_halving else ():
         many = "materials" in part
         fitted = tuple(model.textures.fit_material(material) for material in materials_of(part))
@@ -403,7 +405,8 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
         meshes.append(mesh)
     if not meshes:
         raise model.error("nothing to draw: all its nodes have the scale 0")
-    model.warn_of_mended()
+    if model.limits.mended:
+        model.warn_of_mended()
     return meshes
 
 

@@ -128,7 +128,8 @@ def _read_parts(model, lines) -> list[Part]:
     model.limits.count_meshes(len(ranges))
     laid = {numbers[name]: place for name, place in places.items()}
     for number, begin, end in ranges:
-        parts.append(_with_materials(model, _laid(_take_range(whole, begin, end), laid), palette, objects[number]))
+        part = _take_range(whole, begin, end)
+        parts.append(_with_materials(model, _laid(part, laid) if laid else part, palette, objects[number]))
     return parts
 
 

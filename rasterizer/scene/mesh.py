@@ -455,6 +455,9 @@ def meshes_from(source: Any, settings: dict[str, Any], scalars: ScalarWords | No
     -----
     UserWarning : what can't be taken of foreign meshes: once, of all of them
     """
+    if isinstance(source, list) and source and scalars is None and not settings:
+        if all(isinstance(each, Mesh) for each in source):
+            return source
     is_sequence = isinstance(source, Iterable) and not (hasattr(source, "ndim") or isinstance(source, dict))
     if is_one_mesh(source) or not is_sequence:
         source = (source,)
