@@ -191,10 +191,12 @@ def _asked_files(files: Any, output: str | None, arrays: Any) -> tuple[Any, ...]
     if len(files) < 2:
         return ((output, _expanded(arrays) if arrays else None),)
     if sum(len(names) for _, names in files) < len(arrays or ()):
-        raise SceneError(f"with several -o, --array stands before its own; given one after -o {files[-1][0]}")
+        raise SceneError(
+            f"with several -o, --array stands before the -o of its file; given one after -o {files[-1][0]}"
+        )
     for name, names in files:
         if not names and suffix_of(name) in ARRAY_SUFFIXES:
-            raise SceneError(f"with several -o, --array stands before its own; given none for -o {name}")
+            raise SceneError(f"with several -o, --array stands before the -o of its file; given none before -o {name}")
     return tuple((name, _expanded(names)) for name, names in files)
 
 
@@ -263,7 +265,7 @@ def _numbered_views(words: Any, seed: int | None, has_random_lights: bool) -> tu
     if is_random and seed is None:
         raise SceneError("what is random needs --seed N, a whole number of at least 0")
     if seed is not None and not is_random:
-        raise SceneError("--seed is that of random views and lights: --view random:N, --light random")
+        raise SceneError("--seed needs something that is random: --view random:N, or --light random")
     names, number = [], seed
     for word in words:
         first, _, count = word.partition(":")

@@ -19,7 +19,6 @@ from .messages import STDIO, Bar
 
 IMPORTS = ("drawing",)
 _SIZE, _FRAMES, _SECONDS = (512, 512), 36, 3.0
-_IN_MEMORY = 2**30  # bytes of frames; where they are more, they are drawn again each time that they are looked at
 _MAX_FRAMES = 100_000
 _DESCRIPTION = """\
 Turn each model round once, in a moving picture. The camera keeps one distance, the smallest that shows the model in
@@ -122,7 +121,7 @@ def _cameras(angles, model, loaded, subject) -> list:
 
 
 class _Frames:
-    """The frames of a round, drawn when they are asked for, and kept where they are few.
+    """The frames of a round, drawn when they are asked for.
 
     Parameters
     ----------
@@ -133,8 +132,6 @@ class _Frames:
 
     def __init__(self, renderer, cameras, show):
         self._renderer, self._cameras, self._show = renderer, cameras, show
-        width, height = renderer.options.size
-        self._is_kept, self._kept = 4 * width * height * len(cameras) <= _IN_MEMORY, {}
 
     def __len__(self):
         return len(self._cameras)
@@ -152,10 +149,7 @@ class _Frames:
     def __iter__(self):
         """Yield the pictures, (height, width, 4) uint8."""
         for number in range(len(self)):
-            picture = self._kept[number] if number in self._kept else self.draw(number).rgba
-            if self._is_kept:
-                self._kept[number] = picture
-            yield picture
+            yield self.draw(number).rgba
 
 
 def _turn_model(targets, request, messages, output, angles, timing) -> None:

@@ -310,7 +310,7 @@ def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
     assert not differences(picture("x.png"), rz.render(scene, (24, 16), camera=camera, zoom=2).rgba)
     for flags, said in (
         ("--view random:2", "what is random needs --seed N"), ("--light random", "what is random needs --seed N"),
-        ("--seed 3", "--seed is that of random views and lights"),
+        ("--seed 3", "--seed needs something that is random"),
         ("--view random:0 --seed 3", "random:N makes 1 to"), ("--view random:x --seed 3", "random:20"),
         ("--view random:2 --seed -3", "a whole number of at least 0"),
         ("--view random --seed 1 --azimuth 3", "given --view random, --azimuth"),
