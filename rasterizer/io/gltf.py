@@ -67,10 +67,10 @@ def read_gltf(model: ModelFile) -> Contents:
     tree, tail = _read_tree(model)
     try:
         _check_version_and_extensions(model, tree)
-        places = world_matrices(tree)
+        places = world_matrices(model, tree)
         lights, camera = read_lights_and_camera(model, tree, places)
         buffers = Buffers(model, tree, tail)
-        shown = _shown_meshes(tree, places)
+        shown = _shown_meshes(model, tree, places)
         # Primitives without positions show nothing.
         primitives = {
             number: [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
@@ -133,14 +133,14 @@ class Pose(NamedTuple):
     node: int | None  # number of the node that has weights for its morph targets; None = its own count
 
 
-def _shown_meshes(tree, places) -> list[tuple[Pose, np.ndarray]]:
+def _shown_meshes(model, tree, places) -> list[tuple[Pose, np.ndarray]]:
     """Return the meshes that nodes show, and their places, in the order of the meshes."""
     nodes, found = tree.get("nodes", []), []
     for number in sorted(places):
         node = nodes[number]
-        if "mesh" in node:
-            item(tree, "meshes", node["mesh"])  # which may be no number
-            pose = Pose(node["mesh"], node.get("skin"), number if "weights" in node else None)
+        if "mesh" in node and _is_there(model, tree, "meshes", node["mesh"], "mesh"):
+            is_carried = "skin" in node and _is_there(model, tree, "skins", node["skin"], "skin")
+            pose = Pose(node["mesh"], node["skin"] if is_carried else None, number if "weights" in node else None)
             # Where joints carry a mesh, its node's place doesn't count: 3.7.3.3.
             found.append((pose, places[number] if pose.skin is None else np.eye(4)))
     return sorted(found, key=lambda pair: pair[0].mesh)
@@ -210,7 +210,11 @@ def _read_tree(model):
 def _part(primitive, buffers, paint, name, weights, joints) -> Part:
     """Turn one primitive into a part, moved by the weights of its morph targets and by joints (n, 4, 4), if any; its
     vertex colours multiply its base colour."""
-    attributes = primitive["attributes"]
+    attributes = {
+        key: number
+        for key, number in primitive["attributes"].items()
+        if key == "POSITION" or _is_there(buffers.model, buffers.tree, "accessors", number, "array of a mesh")
+    }
     if "bufferView" not in item(buffers.tree, "accessors", attributes["POSITION"]):
         buffers.refuse_compressed(primitive)
     vertices = buffers.array(attributes["POSITION"])
@@ -482,6 +486,15 @@ def item(tree, key, number) -> dict:
     return items[number]
 
 
+def _is_there(model, tree, key, number, noun) -> bool:
+    """Tell whether a list of the tree has an item; count it as left out where it hasn't."""
+    items = tree.get(key, [])
+    is_there = type(number) is int and 0 <= number < len(items)
+    if not is_there:
+        model.mend(noun, "that isn't there: left out")
+    return is_there
+
+
 def whole(table, key, default=None) -> int:
     """Return a whole number of at least 0 out of a table; TypeError where it is none, KeyError where it is missing."""
     number = table[key] if default is None else table.get(key, default)
@@ -547,7 +560,7 @@ class Pictures:
         """Yield the number and the bytes of each image that materials need, up to one that can't be found."""
         try:
             for use in (use for source in materials for use in textures_of(source)):
-                number = self._source(use["index"])[0]
+                number = self._source(use.get("index", -1))[0]
                 if number not in self._contents:
                     self._contents[number] = self._bytes_of(number)
                     yield number, self._contents[number]
@@ -573,7 +586,7 @@ class Pictures:
     def numbers(self, use: dict) -> Texture | None:
         """Return a texture of numbers within 0..1, whose green and blue count; None where it is missing, or they are
         the same everywhere, so that their mean says all."""
-        key = image, sampling = self._source(use["index"])
+        key = image, sampling = self._source(use.get("index", -1))
         if key not in self._numbers:
             pixels, self._numbers[key] = self._read(image), None
             if pixels is not None:
@@ -613,7 +626,7 @@ class Pictures:
     def mean(self, use: dict) -> np.ndarray | None:
         """Return the mean (4,) of the texels of a texture of numbers, within 0..1; None, and a UserWarning, if it is
         missing."""
-        image = self._source(use["index"])[0]
+        image = self._source(use.get("index", -1))[0]
         pixels = self._read(image)
         if pixels is None:
             return None
@@ -673,7 +686,7 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     mode, cutoff = source.get("alphaMode", "OPAQUE"), float(source.get("alphaCutoff", 0.5))
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise pictures.model.error(f"alphaMode must be OPAQUE, MASK or BLEND; given {mode!r}")
-    texture = None if use is None else pictures.texture(use["index"], mode == "OPAQUE")
+    texture = None if use is None else pictures.texture(use.get("index", -1), mode == "OPAQUE")
     common = opacity_fields(mode, alpha, cutoff) | {"texture": texture, "name": name_in(source.get("name", ""))}
     place = () if texture is None else _placement(use)
     base = (red, green, blue)
@@ -819,7 +832,7 @@ def read_lights_and_camera(
     TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
     """
     nodes = tree.get("nodes", [])
-    sources = tree.get("extensions", {}).get(_LIGHTS, {}).get("lights", [])
+    sources = tree.get("extensions", {}).get(_LIGHTS, {})
     lights, camera = [], None
     for number in sorted(places):
         node, matrix = nodes[number], places[number]
@@ -828,19 +841,19 @@ def read_lights_and_camera(
         if is_flat and (light is not None or "camera" in node):
             model.mend(*SCALED_AWAY)
             continue
-        if light is not None:
-            lights.append(_made(model, "light", light, sources, light_of, matrix))
-        if camera is None and "camera" in node:
-            camera = _made(model, "camera", node["camera"], tree.get("cameras", []), camera_of, matrix)
+        if light is not None and _is_there(model, sources, "lights", light, "light"):
+            lights.append(_made(model, "light", light, sources["lights"], light_of, matrix))
+        if camera is None and "camera" in node and _is_there(model, tree, "cameras", node["camera"], "camera"):
+            camera = _made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix)
     return tuple(lights) or None, camera
 
 
-def world_matrices(tree: dict) -> dict[int, np.ndarray]:
+def world_matrices(model: ModelFile, tree: dict) -> dict[int, np.ndarray]:
     """Return world-from-node matrices (4, 4) float64 by the numbers of the nodes that the file's scene shows.
 
-    A file without scenes shows all its nodes.
+    A file without scenes, or without the one that it names, shows all its nodes.
     """
-    if tree.get("scenes"):
+    if tree.get("scenes") and _is_there(model, tree, "scenes", tree.get("scene", 0), "scene"):
         roots = item(tree, "scenes", tree.get("scene", 0)).get("nodes", [])
     else:
         children = {child for node in tree.get("nodes", []) for child in node.get("children", [])}
@@ -848,6 +861,8 @@ def world_matrices(tree: dict) -> dict[int, np.ndarray]:
     found, open_nodes = {}, [(number, np.eye(4)) for number in roots]
     while open_nodes:
         number, parent = open_nodes.pop()
+        if not _is_there(model, tree, "nodes", number, "node"):
+            continue
         node = item(tree, "nodes", number)
         if number in found:  # not legal; the first place counts
             continue
@@ -883,8 +898,6 @@ def _own_matrix(node) -> np.ndarray:
 
 def _made(model, word, number, sources, make, matrix):
     """Make a light or camera; its faults become errors that name it."""
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(sources):
-        raise model.error(f"a node refers to {word} {number!r}; the file has {len(sources)}")
     source = sources[number]
     label = f"{word} {number}" + (f" '{name_in(source['name'])}'" if source.get("name") else "")
     try:
