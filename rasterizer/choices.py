@@ -95,16 +95,6 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
 LIGHT_TYPES: tuple[str, ...] = get_args(LightType)  # built-in
 
-# --- extras of the package, which pip installs ----------------------------------------------------------------
-
-DISTRIBUTION = "scanline-rasterizer"  # what pip calls it
-
-
-def install_command(extra: str) -> str:
-    """Return the command that installs an extra, wherever the package was installed from."""
-    return f"pip install '{DISTRIBUTION}[{extra}]'"
-
-
 # --- what somebody probably meant who wrote a word that isn't there ------------------------------------------
 
 SYNONYMS = {  # what other programs call it, and the command line, or functions

@@ -12,7 +12,8 @@ import reprlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from importlib import import_module
+from types import FrameType, ModuleType
 
 
 class RasterizerError(Exception):
@@ -105,6 +106,23 @@ def warn_caller(text: str) -> None:
 
 # Between a user's line and ours stand calls of the standard library: of `replace`, context managers, finalizers.
 _INSIDE = (__name__.partition(".")[0], "dataclasses", "contextlib", "weakref")
+
+
+# --- extras of the package, which pip installs -----------------------------------------------------------------
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra, wherever the package was installed from."""
+    return f"pip install 'scanline-rasterizer[{extra}]'"
+
+
+def import_extra(module: str, extra: str, what: str, error: type[RasterizerError] = RasterizerError) -> ModuleType:
+    """Return a module that an extra brings; `error` where it is missing. The message begins with `what`, which needs
+    it."""
+    try:
+        return import_module(module)
+    except ImportError as fault:
+        raise error(f"{what} needs {module.partition('.')[0]}: {install_command(extra)} ({fault})") from fault
 
 
 # --- what is given, in a message -----------------------------------------------------------------------------

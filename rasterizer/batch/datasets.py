@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from ..choices import ARRAY_SUFFIXES, install_command
-from ..errors import OutputError, RasterizerError, SceneError, shown
+from ..choices import ARRAY_SUFFIXES
+from ..errors import OutputError, SceneError, import_extra, shown
 from ..io.files import are_same, make_folder_of, write_whole
 from ..io.png import encode_png
 from ..keywords import checked_keywords
@@ -125,12 +125,7 @@ def write_bop(
 
 def import_pycocotools() -> Any:
     """Return `pycocotools.mask`; raises RasterizerError, which names the extra, where it is missing."""
-    try:
-        from pycocotools import mask
-    except ImportError as fault:
-        message = f"COCO's masks need pycocotools, of the extra dataset: {install_command('dataset')}"
-        raise RasterizerError(f"{message} ({fault})") from fault
-    return mask
+    return import_extra("pycocotools.mask", "dataset", "an annotation file of COCO")
 
 
 def _bop_info(each: dict[str, Any]) -> dict[str, Any]:

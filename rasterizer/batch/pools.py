@@ -22,10 +22,9 @@ from time import monotonic
 from typing import Any, NamedTuple
 from weakref import finalize
 
-from ..choices import install_command
 from ..compiler.kernels import STORE
 from ..cores import n_core
-from ..errors import RasterizerError, SceneError, shown
+from ..errors import RasterizerError, SceneError, import_extra, shown
 from ..processes import end_processes, make_folder, remove_folder, start_processes
 from ..scene.validate import whole
 
@@ -491,11 +490,8 @@ def connect(address: str) -> Any:
     """
     if "://" not in address:
         raise SceneError(f"a scheduler's address looks like tcp://10.0.0.1:8786; given {shown(address)}")
+    distributed = import_extra("dask.distributed", "distributed", "a scheduler")
     try:
-        from dask.distributed import Client
-    except ImportError as fault:
-        raise RasterizerError(f"a scheduler needs Dask: {install_command('distributed')} ({fault})") from fault
-    try:
-        return Client(address, timeout=_ANSWER_WITHIN, set_as_default=False)
+        return distributed.Client(address, timeout=_ANSWER_WITHIN, set_as_default=False)
     except (OSError, ValueError, TypeError) as fault:  # TimeoutError is an OSError
         raise RasterizerError(f"no scheduler of Dask answers at {address}: {fault}") from fault

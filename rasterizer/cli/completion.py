@@ -1,8 +1,7 @@
 """`raster completion`: the script by which a shell completes commands, flags, their words and names of files; made of
 the parsers by shtab."""
 
-from ..choices import install_command
-from ..errors import RasterizerError
+from ..errors import import_extra, install_command
 from .flags import add_messages
 from .messages import print_text
 from .parser import make_parser
@@ -31,10 +30,7 @@ def add_flags(parser) -> None:
 
 def run(_request, _messages, *, shell) -> tuple[list, int]:
     """Print the script for a shell; RasterizerError where shtab isn't installed. Nothing else fails."""
-    try:
-        import shtab
-    except ImportError as fault:
-        raise RasterizerError(f"completion needs shtab: {install_command('completion')} ({fault})") from fault
+    shtab = import_extra("shtab", "completion", "completion")
     parser = make_parser(is_whole=True)
     for command in parser.commands.values():
         for action in command._actions:

@@ -12,9 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from .. import __version__
-from ..choices import install_command
 from ..cores import n_core
-from ..errors import OutputError, SceneError, counted
+from ..errors import OutputError, SceneError, counted, install_command
 from .flags import add_json, add_messages
 from .messages import print_text
 

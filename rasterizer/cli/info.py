@@ -9,7 +9,7 @@ import os
 from dataclasses import asdict
 from time import perf_counter
 
-from ..choices import install_command
+from ..errors import install_command
 from ..io import formats
 from .flags import add_json, add_messages, add_models
 from .messages import STDIO, Failures, print_text

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import install_command
-from ..errors import OutputError, SceneError
+from ..errors import OutputError, SceneError, import_extra
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -187,11 +186,7 @@ def _encode_video(frames: Frames, timing: Timing, suffix: str) -> bytes:
 
 
 def _import_av(suffix: str) -> Any:
-    try:
-        import av
-    except ImportError:
-        raise OutputError(f"{suffix} files need the package av: {install_command('video')}") from None
-    return av
+    return import_extra("av", "video", f"a {suffix} file", OutputError)
 
 
 def _shape_of(frames: Frames, max_side: int, name: str) -> tuple[int, int]:

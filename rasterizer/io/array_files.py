@@ -27,8 +27,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS, install_command
-from ..errors import OutputError, SceneError, cut, shown
+from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS
+from ..errors import OutputError, SceneError, cut, import_extra, shown
 from ..scene.validate import number
 from .png import encode_png
 
@@ -216,7 +216,7 @@ def encode_exr(arrays: dict[str, NDArray]) -> bytes:
         if len(arrays) == 1 and n_column <= 3:
             names = ("Y",) if n_column == 1 else ("R", "G", "B")
         else:
-            names = CHANNELS.get(name, (name,) if n_column == 1 else tuple(f"{name}.{k}" for k in range(n_column)))
+            names = CHANNELS[name]
         for k, channel in enumerate(names):
             channels[channel] = np.ascontiguousarray(columns[..., k], np.float32)
     header = {
@@ -236,8 +236,4 @@ def encode_exr(arrays: dict[str, NDArray]) -> bytes:
 
 def import_exr():
     """Return the library OpenEXR; raises OutputError, which names the extra, where it is missing."""
-    try:
-        import OpenEXR
-    except ImportError as error:
-        raise OutputError(f"EXR files need the library OpenEXR: {install_command('exr')}") from error
-    return OpenEXR
+    return import_extra("OpenEXR", "exr", "an EXR file", OutputError)

@@ -18,8 +18,8 @@ from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..choices import Axis, Weighting, install_command
-from ..errors import ModelError, SceneError, counted, cut, one_file, shown
+from ..choices import Axis, Weighting
+from ..errors import ModelError, SceneError, counted, cut, install_command, one_file, shown
 from ..geometry.weld import weld
 from ..keywords import checked_keywords
 from ..scene.arrays import fixed

@@ -23,8 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..choices import install_command
-from ..errors import ModelError, cut
+from ..errors import ModelError, cut, install_command
 from ..scene.color import linear_from_srgb_bytes, srgb_from_linear
 from ..scene.material import WHITE, Material
 from ..scene.texture import Texture, read_picture

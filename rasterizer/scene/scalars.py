@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..choices import install_command
-from ..errors import ModelError, SceneError, counted, cut, shown
+from ..errors import ModelError, SceneError, counted, cut, install_command, shown
 from .arrays import plain_array, real_array
 from .material import WHITE
 from .texture import Texture

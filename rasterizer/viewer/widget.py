@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..choices import install_command
-from ..errors import SceneError, error_of
+from ..errors import SceneError, error_of, install_command
 from ..frame import Frame
 from ..io.camera_file import viewpoint_of
 from ..keywords import divided, takes_words
