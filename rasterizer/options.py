@@ -84,8 +84,8 @@ class Options:
         too; it fades before the border, and pictures are framed on it as well. Buffers show the scene alone. The
         studio's lights, which are the default, become those of `tabletop`, whose key light casts shadows by Phong's
         method; other lights stay
-    min_opacity : from which opacity on a surface counts for buffers and picks, 0 to 1, a texture's alpha included; the
-        default counts every surface, however transparent. Pictures don't ask
+    min_opacity : the least opacity, 0 to 1, of surfaces that buffers and picks show, a texture's alpha included; the
+        default shows every surface, however transparent. Pictures show all surfaces, whatever it is
 
     Raises
     ------

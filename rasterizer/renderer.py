@@ -58,9 +58,9 @@ def render(
     options : Options, of which the words below replace some; None = those of a scene file, else the default ones
     out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
 
-    Where it is taken from. Unless one of these is given, that is the scene's own camera, else one that frames it
-    camera : Camera; "file" = the first that a model file brings; "frame" = none that the scene brings; or the path of a
-        scene file, or of a file that holds a camera alone
+    Where it is taken from: unless one of these is given, by the scene's own camera, else by one that frames the scene
+    camera : Camera; "file" = the first one of a model file; "frame" = frame the scene although it has a camera; or the
+        path of a scene file, or of a file that holds a camera alone
     view : "iso", "front", "back", "left", "right", "top", "bottom", or (azimuth, elevation) in degrees
     azimuth, elevation : degrees about the up axis, 0 = front, and above the horizon; None = 35 and 25, as in
         `Camera.framing`
@@ -76,9 +76,9 @@ def render(
     shadows : True = all lights but ambient ones cast shadows, unless one has `shadow=False`; or a Shadow, that of those
         that have none of their own
     material : Material, the name of one of the classic table ("gold", "jade", "red plastic" ..., see `Material.named`),
-        or a dict of some fields; replaces them in every material. Without "ambient" that follows "diffuse"
-    color : the colour of everything, in place of textures and of colours that a mesh has, which the "diffuse" of
-        `material` multiplies
+        or a dict of some fields; replaces them in every material. "ambient" is "diffuse" unless it is given
+    color : one colour for everything, in place of textures and of colours that a mesh has; the "diffuse" of `material`
+        multiplies these
     reflection : "phong", "blinn", "lambert", "oren-nayar", "cook-torrance" or "toon", short for that of `material`
     background : colour, or "transparent"; None = that of the scene or file, else transparent
     depth_cue : DepthCue, or a number, its scale; "none" = none; None = that of the scene or file
@@ -88,7 +88,7 @@ def render(
     How a file or mesh is read; as in `load`, but for `subdivide`
     format : text, the format of bytes, or of a file whose suffix doesn't tell it
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp
-    weighting : "angle", "area" or "uniform", what faces count by where normals are averaged
+    weighting : "angle", "area" or "uniform", the weight of faces where normals are averaged
     subdivide : how often every triangle is cut in four, 0 to 15
     scalars, cmap, clim : a scalar field that is shown, its colormap, and the values at that one's ends
     drop_bad_faces : leave out faces with NaN or infinite coordinates

@@ -72,8 +72,8 @@ def render_many(
     n_process : how many processes, 1 to 1024, or how many tasks an executor works on at a time; None = as many as this
         process may use processors, or as the executor has
     existing : what becomes of a task whose file is there: "replace", "skip" (it is left out), or "skip-newer" (it is
-        left out unless its model's file has changed since). So a run that was interrupted is resumed. It isn't asked
-        how the file was made. All files of a task must be there; with a manifest, its line, too
+        left out unless its model's file has changed since). So a run that was interrupted is resumed. How a
+        file was made isn't looked at. All files of a task must be there; with a manifest, its line, too
     manifest : path of a file of JSON lines, one for each task that was drawn or skipped, in the order of the tasks; the
         same bytes whoever draws. It is complete when the iterator ends; what is known until then is in
         "MANIFEST.partial", with which an interrupted batch goes on. None = none is written. Each line has

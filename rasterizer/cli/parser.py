@@ -34,13 +34,13 @@ COMMANDS = {
 }
 
 _EPILOG = """\
-A command that is left out is render: raster part.stl. Models and flags come in any order. Results go to stdout,
+Without a command, render is meant: raster part.stl. Models and flags come in any order. Results go to stdout,
 messages to stderr. raster COMMAND --help says more of each.
 
 exit codes:
   0    done
-  1    some models failed and the rest was done, or the fault is the program's
-       own (-v shows more)
+  1    some models failed and the others were done, or the program itself is at
+       fault (-v shows more)
   2    the command line is wrong, or a value is not legal
   3    no model could be drawn: the first can't be read, or is empty
   4    an output can't be written

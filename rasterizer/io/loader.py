@@ -124,7 +124,7 @@ def load(
         part of the model
     background : colour; None = that of a scene file, else transparent
     depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
-    weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None =
+    weighting : text, "angle", "area" or "uniform": the weight of faces where normals are averaged, see `Mesh`; None =
         "angle", or as a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     scalars : a scalar field that is shown in the place of the model's own colours: one number for each vertex or face,
@@ -134,11 +134,11 @@ def load(
     cmap : text or (n, 3), colormap: "viridis" (the default), another name that the package `cmap` knows, or colours
         from low to high, uint8 or floats of sRGB
     clim : two numbers, the values at the colormap's ends; None = the least and the largest there are
-    log : function of one text, called with facts about the file; None = nobody wants them
+    log : function of one text, called with facts about the file; None = none
     allow_outside : bool, read also files outside the folder of the file that names them: textures, buffers, parts of a
         scene
     files_read : list that gets the paths (text) of all other files that were read, each as often as it was;
-        None = nobody wants them
+        None = none
 
     Returns
     -------

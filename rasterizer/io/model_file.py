@@ -111,7 +111,7 @@ class ModelFile:
     format: str
     data: bytes | LongFile  # the latter where the format is read in parts
     beside: Folder
-    log: Callable[[str], object] | None  # None = nobody wants facts
+    log: Callable[[str], object] | None  # called with facts about the file
     limits: "Limits" = None  # None = its own, by its size
     textures: Budget = None  # counts those that are made of it
 

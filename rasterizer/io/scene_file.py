@@ -87,7 +87,7 @@ def read_scene(
     ----------
     source : path, bytes, or file object
     folder : path to which the names of files are relative; None = that of the path, for bytes the current one
-    log : function of one text, called with facts about the files; None = nobody wants them
+    log : function of one text, called with facts about the files; None = none
     mesh_settings : those of all meshes; where they are not None they are taken in place of the file's
     allow_outside : bool, read also files outside the folder; see `files.py`
     files_read : list that gets the paths of all files that are read

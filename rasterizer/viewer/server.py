@@ -61,7 +61,7 @@ class Server(ThreadingHTTPServer):
     session : Session that is looked at
     port : number, 0 = one that is free
     is_once : whether `serve` ends when the last page has been closed
-    note : function that is called with a line of text about what goes wrong; None = nobody wants it
+    note : function that is called with a line of text about what goes wrong; None = it is said nowhere
 
     Raises
     ------
