@@ -5,6 +5,7 @@ Out: nothing, or a SceneError that names the first place at which both disagree,
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -134,6 +135,8 @@ def compare_reflection(word: str, cls: Any) -> None:
     n_dot_l = (normals * light_dirs).sum(axis=1)
     for roughness, shininess, levels in ((1.0, 32.0, 4), (max(0.3, cls.model.min_roughness), 5.5, 2)):
         material = Material(reflection=word, roughness=roughness, shininess=shininess, levels=levels, specular=0.5)
+        numbers = [shininess / 32.0 * each for each in material.numbers or ()] or None  # the defaults, then others
+        material = replace(material, numbers=numbers)
         settings = f"shininess {shininess:g}, roughness {roughness:g}"
 
         def place_of(k: int, settings: str = settings) -> str:

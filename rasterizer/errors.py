@@ -93,6 +93,18 @@ def named_in_errors(what: object) -> Iterator[None]:
         raise named from fault
 
 
+@contextmanager
+def faults_of(whose: str) -> Iterator[None]:
+    """Turn what gets out of code that isn't this package's, and is no error of ours, into a SceneError that names
+    whose it is."""
+    try:
+        yield
+    except RasterizerError:
+        raise
+    except Exception as fault:
+        raise SceneError(f"{whose} failed: {type(fault).__name__}: {cut(fault)}") from fault
+
+
 def warn_caller(text: str) -> None:
     """Warn of what a user can change; the warning points at the line outside of this package that led to it."""
     import warnings

@@ -13,15 +13,20 @@ numpy. Registration compares both at some points and refuses what disagrees, wit
 (agreement.py). Nobody knows how a formula of one's own rounds: so it is evaluated in float64, and `Stats.steps` says
 why no bound is stated.
 
+What else such a class needs can be imported from here, too: what its fields may hold (`Color`, `Vector`, `Attenuation`,
+`Shadow`), and what checks them (`linear_rgb`, `unit3`, `number` …), see `__all__`.
+
 Every call returns a `Registration`. It undoes the call: at the end of a `with` block, or by its method `remove`.
 
-A registration holds for this process. What is pickled for another one needs the same registration there. Formulas of
-one's own are compiled in every process: the disk cache keeps only kernels of this package.
+A registration holds for this process, and for those to which its lights and materials are pickled, if the class can be
+imported there. One that `raster` and scene files know is that of a plug-in, see scene/plugins.py. Formulas of one's own
+are compiled in every process: the disk cache keeps only kernels of this package.
 """
 
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, is_dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 from numpy.typing import NDArray
@@ -29,16 +34,34 @@ from numpy.typing import NDArray
 from . import agreement
 from .engine import lights as engine_lights
 from .engine import reflections as engine_reflections
-from .engine.lights import LIGHT_TABLE, Beam
+from .engine.lights import LIGHT_TABLE, Beam, to_world
 from .engine.reflections import REFLECTION_TABLE
 from .errors import SceneError, shown
 from .reference.lamp import LAMP_TYPES, CustomLamp
 from .reference.reflection import REFERENCE_MODELS, ReferenceModel
 from .scene.camera import View
-from .scene.lights import LIGHT_TYPES, describe_fields
+from .scene.color import linear_rgb
+from .scene.lights import (
+    LIGHT_TYPES,
+    Attenuation,
+    Color,
+    Shadow,
+    Vector,
+    checked_shadow,
+    class_of_light,
+    describe_fields,
+    light_type_of,
+)  # fmt: skip
 from .scene.material import REFLECTION_MODELS, ReflectionModel
+from .scene.validate import choice, flag, number, position3, unit3, vector3
 
-__all__ = ["Beam", "CustomLight", "CustomReflection", "Registration", "add_light", "add_reflection"]
+# All that a plug-in needs; the second row is for fields of its classes: what they hold, the third: what checks them.
+__all__ = [
+    "Beam", "CustomLight", "CustomReflection", "ReflectionModel", "Registration", "add_light", "add_reflection",
+    "class_of_light", "to_world",
+    "Attenuation", "Color", "Shadow", "Vector",
+    "checked_shadow", "choice", "flag", "linear_rgb", "number", "position3", "unit3", "vector3",
+]  # fmt: skip
 
 # ---------------------------------------------------------------- what a class says
 
@@ -62,6 +85,10 @@ class CustomLight:
     ----------
     needs_position : False where the formula reads no position: then none is computed for it
     """
+
+    def __reduce__(self) -> Any:
+        """A copy in another process knows its type of light there."""
+        return _restored, (light_type_of(self), type(self), self.__dict__)
 
     share: ClassVar[Callable[..., Any] | None] = None
     arrival: ClassVar[Callable[..., Any] | None] = None
@@ -106,14 +133,16 @@ class CustomReflection:
     """A reflection model of one's own: how much of a light that arrives a surface sends to the viewer.
 
     reflect(normal, light_dir, view_dir, coefficients) : static method, which is compiled: unit vectors, three numbers
-        each, and `coefficients.shininess`, `.roughness` and `.levels` of the material, in float32 or float64; returns D
-        and S, which the material's `diffuse` and `specular` are multiplied by. It isn't asked where N·L <= 0
+        each, and `coefficients.shininess`, `.roughness`, `.levels` and `.numbers` of the material, in float32 or
+        float64; returns D and S, which the material's `diffuse` and `specular` are multiplied by. It isn't asked where
+        N·L <= 0
 
     Attributes
     ----------
     needs_view : False where it reads no view_dir
     has_highlight : False where S is always 0
-    model : what a material that names it may have: as default a roughness within 0..1
+    model : what a material that names it may have: as default a roughness within 0..1, and no numbers of its own;
+        `ReflectionModel(numbers=(0.5,))` has one, 0.5 where a material doesn't say another
     """
 
     needs_view: ClassVar[bool] = True
@@ -126,7 +155,7 @@ class CustomReflection:
 
         Parameters
         ----------
-        materials : (n,) records with the fields "shininess", "roughness", "levels"
+        materials : (n,) records with the fields "shininess", "roughness", "levels", and "numbers", (n, 5)
         normals, light_dirs, view_dirs : (n, 3) float64, unit
         """
         raise NotImplementedError(f"{type(self).__name__} has no `reference`")
@@ -192,9 +221,17 @@ def add_light(word: str, cls: type[CustomLight], *, examples: Sequence[Any] = ()
         raise SceneError(f"{cls.__name__} must have one of the static methods share and arrival")
     if "shadow" in described and (cls.beam is None or cls.share is not None):
         raise SceneError(f"{cls.__name__} has a shadow, so it needs a beam, and an arrival")
-    tables = [(LIGHT_TYPES, cls), (LIGHT_TABLE, engine_lights.CustomEntry(cls)), (LAMP_TYPES, CustomLamp())]
     compared = examples or agreement.make_examples(cls, described)
-    return _enter(word, tables, "a light", lambda: agreement.compare_light(word, compared))
+    return _enter(word, _tables_of_light(cls), "a light", lambda: agreement.compare_light(word, compared))
+
+
+def _restored(word: str, cls: type[CustomLight], fields: dict[str, Any]) -> Any:
+    """Return a light as it was in another process, where its type may be unknown."""
+    if word not in LIGHT_TYPES:
+        _enter(word, _tables_of_light(cls), "a light", lambda: None)
+    made = object.__new__(cls)
+    made.__dict__.update(fields)
+    return made
 
 
 def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:
@@ -214,17 +251,32 @@ def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:
     SceneError : a word that is taken; engine and reference that disagree
     """
     _check_class(cls, CustomReflection)
+    tables = _tables_of_reflection(word, cls)
+    return _enter(word, tables, "a reflection model", lambda: agreement.compare_reflection(word, cls))
+
+
+def _tables_of_light(cls: type[CustomLight]) -> list[tuple[dict[str, Any], Any]]:
+    """Return the tables that know types of lights, each with what stands there for the class."""
+    return [(LIGHT_TYPES, cls), (LIGHT_TABLE, engine_lights.CustomEntry(cls)), (LAMP_TYPES, CustomLamp())]
+
+
+def _tables_of_reflection(word: str, cls: type[CustomReflection]) -> list[tuple[dict[str, Any], Any]]:
+    """Return the tables that know reflection models, each with what stands there for the class."""
     model = cls()
 
     def reflect(materials: NDArray, *vectors: NDArray) -> tuple:
         return (*model.reference(materials, *vectors[:3]), None)  # None: W(θ) is 1
 
-    tables: list[tuple[dict[str, Any], Any]] = [
-        (REFLECTION_MODELS, cls.model),
+    return [
+        (REFLECTION_MODELS, cls.model._replace(enter=partial(_enter_reflection, word, cls))),
         (REFLECTION_TABLE, engine_reflections.CustomEntry(model)),
         (REFERENCE_MODELS, ReferenceModel(reflect)),
     ]
-    return _enter(word, tables, "a reflection model", lambda: agreement.compare_reflection(word, cls))
+
+
+def _enter_reflection(word: str, cls: type[CustomReflection]) -> None:
+    """Enter a reflection model that was compared in another process."""
+    _enter(word, _tables_of_reflection(word, cls), "a reflection model", lambda: None)
 
 
 def _enter(

@@ -21,6 +21,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import Shadow
 from ..scene.material import REFLECTION_MODELS
+from ..scene.plugins import find_plugin
 from ..scene.scene import DepthCue, Scene
 from ..viewpoint import Viewpoint, check_words, words_given, zoomed
 from .flags import EVERY, UNSAID
@@ -237,6 +238,7 @@ def _make_look(words: dict[str, Any], materials: list[dict[str, Any]]) -> Look:
     for given in materials:
         material |= given
     for word, flag in ((reflection, "--reflection"), (material.get("reflection"), "--material: reflection")):
+        find_plugin(word, REFLECTION_MODELS)
         if word is not None and word not in REFLECTION_MODELS:
             raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
     if not material:

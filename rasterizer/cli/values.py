@@ -8,7 +8,7 @@ import argparse
 import re
 
 from ..choices import DISTRIBUTIONS, EDGE_TYPES, VIEWS
-from ..errors import SceneError
+from ..errors import SceneError, faults_of
 
 _MAX_PROCESSES = 1024
 
@@ -251,6 +251,7 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
     "metallic_roughness": _or_none(str),
     "normalized": yes_or_no,
     "levels": whole,
+    "numbers": lambda text: tuple(map(number, text.split("/"))),
 }
 
 
@@ -278,12 +279,15 @@ def make_light(text, shadow):
     SceneError : an unknown type or name, or a value that is not legal; the message lists what is
     """
     from ..scene.lights import LIGHT_TYPES, Shadow, describe_fields
+    from ..scene.plugins import find_plugin
 
     word, _, rest = text.partition(":")
+    find_plugin(word, LIGHT_TYPES)
     if word not in LIGHT_TYPES:
         legal = ", ".join(f"{each}:..." for each in LIGHT_TYPES)
         raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}")
-    described = describe_fields(LIGHT_TYPES[word])
+    cls = LIGHT_TYPES[word]
+    described = describe_fields(cls)
     try:
         settings = _read_light(rest, described, f"a {word} light")
     except argparse.ArgumentTypeError as fault:
@@ -294,7 +298,8 @@ def make_light(text, shadow):
             raise SceneError(f"argument --light: a {word} light needs {name}={form}; given {text!r}")
     if own := settings.get("shadow"):  # True, or (size, filter)
         settings["shadow"] = shadow if own is True else Shadow(*own)
-    return LIGHT_TYPES[word](**settings)
+    with faults_of(f"{cls.__module__}.{cls.__qualname__}"):
+        return cls(**settings)
 
 
 def _read_light(text, described, what) -> dict:

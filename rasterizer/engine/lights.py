@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, faults_of
 from ..pipeline import lights as pipeline
 from ..scene.camera import View
 from ..scene.lights import light_type_of
@@ -263,11 +263,13 @@ class CustomEntry(LightEntry):
 
     def expand(self, light: Any) -> tuple[Any, ...]:
         """Return the lights of one colour that stand for it."""
-        return tuple(light.parts())
+        with faults_of(_whose(light)):
+            return tuple(light.parts())
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the numbers that the formula reads."""
-        numbers = np.asarray(light.numbers(Frame(light, view)), np.float64).ravel()
+        with faults_of(_whose(light)):
+            numbers = np.asarray(light.numbers(Frame(light, view)), np.float64).ravel()
         if len(numbers) > len(coefficients):
             whose = f"{type(light).__name__}.numbers"
             raise SceneError(f"{whose} must be {len(coefficients)} numbers at most; given {len(numbers)}")
@@ -275,7 +277,8 @@ class CustomEntry(LightEntry):
 
     def beam(self, light: Any, view: View) -> Beam | None:
         """Return where it shines, if it says so."""
-        return light.beam(view) if self.has_beam else None
+        with faults_of(_whose(light)):
+            return light.beam(view) if self.has_beam else None
 
     def strength(self, light: Any, distance: float) -> float:
         """Return that there is no limit."""
@@ -284,6 +287,11 @@ class CustomEntry(LightEntry):
     def limits(self, light: Any) -> LightLimits:
         """Return that nothing is known."""
         return LightLimits(math.inf, math.inf, OWN)
+
+
+def _whose(light: Any) -> str:
+    """Return how messages name the class of a light."""
+    return f"the light {type(light).__module__}.{type(light).__qualname__}"
 
 
 # By the words of scene.lights.LIGHT_TYPES.

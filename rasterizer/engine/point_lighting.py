@@ -201,6 +201,7 @@ def reflected_at(
     """
     entry, row = reflection_table.entry_of(material), np.zeros(m.N_MATERIAL_COEFFICIENT)
     row[m.SHININESS], row[m.ROUGHNESS], row[m.TOON_LEVELS] = material.shininess, material.roughness, material.levels
+    row[m.OWN_NUMBERS : m.OWN_NUMBERS + len(material.numbers or ())] = material.numbers or ()
     put = {
         f.NORMAL: normals,
         f.LIGHT_DIR: light_dirs,

@@ -97,6 +97,9 @@ def list_materials(plan: Plan, dtype: np.dtype) -> NDArray:
         row[[m.ROUGHNESS, m.ROUGHNESS_ACROSS]] = source.roughness
         if not isinstance(source.tangent, str):
             row[m.TANGENT_AXIS : m.TANGENT_AXIS + 3] = source.tangent
+        if tables.models[k].is_own:
+            row[m.OWN_NUMBERS : m.OWN_NUMBERS + m.N_OWN_NUMBER] = 0.0
+            row[m.OWN_NUMBERS : m.OWN_NUMBERS + len(source.numbers or ())] = source.numbers or ()
         row[m.HAS_FRESNEL], row[m.HIGHLIGHT_SCALE] = tables.n_terms[k] > 2, tables.models[k].highlight_scale(source)
         emissive, ambient = source.emissive, np.array(source.ambient) * tables.ambient
         if products is not None:

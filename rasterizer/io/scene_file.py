@@ -32,12 +32,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, cut, named_in_errors, one_file, shown
+from ..errors import ModelError, SceneError, cut, faults_of, named_in_errors, one_file, shown
 from ..look import Look
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.framing import rotation
-from ..scene.lights import LIGHT_TYPES, MAX_LIGHTS, PRESETS, Shadow
+from ..scene.lights import LIGHT_TYPES, MAX_LIGHTS, PRESETS, Shadow, class_of_light
 from ..scene.material import NAMED_MATERIALS, Material
 from ..scene.mesh import Mesh, meshes_from
 from ..scene.scalars import ScalarWords, with_one_scale
@@ -240,7 +240,9 @@ def _read_lights(value: Any) -> tuple[Any, ...]:
             table = dict(_table(item))
             if "kind" not in table:
                 raise SceneError(f"kind is missing; legal are {', '.join(LIGHT_TYPES)}")
-            found.append(_make(LIGHT_TYPES[choice(table.pop("kind"), LIGHT_TYPES, "kind")], table))
+            cls = class_of_light(table.pop("kind"))
+            with faults_of(f"{cls.__module__}.{cls.__qualname__}"):
+                found.append(_make(cls, table))
     return tuple(found)
 
 

@@ -12,6 +12,8 @@ TOON_LEVELS = 4
 ROUGHNESS_ACROSS = 5  # of anisotropic materials: across the tangent
 TANGENT_AXIS = 6  # of anisotropic materials whose tangent is an axis of the world: three numbers
 METALLIC = 9  # share of the surface that is metal, where a texture multiplies it
+OWN_NUMBERS = 5  # of models of one's own, which are neither anisotropic nor metal: up to N_OWN_NUMBER
+N_OWN_NUMBER = 5
 N_REFLECTION_COEFFICIENT = 10
 REFLECTION_SHAPE = (N_REFLECTION_COEFFICIENT,)
 # Colours, three channels each. AMBIENT is ka·Ia.

@@ -476,6 +476,7 @@ class Coefficients(NamedTuple):
     shininess: float
     roughness: float
     levels: float
+    numbers: tuple  # N_OWN_NUMBER, with zeros behind those that the model has
 
 
 @cache  # what is compiled of a formula is kept for good, as all batch functions are
@@ -491,7 +492,9 @@ def function_of_reflection(reflect: Callable) -> Callable:
     def evaluate(batch, n, material):
         batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
         zero = batch.dtype.type(0)
-        coefficients = Coefficients(material[m.SHININESS], material[m.ROUGHNESS], material[m.TOON_LEVELS])
+        at = m.OWN_NUMBERS
+        numbers = material[at], material[at + 1], material[at + 2], material[at + 3], material[at + 4]
+        coefficients = Coefficients(material[m.SHININESS], material[m.ROUGHNESS], material[m.TOON_LEVELS], numbers)
         for k in range(n):
             normal, light_dir = get_vector(batch, f.NORMAL, k), get_vector(batch, f.LIGHT_DIR, k)
             diffuse, specular = formula(normal, light_dir, get_vector(batch, f.VIEW_DIR, k), coefficients)

@@ -392,6 +392,7 @@ def _describe_material(material: Material, brush: np.void) -> str:
         },
         "toon": {"shininess": material.shininess, "levels": material.levels},
     }.get(material.reflection, {"shininess": material.shininess})
+    numbers |= {"numbers": material.numbers} if material.numbers else {}
     return f"{material.reflection}: " + ", ".join(f"{key} {_shown(value)}" for key, value in numbers.items())
 
 

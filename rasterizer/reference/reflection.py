@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
-from ..scene.material import Material
+from ..scene.material import MAX_NUMBERS, Material
 from ..scene.scene import Scene
 from ..scene.spectrum import samples_of
 from ..vectors import length, unit
@@ -233,6 +233,7 @@ def read_materials(scene: Scene, n_wave: int | None = None, is_lit_per_sample: b
     longest = max(map(len, (*REFERENCE_MODELS, *DISTRIBUTIONS)))
     words = [("reflection", f"U{longest}"), ("distribution", f"U{longest}"), ("normalized", bool), ("is_cut_out", bool)]
     brush = [("roughness", np.float64), ("across", np.float64), ("axis", np.float64, 3), ("is_by_u", bool)]
+    brush += [("numbers", np.float64, MAX_NUMBERS)]
     table = np.zeros(len(palette), [*colors, *numbers, *words, *brush])
     for row, material in zip(table, palette, strict=True):
         for name in names[:4]:
@@ -244,6 +245,7 @@ def read_materials(scene: Scene, n_wave: int | None = None, is_lit_per_sample: b
         fresnel = absent if material.fresnel is None else material.fresnel
         row["fresnel"] = channels_of(fresnel, n_wave) if isinstance(fresnel, tuple) else fresnel
         row["roughness"], row["across"] = np.broadcast_to(material.roughness, 2)
+        row["numbers"][: len(material.numbers or ())] = material.numbers or ()
         row["is_by_u"] = material.tangent == "u"
         if material.tangent != "u":
             row["axis"] = material.tangent

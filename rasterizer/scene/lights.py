@@ -23,6 +23,7 @@ from ..vectors import dot
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
 from .framing import orbit_axes
+from .plugins import find_plugin
 from .random_numbers import LIGHTS, checked_range, elevation_at, uniform_numbers, within
 from .validate import choice, flag, is_whole, items_of, number, position3, store, unit3, value_class, vector3, whole
 
@@ -299,13 +300,20 @@ Light: TypeAlias = AmbientLight | DirectionalLight | PointLight | SpotLight | Ar
 # Every type of light that a scene may have, by the word for it in scene files and on the command line. What the engine,
 # the reference and the Mach bands know of it stands in tables by the same words; `rasterizer.registries` enters a type
 # in all of them.
-LIGHT_TYPES: dict[str, type] = {
+LIGHT_TYPES: dict[str, Any] = {
     "ambient": AmbientLight,
     "directional": DirectionalLight,
     "point": PointLight,
     "spot": SpotLight,
     "area": AreaLight,
 }
+
+
+def class_of_light(word: object) -> Any:
+    """Return the class of a type of light by the word for it, also where that is a plug-in's; SceneError for another
+    word."""
+    find_plugin(word, LIGHT_TYPES)
+    return LIGHT_TYPES[choice(word, LIGHT_TYPES, "kind")]
 
 
 def light_type_of(light: Any) -> str:

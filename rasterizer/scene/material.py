@@ -28,10 +28,12 @@ from ..choices import DISTRIBUTIONS, REFLECTIONS, Distribution
 from ..errors import SceneError, cut, shown
 from .arrays import VectorLike
 from .color import ColorLike, linear_rgb
+from .plugins import find_plugin
 from .texture import Texture, TextureLike
 from .validate import choice, flag, number, store, text, unit3, value_class
 
 MAX_LEVELS = 256
+MAX_NUMBERS = 5
 GREY_DIFFUSE = 0.55  # of what has neither material nor colours
 
 
@@ -43,11 +45,15 @@ class ReflectionModel(NamedTuple):
     min_roughness : legal is `roughness` from here to 1
     brushed : the `distribution` with which `roughness` may be two numbers, or follow a texture; None = it is one number
     is_metallic : it reads `metallic`, and what belongs to it
+    numbers : of a model of one's own, what `Material.numbers` are where they aren't given; up to MAX_NUMBERS
+    enter : of a model of one's own, what registers it in another process; it is pickled with materials
     """
 
     min_roughness: float = 0.0
     brushed: str | None = None
     is_metallic: bool = False
+    numbers: tuple[float, ...] = ()
+    enter: Any = None
 
 
 # Every reflection model that a material may name. What the engine and the reference know of it stands in tables by the
@@ -120,6 +126,8 @@ class Material:
         where it is above 0; its highlight is all there where (R·V)^n >= 1/2, else not at all. Such a material
         is lit in float64, because next to a step no error is small: points within about 1e-12 of a step may
         fall on its other side
+    numbers : what a reflection model of one's own reads beside these, as many finite numbers as it says; None = its
+        defaults. The other models don't use them
     name : text, for reports
 
     Coefficients above 1 are legal, written as floats: whole numbers above 1, as (255, 128, 0), are refused.
@@ -149,6 +157,7 @@ class Material:
     normalized: bool = False
     levels: int = 3
     tangent: str | VectorLike = "u"
+    numbers: Sequence[float] | float | None = None
     name: str = ""
 
     FOLLOWS = {"ambient": "diffuse"}  # what a field is where it isn't given
@@ -158,6 +167,7 @@ class Material:
         if plain is None:
             plain = GREY_DIFFUSE if self.texture is None else 1.0
         diffuse = linear_rgb(plain, "the material's diffuse")
+        find_plugin(self.reflection, REFLECTION_MODELS)
         model = REFLECTION_MODELS[choice(self.reflection, REFLECTION_MODELS, "the material's reflection")]
         choice(self.distribution, DISTRIBUTIONS, "the material's distribution")
         levels = number(self.levels, "the material's levels", low=1, high=MAX_LEVELS)
@@ -176,6 +186,7 @@ class Material:
             if self.alpha_cutoff is None
             else number(self.alpha_cutoff, "the material's alpha_cutoff", low=0, high=1),
             roughness=self._checked_roughness(model),
+            numbers=self._checked_numbers(model),
             fresnel=_checked_fresnel(self.fresnel),
             metallic=number(self.metallic, "the material's metallic", low=0, high=1),
             normalized=flag(self.normalized, "the material's normalized"),
@@ -216,6 +227,20 @@ class Material:
             raise SceneError(f"{what} must be {legal}; given {shown(given)}")
         along, across = (number(each, what, low=model.min_roughness, high=1, unit=unit) for each in given)
         return along if along == across else (along, across)
+
+    def _checked_numbers(self, model: ReflectionModel) -> tuple[float, ...] | None:
+        """Return the numbers of a model of one's own; what isn't given stays so where the model has none."""
+        what, given, n = "the material's numbers", self.numbers, len(model.numbers)
+        if given is None:
+            return model.numbers or None
+        values = given if isinstance(given, (tuple, list, np.ndarray)) and np.ndim(given) == 1 else (given,)
+        if n and len(values) != n:
+            raise SceneError(f"{what} must be {n}, which {self.reflection!r} reads; given {shown(given)}")
+        return tuple(number(each, what) for each in values)
+
+    def __reduce__(self) -> Any:
+        """A copy in another process knows its reflection model there."""
+        return _restored, (type(self), self.__dict__, REFLECTION_MODELS[self.reflection].enter)
 
     @property
     def is_anisotropic(self) -> bool:
@@ -296,6 +321,15 @@ class Material:
     def is_cut_out(self) -> bool:
         """Whether `alpha_cutoff` says where the surface is there."""
         return self.alpha_cutoff is not None
+
+
+def _restored(cls: type, fields: dict[str, Any], enter: Any) -> "Material":
+    """Return a material as it was in another process, where its reflection model may be unknown."""
+    if enter is not None and fields["reflection"] not in REFLECTION_MODELS:
+        enter()
+    made: Any = object.__new__(cls)
+    made.__dict__.update(fields)
+    return made
 
 
 def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:

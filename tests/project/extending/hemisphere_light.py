@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 
 from rasterizer import registries
 from rasterizer.cli import main
-from rasterizer.scene.color import linear_rgb
-from rasterizer.scene.lights import Color, Vector
-from rasterizer.scene.validate import unit3
+from rasterizer.registries import Color, Vector, linear_rgb, unit3
 
 
 @dataclass(frozen=True)
