@@ -75,7 +75,8 @@ class ScalarWords:
     def __post_init__(self) -> None:
         if self.clim is not None:
             given: Any = self.clim
-            if not isinstance(given, (tuple, list, np.ndarray)) or np.shape(given) != (2,):
+            is_pair = isinstance(given, (tuple, list)) or (isinstance(given, np.ndarray) and given.ndim == 1)
+            if not is_pair or len(given) != 2:
                 raise SceneError(f"clim must be two numbers, the least value and the largest; given {shown(self.clim)}")
             low, high = number(given[0], "clim"), number(given[1], "clim")
             if not low < high:
