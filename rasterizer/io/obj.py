@@ -437,6 +437,13 @@ class ObjLines:
 
     def _words_in(self, keyword, lines) -> list[list[bytes]]:
         """Return the words of each line, without keyword and comment."""
+        first, last = (int(lines[k]) if len(lines) else 0 for k in (0, -1))
+        text = self._text[self._starts[first] : self._ends[last]]
+        if last - first + 1 == len(lines) and b"#" not in text:
+            # As nearly always, lines of one keyword stand together, and have as many words each.
+            words, n = text.split(), len(self._text[self._starts[first] : self._ends[first]].split())
+            if len(words) == n * len(lines) and words[::n].count(keyword.encode()) == len(lines):
+                return [words[k + 1 : k + n] for k in range(0, len(words), n)]
         places = zip((self._starts[lines] + len(keyword)).tolist(), self._ends[lines].tolist(), strict=True)
         return [self._text[start:end].partition(b"#")[0].split() for start, end in places]
 
@@ -467,8 +474,9 @@ def _read_rows(keyword, lines, rows) -> NDArray[np.float64]:
     least = _LEAST[keyword]
     n_least = min(map(len, rows), default=least)
     width = max(n_least, least, 2)
-    full = [row if len(row) >= width else [*row, b"0"] for row in rows]  # the second number of a vt
-    values = read_words([*chain.from_iterable(row[:width] for row in full)])
+    # The second number of a vt may be missing.
+    even = rows if {*map(len, rows)} == {width} else [[*row, b"0"][:width] for row in rows]
+    values = read_words([*chain.from_iterable(even)])
     if values is not None and n_least >= least:
         return values.reshape(-1, width)
     raise next(_faults(keyword, lines, [row[:width] for row in rows]))
@@ -493,9 +501,12 @@ class _Corners(dict):
         self.numbers: list[tuple[int, ...]] = []
 
     def __missing__(self, word: bytes) -> int:
-        found = _CORNER.fullmatch(word)
-        v, vt, vn = found.groups("0") if found else "000"
-        self.numbers.append((int(v), int(vt), int(vn)))
+        if word.isdigit() and len(word) < 10:  # as most often: no slash, and an index that there may be
+            self.numbers.append((int(word), 0, 0))
+        else:
+            found = _CORNER.fullmatch(word)
+            v, vt, vn = found.groups("0") if found else "000"
+            self.numbers.append((int(v), int(vt), int(vn)))
         return self.setdefault(word, len(self))
 
 
