@@ -180,7 +180,7 @@ def test_outputs_that_several_arrays_can_not_have(capsys):
         assert_refused(capsys, [
             (["nope.obj", *words.split()], said) for words, said in (
                 ("--array rgb --array depth -o a.png", "{array} in its name makes a file of each"),
-                ("--array rgb -o a.png -o b.npz", "given none for -o b.npz"),
+                ("--array rgb -o a.png -o b.npz", "given none before -o b.npz"),
                 ("--array rgb -o a.png --array uv -o b.npy --array face", "given one after -o b.npy"),
                 ("--array rgb -o a.png --array depth -o a.png", "a template with {stem}, {view}, {ext} or {array}"),
                 ("--array rgb -o a.png --array depth -o b.npy --scale 1", "--scale is that of depth"),
