@@ -43,17 +43,6 @@ def files_below(folder=".") -> dict[str, bytes]:
 # --- several files of one frame -------------------------------------------------------------------------------
 
 
-def test_one_task_writes_all_arrays_of_a_frame_into_one_file():
-    options = SMALL | {"outputs": ("rgb", "depth", "object")}
-    tasks = [rz.RenderTask(CUBE, f"a.{suffix}", "iso", options=options) for suffix in ("npz", "exr")]
-    tasks += [rz.RenderTask(CUBE, "b.npz", "iso", options=SMALL, array=("depth", "object"))]
-    assert [record.error for record in draw(tasks)] == [None] * 3
-    frame = rz.render(CUBE, SIZE, azimuth=45, elevation=35.264389682754654, outputs=options["outputs"])
-    for name in ("a.npz", "a.exr"):
-        assert Path(name).read_bytes() == frame.save(f"one{name}").read_bytes()
-    assert Path("b.npz").read_bytes() == frame.save("one.npz", array=("depth", "object")).read_bytes()
-
-
 def test_one_frame_makes_all_files_of_a_task_and_the_record_lists_them():
     output = {"rgb": "a.png", "depth": Path("deep/a.depth.png"), "object": "a.mask.png", "normal": "a.normal.exr"}
     (record,) = draw([rz.RenderTask(CUBE, output, "iso", options=SMALL, scale=0.0005)])
@@ -154,22 +143,6 @@ def test_all_files_of_a_task_appear_or_none(folder):
         assert words in str(record.error or ""), record.error
     assert sorted(files_below()) == ["4.npy", "4.png", "kept.npy"] and (folder / "kept.npy").read_bytes() == b"kept"
     assert records[1].files == ("1.png", "taken.npy", "1.npy")
-
-
-def test_a_task_is_left_out_where_all_its_files_are_there(folder):
-    (folder / "own.obj").write_bytes(Path(CUBE).read_bytes())
-    task = rz.RenderTask("own.obj", {"rgb": "a.png", "depth": "a.npy"}, options=SMALL)
-
-    def status(existing):
-        return draw([task], existing=existing)[0].status
-
-    assert status("skip") == "drawn" and status("skip") == status("skip-newer") == "skipped"
-    os.unlink("a.npy")
-    assert status("skip") == "drawn"
-    later = os.stat("a.png").st_mtime + 10
-    os.utime("own.obj", (later, later))
-    os.utime("a.png", (later + 1, later + 1))
-    assert status("skip-newer") == "drawn", "the array is older than the model"
 
 
 # --- what fails -----------------------------------------------------------------------------------------------

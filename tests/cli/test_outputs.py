@@ -337,19 +337,6 @@ def test_pictures_of_an_earlier_run_are_replaced_also_where_this_one_is_interrup
 # --- modes, and what is left over ---------------------------------------------------------------------------
 
 
-def test_protected_outputs_are_refused_and_new_ones_have_the_mode_of_the_umask(folder, capsys):
-    (folder / "protected.png").write_bytes(b"old")
-    (folder / "protected.png").chmod(0o400)
-    assert_refused(capsys, [(["-q", CUBE, "-o", "protected.png"], "protected")], "render", code=4)
-    assert (folder / "protected.png").read_bytes() == b"old"
-    before = os.umask(0o077)
-    try:
-        assert run(CUBE, "-o", "new.png") == 0
-    finally:
-        os.umask(before)
-    assert (folder / "new.png").stat().st_mode & 0o777 == 0o600
-
-
 def test_a_full_disk_or_an_interrupt_leaves_no_half_file(folder, capsys, monkeypatch):
     """The system's `os.replace`, by which a whole file comes to its place, fails or doesn't return."""
     for fault, code, words in (

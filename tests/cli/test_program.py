@@ -1,7 +1,6 @@
 """The program as a whole: help, compiled kernels, and the process itself with its streams."""
 
 import gc
-import itertools
 import os
 import re
 import shlex
@@ -9,12 +8,11 @@ import subprocess
 import sys
 
 import pytest
-from helpers.command import CUBE, SMALL, raster, run, start
+from helpers.command import CUBE, SMALL, raster, start
 from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.cli import compare
-from rasterizer.cli.messages import Messages, compilation_shown
 from rasterizer.cli.parser import COMMANDS, make_command_parser, parse
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -55,34 +53,6 @@ def test_every_help_has_all_flags_and_fits_the_columns(columns, capsys, monkeypa
         assert not [flag for flag in named if flag not in text], command
         longest = max(map(len, text.splitlines()))
         assert longest <= columns, f"{command}: {longest} columns"
-
-
-LOOKS = """
-    --shading phong
-    --shading phong --light point:1,1,1 --tolerance 0 --crease-angle 60
-    --shading flat --light directional:1,1,1,color=#f00 --samples 9 --cull back
-    --eye 0.1,0,0.2 --target 5,1,0 --color-range local --background white
-    --eye 0.1,0,0.2 --array face --ortho
-    --array normal
-    --array depth --shading flat
-    --shadows --shading phong -s 32
-    --shadows --light area:1,3,1,edge_u=1/0/0,edge_v=0/0/1,resolution=2/2 -s 32
-    --ortho --reflection blinn --spectral 5 --shading phong
-"""
-MODELS = ("still_life.obj", "globe.obj", "glass.obj", "room.json", "knot.ply", "gear.stl", "torus.glb")
-
-
-def draw_combinations(chosen, capsys):
-    with compilation_shown(Messages()) as progress:
-        for model, look in chosen:
-            output = "x.npy" if "--array" in look else "x.png"
-            assert run(ROOT / "models" / model, *look.split(), "-o", output, "-q") == 0, f"{model} {look}"
-    assert progress.n_shown == 0 and capsys.readouterr().err == "", "a kernel was compiled"
-
-
-def test_warmup_leaves_nothing_to_compile(capsys):
-    looks = LOOKS.strip().splitlines()
-    draw_combinations(list(zip(itertools.cycle(MODELS), looks, strict=False)), capsys)
 
 
 # --- the process ----------------------------------------------------------------------------------------------------

@@ -146,34 +146,6 @@ def test_a_disk_that_is_full_or_fails_is_done_without_and_told(tmp_path, monkeyp
     written(tmp_path)
 
 
-@posix
-def test_what_does_not_fit_is_not_half_kept(tmp_path, caplog):
-    """The limit of the system on the size of files stands for a full disk."""
-    import resource
-
-    caplog.set_level("INFO", "rasterizer")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (len(CODE) // 2, limits[1]))
-    try:
-        is_done_without(tmp_path, caplog, errno.EFBIG)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    written(tmp_path)
-
-
-def test_damage_is_told_and_what_is_missing_is_not(tmp_path, caplog):
-    caplog.set_level("INFO", "rasterizer")
-    path = tmp_path / "file"
-    assert store.read_code(path, KEY) is None and not caplog.messages
-    path.write_bytes(b"damaged")
-    store.read_code(path, KEY)
-    path.unlink()
-    path.mkdir()
-    store.read_code(path, KEY)
-    assert caplog.messages[0] == f"kernel {path} is damaged and is compiled again"
-    assert caplog.messages[1].startswith(f"kernel {path} can't be read and is compiled again (")
-
-
 # ---------------------------------------------------------------- which code is found
 
 

@@ -79,15 +79,6 @@ def two_boxes(turn=None):
     return scene
 
 
-def test_trimesh_objects():
-    assert only_mesh(box()).n_face == 12
-    loaded = load(two_boxes(), crease_angle=40)
-    assert [mesh.crease_angle for mesh in loaded.meshes] == [40, 40]
-    np.testing.assert_allclose(loaded.bounds, [(4.5, -1, -1.5), (10.5, 1, 1.5)])
-    with pytest.raises(ModelError, match="no faces"):
-        load(trimesh.Scene())
-
-
 # --- what a file holds --------------------------------------------------------------------------------------
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers.naive_obj import naive_read
 from helpers.refusals import assert_refused
-from helpers.solids import area_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -101,16 +100,6 @@ def test_every_mixture_is_read_like_the_naive_reader_does(text):
 # --- what is recovered --------------------------------------------------------------------------------------
 
 
-def test_normals_and_texture_coordinates_belong_to_corners_where_there_is_a_seam():
-    mesh = mesh_of("vn 0 0 2\nvn 0 3 0\nvt 0 0\nvt 1 0\nf 1/1/1 2/2/1 3/1/2\nf 1/2/2 3/1/2 4/1/1\n")
-    assert mesh.n_vertex == 4  # no copies at the seam of texture coordinates
-    assert mesh.normals.tolist() == [[[0, 0, 1], [0, 0, 1], [0, 1, 0]], [[0, 1, 0], [0, 1, 0], [0, 0, 1]]]
-    assert mesh.uv.shape == (2, 3, 2)
-    assert mesh_of("vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 2/2 1/1 3/3\n").uv.tolist() == [[0, 0], [1, 0], [1, 1]]
-    mesh = mesh_of("vn 0 0 1\nf 1//1 2//1 3//1\nf 1 3 4\n")
-    assert mesh.normals is None and mesh.n_face == 2, "normals of some corners only are not used"
-
-
 def test_what_a_face_names_and_the_file_does_not_have_is_left_out_and_warned_of():
     cases = {
         "vt 0.5 0\nf 1/1 2/7 3/1\n": "1 face with texture coordinates that the file doesn't have: drawn without",
@@ -122,17 +111,6 @@ def test_what_a_face_names_and_the_file_does_not_have_is_left_out_and_warned_of(
         with pytest.warns(UserWarning, match=said):
             (mesh,) = load((POINTS + lines).encode(), format="obj").meshes
         assert mesh.uv is None and mesh.normals is None, lines
-
-
-def test_smoothing_groups_and_polygons_come_in_the_order_of_the_file():
-    mesh = mesh_of("f 1 2 3\ns 2\nf 1 3 4\nf 2 5 3\ns off\nf 1 2 7\n")
-    assert mesh.smoothing.tolist() == [0, 2, 2, 0]
-    for word in ("off", "0", "none", "-1"):
-        assert mesh_of(f"s {word}\nf 1 2 3\n").smoothing is None, word
-    mesh = mesh_of("f 1 2 3 4\nf 2 5 6 3\n")
-    assert mesh.polygons.tolist() == [0, 0, 1, 1]
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 2], [4, 2, 1]]
-    assert mesh_of("p 1\nl 1 2 3\nf 1 2\nf 1 2 3\nf 1 2 3 4\n").n_face == 3, "points, lines, short faces"
 
 
 def test_vertex_colors_are_srgb_and_multiply_white():
@@ -148,18 +126,6 @@ def test_rows_of_several_lengths_and_vertices_that_nobody_uses():
     text = "v 0 0 0 1\nv 1 0 0\nv 1 1 0 0.5 0.5\nv -nan nan nan\nv 0 1 0 1 0 0\nf 1 2 3\nf 1 3 5\n"
     (mesh,) = load_obj(text).meshes
     assert mesh.n_vertex == 4 and mesh.n_face == 2 and mesh.colors is None
-
-
-def test_concave_faces_are_drawn_as_they_are():
-    """An L of area 28, with normals and texture coordinates that stay with their corners."""
-    ell = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
-    text = "".join(f"v {x} {y} 0\nvt {x / 8} {y / 8}\n" for x, y in ell) + "vn 0 0 1\n"
-    for first in range(6):
-        words = [f"{(k + first) % 6 + 1}/{(k + first) % 6 + 1}/1" for k in range(6)]
-        (mesh,) = load_obj(text + "f " + " ".join(words) + "\n").meshes
-        assert abs(area_of(mesh) - 28) < 1e-12, f"begun at corner {first}: {area_of(mesh)}"
-        uv = mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
-        np.testing.assert_array_equal(uv, triangles(mesh)[..., :2] / 8)
 
 
 def test_each_object_is_a_mesh_with_the_vertices_that_it_uses():

@@ -1,7 +1,6 @@
 """Check Renderers that are shared: by threads, with forked processes, through pickle, and after pictures that failed
 half-way."""
 
-import multiprocessing
 import os
 import pickle
 import signal
@@ -115,46 +114,6 @@ def test_a_forked_process_draws_on(n_thread, alone):
             return is_same and grandchild
 
         assert ends_well(child) and bytes_of(renderer.render()) == expected
-
-
-@forking
-@pytest.mark.parametrize("n_thread", [1, 2])
-def test_a_fork_while_others_draw(n_thread, alone):
-    """The child has neither the threads nor whoever holds the lock."""
-    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread, samples=1) as renderer:
-        expected, is_over = bytes_of(renderer.render()), threading.Event()
-
-        def draw():
-            while not is_over.is_set():
-                renderer.render()
-
-        others = [threading.Thread(target=draw) for _ in range(2)]
-        for other in others:
-            other.start()
-        try:
-            for _ in range(4):
-                assert ends_well(lambda: bytes_of(renderer.render()) == expected)
-        finally:
-            is_over.set()
-            for other in others:
-                other.join()
-
-
-SHARED = {}
-
-
-def digest_of(k):
-    return bytes_of(SHARED["renderer"].render(CAMERAS[k]))
-
-
-@forking
-def test_a_pool_of_forked_processes(alone):
-    with rz.Renderer(scene_of("near light"), SIZE, threads=2, samples=1) as renderer:
-        expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
-        SHARED["renderer"] = renderer
-        with multiprocessing.get_context("fork").Pool(2) as pool:
-            assert pool.map_async(digest_of, range(8)).get(timeout=60) == expected
-        del SHARED["renderer"]
 
 
 @pytest.mark.parametrize("kind", ["plain", "layered"])
