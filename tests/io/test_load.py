@@ -170,7 +170,7 @@ def test_broken_gltf_is_refused():
         "a matrix": (lambda tree, _: tree["nodes"][0].update(matrix=[0] * 16), "scale 0"),
         "no positions": (lambda _, primitive: primitive["attributes"].pop("POSITION"), "no faces"),
         "meshes": (lambda tree, _: tree.update(meshes=3), "not a readable"),
-        "no meshes": (lambda tree, _: tree.update(meshes=[]), "has no number 0"),
+        "no meshes": (lambda tree, _: tree.update(meshes=[]), "no faces"),
         "points": (lambda _, primitive: primitive.update(mode=0), "a point cloud: 36 points, no faces"),
         "lines": (lambda _, primitive: primitive.update(mode=1), "nothing but lines: 18 lines, no faces"),
         "a line": (lambda _, primitive: primitive.update(mode=3), "nothing but lines: 35 lines, no faces"),
