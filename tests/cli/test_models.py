@@ -141,6 +141,7 @@ def test_shadows_have_the_size_and_the_filter_of_the_flags(folder):
     for look in (["--preset", "tabletop"], ["--light", "point:1,2,3,shadow=yes"]):
         assert cast(CUBE, *look, *flags) == [rz.Shadow(64, 3)], look
     assert cast(CUBE, "--preset", "tabletop", "--shadow-size", "64") == [rz.Shadow(64, 5)]
+    assert cast(CUBE, "--preset", "tabletop", "--shading", "gouraud") == []  # by Phong's method alone
     assert cast(CUBE, "--light", "point:1,2,3,shadow=32/1", *flags) == [rz.Shadow(32, 1)]
     point = {"kind": "point", "position": [0, 1, 9]}
     name = write(folder, {"lights": [point, point | {"shadow": {"filter": 7}}]})
