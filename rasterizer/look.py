@@ -61,7 +61,7 @@ class Look:
     reflection: str | None = None
     background: ColorLike | None = None
     depth_cue: DepthCue | float | Literal["none"] | None = None
-    up: Axis | None = None
+    up: Axis | Literal["auto"] | None = None
     format: str | None = None
     crease_angle: float | None = None
     weighting: Weighting | None = None

@@ -82,8 +82,8 @@ def render(
     reflection : "phong", "blinn", "lambert", "oren-nayar", "cook-torrance" or "toon", short for that of `material`
     background : colour, or "transparent"; None = that of the scene or file, else transparent
     depth_cue : DepthCue, or a number, its scale; "none" = none; None = that of the scene or file
-    up : text, up axis "x", "y", "z" or with a minus sign; None = as `load` has it. Where it is given, a camera that the
-        scene or file has doesn't count
+    up : text, up axis "x", "y", "z" or with a minus sign, or "auto"; None = as `load` has it. Where it is given, a
+        camera that the scene or file has doesn't count
 
     How a file or mesh is read; as in `load`, but for `subdivide`
     format : text, the format of bytes, or of a file whose suffix doesn't tell it

@@ -44,7 +44,7 @@ class LookWords(TypedDict, total=False):
     reflection: str | None
     background: ColorLike | None
     depth_cue: DepthCue | float | Literal["none"] | None
-    up: Axis | None
+    up: Axis | Literal["auto"] | None
     format: str | None
     crease_angle: float | None
     weighting: Weighting | None

@@ -8,12 +8,14 @@ of these is drawn again, alone in its process; one that ends it twice is named.
 import os
 from collections import OrderedDict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 from weakref import finalize
 
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
+from ..io import formats
 from ..io.camera_file import viewpoint_of
 from ..io.files import identity_of, refuse_inputs, write_outputs
 from ..io.loader import SceneFile, read_source
@@ -71,9 +73,10 @@ def render_many(
         once
     n_process : how many processes, 1 to 1024, or how many tasks an executor works on at a time; None = as many as this
         process may use processors, or as the executor has
-    existing : what becomes of a task whose file is there: "replace", "skip" (it is left out), or "skip-newer" (it is
-        left out unless its model's file has changed since). So a run that was interrupted is resumed. How a
-        file was made isn't looked at. All files of a task must be there; with a manifest, its line, too
+    existing : what becomes of a task whose files are there: "replace", "skip" (it is left out), or "changed" (it is
+        left out unless its model's file, or one that this names, as a texture or a file of materials, is newer). So a
+        run that was interrupted is resumed. How a file was made isn't looked at. All files of a task must be there;
+        with a manifest, its line, too
     manifest : path of a file of JSON lines, one for each task that was drawn or skipped, in the order of the tasks; the
         same bytes whoever draws. It is complete when the iterator ends; what is known until then is in
         "MANIFEST.partial", with which an interrupted batch goes on. None = none is written. Each line has
@@ -166,6 +169,7 @@ class Batch:
         self._waiting: deque[Item] = deque()
         self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
         self._inputs: OrderedDict[Any, str] = OrderedDict()  # paths of files that models have read, by their identity
+        self._newest: dict[str, int] = {}  # by the folders of models: when a file beside them was changed
         self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
         self._records: Generator[RenderRecord, None, None] | None = None  # none until one is asked for
         self._first_error: Exception | None = None
@@ -275,14 +279,40 @@ class Batch:
         self._outputs.update(dict.fromkeys(outputs.values(), index))
         while len(self._outputs) > _MAX_KNOWN:
             self._outputs.popitem(last=False)
-        model = path if self._existing == "skip-newer" else None
-        if self._existing != "replace" and all(is_there(output, model) for output in outputs.values()):
+        if self._existing != "replace" and self._is_done(outputs.values(), path, task):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
                 return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs))
         if path is None:
             return Item(index, task, options, None, self._share(task.source, task.loading))
         refuse_inputs(outputs, {identity_of(path): path})
         return Item(index, task, options, path if self._pool.is_here else os.path.abspath(path), None)
+
+    def _is_done(self, outputs: Iterable[str], path: str | None, task: RenderTask) -> bool:
+        """Tell whether files are there, and shall stay."""
+        try:
+            status = [os.stat(output) for output in outputs]
+            if not all(each.st_size for each in status):  # an empty file is none
+                return False
+            if path is None or self._existing != "changed":
+                return True
+            made = min(each.st_mtime_ns for each in status)
+            return os.stat(path).st_mtime_ns <= made and not self._names_newer(path, made, task)
+        except (OSError, ValueError):
+            return False
+
+    def _names_newer(self, path: str, made: int, task: RenderTask) -> bool:
+        """Tell whether a file that a model names is newer than its picture. The model is read only where any other file
+        in its folder, or below, is newer."""
+        folder = os.path.dirname(path)
+        if folder not in self._newest:
+            self._newest[folder] = newest_beside(folder)
+        if self._newest[folder] <= made:
+            return False
+        try:
+            model = load_model_of(Run(task.name, path, None, task.loading, ()), None, {})
+        except RasterizerError:  # which is said where it is drawn
+            return True
+        return any(os.stat(each).st_mtime_ns > made for each in model.files_read)
 
     def _share(self, source: Any, settings: Mapping[str, Any]) -> SharedObject:
         """Return a model that is an object as what is sent once; one that may change is copied, by loading it."""
@@ -389,10 +419,14 @@ def _failed(
     return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), (), texts, remarks)
 
 
-def is_there(output: str, model: str | None) -> bool:
-    """Tell whether a file is there, and no older than the file of its model, if one is given. An empty one is none."""
-    try:
-        status = os.stat(output)
-        return status.st_size > 0 and (model is None or status.st_mtime_ns >= os.stat(model).st_mtime_ns)
-    except (OSError, ValueError):
-        return False
+def newest_beside(folder: str) -> int:
+    """Return when the newest file in a folder, or below, was changed that no model is read from by itself: nanoseconds,
+    as of `os.stat`; 0 where there is none."""
+    newest = 0
+    for place, _, names in os.walk(folder or "."):
+        for name in names:
+            entry = formats.find(os.path.splitext(name)[1])
+            if entry is None or entry.is_scene:
+                with suppress(OSError):
+                    newest = max(newest, os.stat(os.path.join(place, name)).st_mtime_ns)
+    return newest

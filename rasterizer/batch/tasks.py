@@ -19,7 +19,7 @@ from ..scene.camera import Camera
 from ..scene.validate import whole
 from ..viewpoint import Viewpoint
 
-Existing = Literal["replace", "skip", "skip-newer"]
+Existing = Literal["replace", "skip", "changed"]
 EXISTING: tuple[str, ...] = get_args(Existing)
 _LOADING = tuple(name for name in signature(load).parameters if name not in ("source", "files_read"))
 

@@ -12,7 +12,7 @@ IMPORTS = ("drawing", "processes")
 _EXAMPLES = """\
 examples:
   raster batch 'parts/*.stl' -o 'thumbs/{stem}-{view}.png' --view front,top -j 4
-  raster batch parts --recursive -o thumbs/ --skip-existing  below thumbs/
+  raster batch parts -o thumbs/ --format webp --changed      a folder, every night
   raster batch parts/*.stl --array rgb --array depth --array object
       -o 'data/{stem}-{view}.{array}.png' --view iso,top -b white
       --manifest data/manifest.jsonl --coco data/coco.json
@@ -20,9 +20,13 @@ examples:
   raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
 
 One picture that can't be drawn doesn't stop the others, whatever the reason. Files are never half
-written, so a batch that was interrupted goes on with --resume or --skip-existing. These look at names and times of
-files alone, not at the options that a file was drawn with. The last line
-on stderr, and with --json the last on stdout, counts what was drawn, skipped and failed.
+written, so a batch that was interrupted goes on with --changed or --skip-existing. These look at
+names and times of files alone, not at the options that a file was drawn with. What is left out
+counts as done. The last line on stderr, and with --json the last on stdout, counts what was drawn,
+skipped and failed.
+
+Of a folder all models in it and below are drawn. Their pictures stay in folders of these names, and
+are called as the models: parts/a/gear.stl becomes thumbs/a/gear.stl.png.
 
 A worker of Dask reads a model itself where it sees the same file, of the same length and time of change; otherwise the
 model is loaded here and sent. Files are written here.
@@ -35,6 +39,7 @@ def add_flags(parser) -> None:
     parser.description = "Draw many models in several processes, and write a picture of each, or arrays."
     parser.epilog = _EXAMPLES
     add_models(parser)
+    parser.set_defaults(recursive=True, may_be_empty=True)
     add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
     group = parser.add_argument_group("work")
@@ -42,8 +47,9 @@ def add_flags(parser) -> None:
     add = group.add_argument
     add("--scheduler", metavar="ADDRESS",
         help="draw on the workers of this scheduler of Dask, tcp://HOST:PORT (extra distributed)")  # fmt: skip
-    add("--resume", dest="is_resumed", action="store_true",
-        help="leave out pictures whose file is there and no older than the model's")  # fmt: skip
+    add("--changed", dest="is_changed", action="store_true",
+        help="leave out pictures whose files are there, and no older than the model's file and those that it names, as "
+        "textures and materials")  # fmt: skip
     add("--manifest", metavar="FILE",
         help="write a line of JSON for each picture: its files, its camera (K, R, t), and box, mask and visible share "
         "of each object; rz.render_many says more")  # fmt: skip
@@ -55,7 +61,7 @@ def add_flags(parser) -> None:
     add_look(parser)
 
 
-def run(request, messages, *, scheduler, is_resumed, manifest, coco, bop, unit) -> tuple[list, int]:
+def run(request, messages, *, scheduler, is_changed, manifest, coco, bop, unit) -> tuple[list, int]:
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..batch.datasets import write_bop, write_coco
     from .outputs import check_scale, plan_targets
@@ -70,7 +76,7 @@ def run(request, messages, *, scheduler, is_resumed, manifest, coco, bop, unit) 
     if (coco or bop) and not manifest:
         raise SceneError("--coco and --bop are made of a manifest: give --manifest FILE, too")
     plan = plan_targets(request)
-    existing = "skip" if request.files.skip_existing else "skip-newer" if is_resumed else "replace"
+    existing = "skip" if request.files.skip_existing else "changed" if is_changed else "replace"
     made = _make_manifest(manifest, coco, plan, existing) if manifest else None
     failures, summary = draw_in_processes(request, messages, plan, render_view, scheduler, existing, made)
     if summary.drawn + summary.skipped and coco:

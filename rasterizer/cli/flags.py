@@ -99,6 +99,8 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
         f"chooses the format{several}")
     add_size(group, size)
     if has_arrays:
+        group.add_argument("--format", dest="default_suffix", type=values.suffix, metavar="NAME",
+            help="format of pictures in a folder, or without -o: png (default), jpg, webp ...")
         group.add_argument("--colorbar", action="store_true", help="draw a colour bar beside pictures of --scalars")
     group.add_argument("--skip-existing", action="store_true", help="leave out outputs that are there already")
     add_json(group, "print a line of JSON for each picture on stdout (on stderr with -o -)")
@@ -183,7 +185,8 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     add("--up", type=values.axis, choices=("auto", *choices.AXES),
-        help=f"up axis (default auto: that of a scene file or a dae, z for {_Z_UP}, else y)")
+        help="up axis; auto: by the shape, where a format doesn't say it (default: that of a scene file or a dae, z "
+        f"for {_Z_UP}, else y)")
 
 
 def add_look(parser, is_compared=False):

@@ -31,7 +31,7 @@ def list_models(request) -> list[str]:
         is_pattern = glob.has_magic(word) and not os.path.exists(word)
         for model in (is_pattern and sorted(glob.glob(word, recursive=True))) or [word]:
             is_folder = request.is_recursive and os.path.isdir(model)
-            models += _walk(model) if is_folder else [model]
+            models += _walk(model, request.files.may_be_empty) if is_folder else [model]
     if STDIO in models:
         if models.count(STDIO) > 1:
             raise SceneError("stdin (-) can be read once only")
@@ -42,11 +42,11 @@ def list_models(request) -> list[str]:
     return models
 
 
-def _walk(folder) -> list[str]:
+def _walk(folder, may_be_empty) -> list[str]:
     """List the models in a folder and in those below, in order; what is hidden is left out, and so are scene files, as
     not every JSON file is one.
 
-    Raises SceneError where there is none.
+    Raises SceneError where there is none, unless it may be empty.
     """
     found = []
     for path, folders, names in os.walk(folder):
@@ -55,7 +55,7 @@ def _walk(folder) -> list[str]:
             entry = None if name.startswith(".") else formats.find(Path(name).suffix)
             if entry is not None and not entry.is_scene:
                 found.append(os.path.join(path, name))
-    if not found:
+    if not found and not may_be_empty:
         raise SceneError(
             f"{folder}: there is no model in this folder, nor below; legal are {', '.join(formats.FORMATS)}"
         )
@@ -122,7 +122,7 @@ def _read(model, request, messages, files_read, read) -> SceneFile:
             messages.notice(f"{model}: the file has a camera; the model is framed, --camera file looks through it")
         doubt = doubt_of_up(scene, model, look.format) if look.up is None else None
         if doubt is not None:
-            messages.notice(f"{model}: {doubt[1]}: try --up {doubt[0]}")
+            messages.notice(f"{model}: {doubt[1]}: try --up {doubt[0]}, or auto to follow the shape")
     return read._replace(scene=replace(scene, camera=None)) if is_dropped else read
 
 

@@ -21,8 +21,7 @@ from .models import list_models
 from .request import seed_of, suffix_of
 
 _HOW_TO_DIFFER = (
-    "give -o a template with {stem}, {view}, {ext} or {array}, or draw the folder above them with --recursive, which "
-    "keeps folders"
+    "give -o a template with {stem}, {view}, {ext}, {folder} or {array}, or the folder above them in the place of both"
 )
 _ENCODING = {"JPEG": {"quality": 92}}
 
@@ -68,7 +67,8 @@ def plan_targets(request, check=None, n_frame=None) -> list[list[Target]]:
         return [[Target(model, view, None) for view in views] for model in models]
     frames = range(n_frame) if n_frame is not None and writes_frames(request) else [None]
     plan = []
-    for model, name in zip(models, _default_names(request, models), strict=True):
+    for model in models:
+        name = _default_name(request, model)
         of_files = []  # the template of each file, and which arrays it holds: one, where {array} is in it
         for output, arrays in files:
             template = _template(output, name, arrays, request)
@@ -123,31 +123,24 @@ def writes_frames(request) -> bool:
     return "frame" in fields_of(request.files.output)
 
 
-def _default_names(request, models) -> list[str]:
-    """Return names without a suffix: models that differ in their suffix alone get it, and what --recursive has found in
-    folders below stays in folders of these names."""
-    keys, suffixes = [], {}
-    for model in models:
-        folder = _folder_below(model, request.models) if request.is_recursive else ""
-        keys.append((folder, Path(model).stem))
-        suffixes.setdefault(keys[-1], []).append(Path(model).suffix.lower())
-    found = []
-    for key in keys:
-        is_shared = len(suffixes[key]) > 1 and len(set(suffixes[key])) == len(suffixes[key])
-        stem = "{stem}-{ext}" if is_shared else "{stem}"
-        name = request.files.default_name.replace("{stem}", stem)
-        found.append(os.path.join(_escaped(key[0]), name) if key[0] else name)
-    return found
+def _default_name(request, model) -> str:
+    """Return the name of a model's picture, without a suffix. That of a model in a folder that was given stays in
+    folders of these names, and has the model's suffix, so that it never depends on what else is in the folder."""
+    folder = _folder_below(model, request)
+    if folder is None:
+        return request.files.default_name
+    name = request.files.default_name.replace("{stem}", "{stem}.{ext}")
+    return os.path.join(_escaped(folder), name) if folder else name
 
 
-def _folder_below(model, given) -> str:
-    """Return where a model lies below the folder that was given; nothing where it lies in it, or was given itself."""
-    for folder in given:
-        if model not in given and os.path.isdir(folder):
+def _folder_below(model, request) -> str | None:
+    """Return where a model lies below a folder that was given, "" where it lies in it; None of another model."""
+    for folder in request.models if request.is_recursive else ():
+        if model not in request.models and os.path.isdir(folder):
             below = os.path.relpath(os.path.dirname(model) or ".", folder)
             if not below.startswith(os.pardir):
                 return "" if below == os.curdir else below
-    return ""
+    return None
 
 
 def _escaped(text) -> str:
@@ -180,6 +173,7 @@ def _fill(template, model, view, frame, arrays, request) -> str:
     values = {
         "stem": "stdin" if is_stdin else path.stem or "model",  # "." is no model, which is said when it is loaded
         "ext": request.look.format if is_stdin else path.suffix.lstrip("."),
+        "folder": _folder_below(model, request) or os.curdir,
         "view": view or ("view" if request.viewpoint.eye is None else "eye"),
     }
     if frame is not None:

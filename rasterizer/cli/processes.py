@@ -73,6 +73,9 @@ def draw_in_processes(
                 shot, error = shots[record.index], record.error
                 setattr(summary, record.status, getattr(summary, record.status) + len(shot.targets))
                 messages.warn(*record.warnings)
+                for target in shot.targets if record.status == "skipped" and request.is_json else ():
+                    kept = {"model": target.model, "view": target.view, "output": target.output}
+                    messages.record(kept | {"status": "skipped"})
                 for name, what in record.remarks or ():
                     getattr(results if name == "tell" else messages, name)(*what)
                 if error is not None and said_of[shot.source].setdefault(str(error), error) is error:

@@ -30,7 +30,7 @@ from .values import make_light
 _VIEWPOINT = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
 _LOOK = ("preset", "background", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
          "allow_outside", "scalars", "cmap", "clim")  # fmt: skip
-_FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing", "colorbar")
+_FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing", "colorbar", "may_be_empty")
 
 
 class Files(NamedTuple):
@@ -45,6 +45,7 @@ class Files(NamedTuple):
     scale: float | None = None  # of depth in PNG files
     skip_existing: bool = False
     colorbar: bool = False  # whether pictures have one
+    may_be_empty: bool = False  # whether a folder without models is no fault
 
     @property
     def output(self) -> str | None:
@@ -148,7 +149,7 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
     has_shadows = take("shadows", False)
     words = {name: left.pop(name) for name in _LOOK if name in left}
-    words |= {"format": take("input_format", None), "up": None if up == "auto" else up}
+    words |= {"format": take("input_format", None), "up": up}
     cue = take("depth_cue", UNSAID)
     words |= {"shadows": shadow if has_shadows else False, "depth_cue": None if cue == UNSAID else _depth_cue(cue)}
     scalars = words.get("scalars")

@@ -91,7 +91,7 @@ def load(
     *,
     format: str | None = None,
     crease_angle: float | None = None,
-    up: Axis | None = None,
+    up: Axis | Literal["auto"] | None = None,
     lights: Light | Iterable[Any] | None = None,
     camera: Camera | Literal["file"] | None = None,
     background: ColorLike | None = None,
@@ -117,7 +117,7 @@ def load(
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
-        file, y for the others
+        file, y for the others; "auto" = that, unless the format doesn't say it and the shape stands on a level base
     lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
     camera : Camera; "file" = the first that a model file, or a scene of trimesh, brings; None = that of a scene file,
         else framed when the picture is made: cameras of model files are those of their authors' pictures, and see any
@@ -159,7 +159,27 @@ def load(
 
 
 def read_source(
-    source: SceneLike | FileLike | SceneFile,
+    source: SceneLike | FileLike | SceneFile, *, up: Axis | Literal["auto"] | None = None, **words: Any
+) -> SceneFile:
+    """Read what `load` does, without changing and framing it as a scene file says: that is done when all options of a
+    picture are known.
+
+    Parameters
+    ----------
+    source : as `load` takes it; a SceneFile is returned as it is
+    up, words : the other arguments of `load`
+
+    Returns and raises what `load` does, but a SceneFile.
+    """
+    if isinstance(source, SceneFile):
+        return source
+    read = _read(source, **words | ({} if up in (None, "auto") else {"up": up}))
+    doubt = doubt_of_up(read.scene, source, words.get("format")) if up == "auto" else None
+    return read if doubt is None else read._replace(scene=replace(read.scene, up=doubt[0]))
+
+
+def _read(
+    source: SceneLike | FileLike,
     *,
     crease_angle: float | None = None,
     weighting: str | None = None,
@@ -174,18 +194,7 @@ def read_source(
     files_read: list[str] | None = None,
     **settings: Any,
 ) -> SceneFile:
-    """Read what `load` does, without changing and framing it as a scene file says: that is done when all options of a
-    picture are known.
-
-    Parameters
-    ----------
-    source : as `load` takes it; a SceneFile is returned as it is
-    settings : the other arguments of `load`, which are those of Scene
-
-    Returns and raises what `load` does, but a SceneFile.
-    """
-    if isinstance(source, SceneFile):
-        return source
+    """Read what `read_source` does, but for an upward axis that the shape tells."""
     scalar_words = ScalarWords(scalars, cmap, clim)
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces, scalar_words)
     if log is not None and not callable(log):
@@ -323,7 +332,7 @@ def load_model(
             if not data[: formats.HEAD].strip() and not data[:].strip():
                 raise ModelError(f"{name}: the file is empty")
             model = ModelFile(name, entry.name, data, files, log)
-            contents = _read(entry, model)
+            contents = _contents_of(entry, model)
         own = {"up": contents.up or entry.up, "lights": contents.lights, "camera": contents.camera}
         settings = without_none(own) | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
@@ -332,7 +341,7 @@ def load_model(
         return scene
 
 
-def _read(entry, model) -> Contents:
+def _contents_of(entry, model) -> Contents:
     """Let the reader of a format read a file; where it finds nothing, the error says what the file looks like."""
     try:
         if entry.missing:

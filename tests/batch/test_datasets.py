@@ -105,7 +105,7 @@ def test_random_tasks_write_what_one_frame_writes(seed, folder):
         there[str(path)] = b"there"
         Path(path).parent.mkdir(exist_ok=True)
         Path(path).write_bytes(b"there")
-    existing = str(rng.choice(["replace", "skip", "skip-newer"]))
+    existing = str(rng.choice(["replace", "skip", "changed"]))
     records = draw(tasks, n=int(rng.integers(1, 4)), existing=existing, manifest="m.jsonl" if seed % 3 == 0 else None)
     assert [record.error for record in records] == [None] * len(tasks)
     expected = files_below("expected")

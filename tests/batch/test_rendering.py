@@ -164,10 +164,10 @@ def test_what_is_there_or_newer_than_its_model_is_skipped(folder):
     os.unlink("out/own.obj-iso.png")
     open("out/cone.obj-front.png", "w").close()  # empty: no picture
     assert statuses(existing="skip") == ["skipped", "drawn", "drawn", "skipped"]
-    assert statuses(existing="skip-newer") == ["skipped"] * 4
+    assert statuses(existing="changed") == ["skipped"] * 4
     later = time.time() + 10
     os.utime("own.obj", (later, later))
-    assert statuses(existing="skip-newer") == ["drawn", "drawn", "skipped", "skipped"]
+    assert statuses(existing="changed") == ["drawn", "drawn", "skipped", "skipped"]
     assert statuses(existing="skip") == ["skipped"] * 4 and statuses(existing="replace") == ["drawn"] * 4
 
 

@@ -14,6 +14,7 @@ from helpers.arrays import differences
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
 from helpers.processes import is_running, workers_of
 from helpers.raster import ROOT
+from PIL import Image
 
 import rasterizer as rz
 from rasterizer.choices import VIEWS
@@ -87,7 +88,7 @@ def test_folders_are_made_again_and_what_is_there_is_skipped(folder, capsys):
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(open(CUBE, "rb").read())
     (folder / "parts" / "notes.txt").write_text("no model")
-    parts = ["parts", "--recursive", "-o", "thumbs/"]
+    parts = ["parts", "-o", "thumbs/"]
 
     def done(*flags):
         assert batch(*parts, *flags) == 0
@@ -95,13 +96,13 @@ def test_folders_are_made_again_and_what_is_there_is_skipped(folder, capsys):
 
     assert done() == "3 pictures drawn"
     found = sorted(str(path.relative_to(folder)) for path in folder.glob("thumbs/**/*.png"))
-    assert found == ["thumbs/a/model.png", "thumbs/model.png", "thumbs/ü b/model.png"]
-    os.unlink("thumbs/model.png")
-    assert done("--resume") == "1 picture drawn, 2 skipped"
+    assert found == ["thumbs/a/model.obj.png", "thumbs/model.obj.png", "thumbs/ü b/model.obj.png"]
+    os.unlink("thumbs/model.obj.png")
+    assert done("--changed") == "1 picture drawn, 2 skipped"
     later = time.time() + 10
     os.utime("parts/a/model.obj", (later, later))
     assert done("--skip-existing") == "0 pictures drawn, 3 skipped"
-    assert done("--resume") == "1 picture drawn, 2 skipped", "one is older than its model"
+    assert done("--changed") == "1 picture drawn, 2 skipped", "one is older than its model"
 
 
 def test_what_is_not_legal_is_told_before_a_model_is_loaded(capsys):
@@ -249,7 +250,7 @@ def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
     (folder / "set" / "m.jsonl.partial").write_bytes(
         before[folder / "set" / "m.jsonl"][:-9]
     )  # as if it were interrupted
-    assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made, "--resume") == 1
+    assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made, "--changed") == 1
     assert "6 files drawn, 6 skipped, 6 failed" in errors(capsys)
     assert {path: path.read_bytes() for path in folder.glob("set/**/*.*")} == before
 
@@ -335,3 +336,51 @@ def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
         assert (folder / "cli.png").read_bytes() == (folder / "lib.png").read_bytes(), flags
     assert_refused(capsys, [([CUBE, "--view", "random"], "one or several of iso")], "sheet")
     assert_refused(capsys, [([CUBE, "--light", "random"], "a light is one of")], "turntable")
+
+
+def test_a_folder_that_changes_is_drawn_every_night(folder, capsys):
+    """What is new, what has changed, and what a model names: nothing else, with the exit code of what is there."""
+    (folder / "models" / "a").mkdir(parents=True)
+    cube = open(CUBE).read()
+    textured = "\n".join(["mtllib look.mtl", "vt 0 0", "usemtl m", "v 0 0 0", "v 1 0 0", "v 0 1 0", "f 1/1 2/1 3/1"])
+    Image.new("RGB", (2, 2), "red").save(folder / "models" / "a" / "paint.png")
+    (folder / "models" / "a" / "look.mtl").write_text("newmtl m\nmap_Kd paint.png\n")
+    (folder / "models" / "a" / "card.obj").write_text(textured)
+    (folder / "models" / "cube.obj").write_text(cube)
+    clock = [time.time() - 10_000]
+
+    def night():
+        """A run, an hour after what was done; return its exit code, and what became of each picture."""
+        code = batch("models", "-o", "thumbs/", "--format", "webp", "-s", "16", "--changed", "--json", "-q")
+        lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+        clock[0] += 100
+        for path in folder.glob("thumbs/**/*.webp"):
+            if path.stat().st_mtime > clock[0]:
+                os.utime(path, (clock[0], clock[0]))
+        found = {line["output"][len("thumbs/") :]: line["status"] for line in lines[:-1] if "output" in line}
+        return code, found, sum(line["status"] == "failed" for line in lines[:-1])
+
+    def touch(*names):
+        clock[0] += 100
+        for name in names:
+            os.utime(folder / "models" / name, (clock[0], clock[0]))
+
+    touch("a/paint.png", "a/look.mtl", "a/card.obj", "cube.obj")
+    assert night() == (0, {"a/card.obj.webp": "drawn", "cube.obj.webp": "drawn"}, 0)
+    kept = {"a/card.obj.webp": "skipped", "cube.obj.webp": "skipped"}
+    assert night() == (0, kept, 0)
+    for name in ("a/paint.png", "a/look.mtl", "a/card.obj"):
+        touch(name)
+        assert night() == (0, kept | {"a/card.obj.webp": "drawn"}, 0), name
+        assert night() == (0, kept, 0), name
+    (folder / "models" / "notes.txt").write_text("nothing that a model names")
+    touch("notes.txt")
+    assert night() == (0, kept, 0)
+    (folder / "models" / "cube.stl").write_text("solid nothing")  # a neighbour of that name, which is broken
+    touch("cube.stl")
+    for _ in range(2):  # the same code, night after night
+        assert night() == (1, kept, 1)
+    os.unlink(folder / "models" / "cube.stl")
+    assert night() == (0, kept, 0)
+    os.mkdir(folder / "empty")
+    assert batch("empty", "-o", "thumbs/") == 0

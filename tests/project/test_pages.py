@@ -156,7 +156,7 @@ def test_a_line_of_a_page_runs(line, expected, checkout, capsys):
     # A doctor may find something: a store that is switched off, say.
     assert code == expected or (words[0] == "doctor" and code == 1), capsys.readouterr().err
     if "thumbs/" in words:
-        assert (checkout / "thumbs" / "somebody" / "gear.png").exists()
+        assert (checkout / "thumbs" / "somebody" / "gear.stl.webp").exists()
 
 
 def test_the_scripts_take_the_arguments_that_the_page_gives_them(monkeypatch):
