@@ -81,6 +81,7 @@ NO_ARRAYS = {
     "--array": "it writes pictures",
     "--scale": "of arrays",
     "--min-opacity": "of arrays",
+    "--format": "its output has a suffix",
     "--colorbar": "it stands beside a picture alone",
     "--seed": "datasets are made by render and batch",
 }

@@ -68,7 +68,7 @@ def test_templates_folders_and_patterns(folder, capsys):
 def test_names_that_no_output_can_have(folder, capsys):
     templates = """{stem:>99999999999}.png {stem:{view}}.png {0}.png {}.png {stem.a}.png {stem[0]}.png
         {frame:03}.png }.png {stem:e}.png {name}.png {stem.png {stem.upper}.png"""
-    legal = "-o may hold {stem}, {ext}, {view}, padded as in"
+    legal = "-o may hold {stem}, {ext}, {folder}, {view}, padded as in"
     assert_refused(capsys, [([CUBE, "-o", template], legal) for template in templates.split()], "render")
     assert_refused(capsys, [([CUBE, "-o", "{stem:>300}.png"], "too long")], "render", code=4)
     (folder / "file").write_text("x")
@@ -105,13 +105,13 @@ def test_two_pictures_of_one_name_are_refused(folder, capsys):
     assert_refused(capsys, [(["a.obj", "z.obj"], "would both be written")], "render")
 
 
-def test_models_that_differ_in_their_suffix_alone_get_it(folder):
+def test_models_of_one_name_are_told_apart_by_the_template(folder, capsys):
+    """Names never depend on what else is drawn."""
     shutil.copy(CUBE, "part.obj")
     shutil.copy(GEAR, "part.stl")
-    assert run("part.obj", "part.stl", CUBE, "-q") == 0
-    assert {"part-obj.png", "part-stl.png", "cube.png"} < set(os.listdir(folder))
-    assert run("part.obj", "part.stl", "-o", "out/", "--view", "top,front") == 0
-    assert found("out") == ["part-obj-front.png", "part-obj-top.png", "part-stl-front.png", "part-stl-top.png"]
+    assert_refused(capsys, [(["part.obj", "part.stl", CUBE], "{ext}")], "render")
+    assert run("part.obj", "part.stl", CUBE, "-q", "-o", "{stem}-{ext}.png") == 0
+    assert {"part-obj.png", "part-stl.png", "cube-obj.png"} < set(os.listdir(folder))
 
 
 def test_recursive_takes_all_models_below_and_keeps_their_folders(folder, capsys):
@@ -120,7 +120,11 @@ def test_recursive_takes_all_models_below_and_keeps_their_folders(folder, capsys
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(GEAR if name.endswith("stl") else CUBE, path)
     assert run("a", "-o", "out/", "--recursive") == 0
-    assert found("out") == ["b/x-obj.png", "b/x-stl.png", "c {1}/y.png", "x.png"]
+    assert found("out") == ["b/x.obj.png", "b/x.stl.png", "c {1}/y.obj.png", "x.obj.png"]
+    assert run("a", "-o", "jpg/{folder}/{stem}.{ext}.jpg", "--recursive") == 0
+    assert found("jpg") == ["b/x.obj.jpg", "b/x.stl.jpg", "c {1}/y.obj.jpg", "x.obj.jpg"]
+    assert run("a", "-o", "webp/", "--format", "WEBP", "--recursive") == 0
+    assert found("webp") == ["b/x.obj.webp", "b/x.stl.webp", "c {1}/y.obj.webp", "x.obj.webp"]
     assert_refused(capsys, [
         (["a", "--recursive", "-o", "flat/{stem}-{ext}.png"], "would both be written"),
         (["empty", "--recursive"], "empty: there is no model in this folder, nor below; legal are obj"),
