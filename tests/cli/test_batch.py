@@ -183,7 +183,7 @@ def test_outputs_that_several_arrays_can_not_have(capsys):
                 ("--array rgb --array depth -o a.png", "{array} in its name makes a file of each"),
                 ("--array rgb -o a.png -o b.npz", "given none before -o b.npz"),
                 ("--array rgb -o a.png --array uv -o b.npy --array face", "given one after -o b.npy"),
-                ("--array rgb -o a.png --array depth -o a.png", "a template with {stem}, {view}, {ext}, {folder} or {array}"),
+                ("--array rgb -o a.png --array depth -o a.png", "{stem}, {view}, {ext}, {folder} or {array}"),
                 ("--array rgb -o a.png --array depth -o b.npy --scale 1", "--scale is that of depth"),
                 ("--array uv --array depth -o {array}.png", "uv.png: a PNG file can't hold 'uv'"),
                 ("-o {array}.png", "-o may hold"),
