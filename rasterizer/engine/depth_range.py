@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import SceneError, warn_caller
 from ..pipeline.clip import find_nearest
 from ..pipeline.setup import DepthScale
 from ..pipeline.transform import DEPTH_MARGIN, Screen, make_screen
@@ -34,6 +34,14 @@ def screen_of(camera, view, n_sample, geometry, bounds) -> tuple[Screen, bool]:
     if before < near:
         screen, seen = fit_screen(view, projection, (before, far), far_clip, geometry, n_sample, depths)
     return screen, seen < before
+
+
+def warn_of_cut(screen, view, projection, n_sample, positions) -> None:
+    """Warn where the near plane cuts off a vertex that would be in the picture: with it, things vanish."""
+    if nearest_vertex(positions, view, projection, n_sample, (np.finfo(float).tiny, screen.near)) < screen.near:
+        warn_caller(
+            f"what is nearer than {screen.near:.3g} isn't drawn, for the sake of depth: give the camera a near plane"
+        )
 
 
 def nearest_vertex(positions, view, projection, n_sample, depths) -> float:

@@ -24,7 +24,7 @@ from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View
 from . import domains
 from .buffers import BUFFER_TABLE, BufferTables
-from .depth_range import are_seen_from_outside, check_depths, check_extent, scale_depths, screen_of
+from .depth_range import are_seen_from_outside, check_depths, check_extent, scale_depths, screen_of, warn_of_cut
 from .draw import NO_CLOCK, Counts, draw
 from .lights import FAR, Step
 from .lit_points import light_seen
@@ -171,6 +171,7 @@ class PreparedScene:
         if is_cut:
             why = f"what is nearer than {screen.near:.3g} is cut; give the camera a near plane"
             bound, steps = None, (*steps, Step(f"no bound is stated: {why}", np.inf, "everywhere"))
+            warn_of_cut(screen, view, camera.projection(self.n_sample), self.n_sample, self.geometry.positions)
         render_pass = self.color_pass(view, screen, drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         if is_global:
@@ -246,8 +247,11 @@ class PreparedScene:
         """
         view, normals, (width, height) = camera.view(), NONE, self.options.size
         n_sample = width * factor, height * factor
+        is_alone = names is None and not PICTURES & set(self.options.outputs)
         names = [name for name in self.options.outputs if name not in PICTURES] if names is None else names
-        screen, _ = screen_of(camera, view, n_sample, self.geometry, self.tables.bounds)
+        screen, is_cut = screen_of(camera, view, n_sample, self.geometry, self.tables.bounds)
+        if is_cut and is_alone:  # else the picture has warned of it
+            warn_of_cut(screen, view, camera.projection(n_sample), n_sample, self.geometry.positions)
         if "depth" in names:
             check_depths(camera, view, self.tables.bounds)
         if any(BUFFER_TABLE[name].needs_normals for name in names):

@@ -271,7 +271,10 @@ class _Reader:
             diffuse = effect.emission
         name = _picture(diffuse)
         texture = None if name is None else self._pictures.named(name)
-        base = _color(diffuse)
+        base, tag = _color(diffuse), self._document.tag
+        if name is None and effect.xmlnode.find(f".//{tag('diffuse')}/{tag('texture')}") is not None:
+            self._model.mend("texture", "of a sampler that isn't there: drawn without")
+            base = None
         base = np.ones(3) if base is None else within_1(self._model, base[None, :3])[0]
         common = {"opacity": self._opacity(effect), "texture": texture, "name": name_in(source.name or source.id)}
         if effect.shadingtype == "constant":

@@ -135,5 +135,9 @@ def test_nothing_before_the_camera_is_cut_however_large_the_scene_or_no_bound_is
     camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=90)
     frame = rz.render(rz.Scene([through, far], LIGHTS, camera), (61, 48), cull="none")
     assert frame.stats.error_bound is None and "cut" in frame.stats.steps[-1].cause
+    lost = replace(small, vertices=small.vertices * 0.1 - (0, 0, 0.5))
+    for outputs in ("color", "depth", ("rgb", "face")):
+        with pytest.warns(UserWarning, match="isn't drawn, for the sake of depth: give the camera a near plane"):
+            frame = rz.render(rz.Scene([lost, far], LIGHTS, camera), (61, 48), outputs=outputs)
     near = rz.render(rz.Scene([through, far], LIGHTS, replace(camera, near=1.0)), (61, 48), cull="none")
     assert near.stats.error_bound is not None, "what the user's own plane cuts is no news"

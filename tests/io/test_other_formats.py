@@ -74,6 +74,8 @@ def test_collada_says_what_is_missing_and_draws_the_rest():
         with pytest.warns(UserWarning) as said_of:
             assert lit(text).diffuse == grey, said
         assert any(said in str(each.message) for each in said_of), said
+    with pytest.warns(UserWarning, match="1 texture of a sampler that isn't there: drawn without"):
+        assert lit(dae(diffuse='<texture texture="z" texcoord="t"/>')).texture is None
     holes = "<ph><p>0 0 1 1 2 2 3 3</p><h>0 0 1 1 2 2</h></ph>"
     polygons = whole.replace("polylist", "polygons").replace("<vcount>4</vcount><p>0 0 1 1 2 2 3 3</p>", holes)
     controller = NODES + '<node><instance_controller url="#z"/></node>'
