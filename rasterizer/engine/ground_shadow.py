@@ -14,7 +14,8 @@ transparent lets a share of the light through: triangles of one opacity a that t
 into masks of their own. Where the two sides hide the shares h >= k of the light, k is weakened by a twice, as by the
 front and the back of a glass body, and h - k once: a·(h + (1 - a)·k) is lost. Opacities are combined as if each hid
 points of the light at random, which is exact but in half-shadows. Several surfaces of one opacity and side, one behind
-the other, count once, and a texture counts with the mean of its alpha.
+the other, count once, and a texture counts with the mean of its alpha. Cut-outs are cut into pieces about as large as a
+texel of the ground, of which those count whose middle is there.
 """
 
 import math
@@ -31,6 +32,7 @@ from ..scene.camera import Camera
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.framing import orbit_axes
 from ..scene.material import Material
+from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.texture import Texture
 
@@ -41,6 +43,7 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 POINTS = 256  # of the light
 OPACITIES = 32  # that are told apart, each of which costs as much as all that is opaque
 MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
+MOST_PIECES = 2**21  # of the cut-outs of a mesh: 100 cards over all of the ground
 MIN_FACES = 2**15  # that are worth layers of their own
 DECODED = LINEAR_OF_BYTE.astype(np.float32)
 NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
@@ -186,12 +189,12 @@ def _light_points(n: int) -> NDArray[np.float64]:
 
 def _opacity_of(material: Material) -> float:
     """Return the opacity of a material, rounded to a multiple of 1/OPACITIES; 1 where it is opaque. Of a texture the
-    mean of its alpha counts, of cut-outs the share that is there."""
+    mean of its alpha counts, of cut-outs what is there."""
     alpha, opacity = np.ones(1), material.opacity
     if isinstance(material.texture, Texture) and material.texture.has_alpha:
         alpha = material.texture.image[..., 3]
     if material.alpha_cutoff is not None:
-        alpha, opacity = opacity * alpha >= material.alpha_cutoff, 1.0
+        return float((opacity * alpha >= material.alpha_cutoff).any())
     return round(OPACITIES * opacity * float(alpha.mean(dtype=np.float64))) / OPACITIES
 
 
@@ -204,12 +207,56 @@ def _hidden_share(scene: Scene, ground: Ground, n: int, workers: Workers) -> NDA
         for mesh, of_palette in zip(scene.meshes, opacities, strict=True):
             material = 0 if mesh.face_material is None else mesh.face_material
             is_drawn = np.broadcast_to(of_palette[material] == opacity, mesh.n_face)
+            for k, of_mesh in enumerate(mesh.palette):
+                if opacity == 1.0 and of_mesh.alpha_cutoff is not None and of_palette[k] == 1.0:
+                    casters.append(
+                        _pieces(mesh, np.flatnonzero(np.broadcast_to(material == k, mesh.n_face)), of_mesh, ground)
+                    )
+                    is_drawn = is_drawn & (material != k)
             casters.append((mesh.vertices, mesh.faces if is_drawn.all() else mesh.faces[is_drawn]))
         sides = (None,) if opacity == 1.0 else (1, -1)
         shares = [_count_hidden(casters, side, top, ground, n, workers) for side in sides]
         once, twice = np.maximum.reduce(shares), np.minimum.reduce(shares)
         hidden += (1 - hidden) * np.float32(opacity) * (once + np.float32(1 - opacity) * twice)
     return hidden
+
+
+def _pieces(mesh: Mesh, chosen: NDArray[np.int64], material: Material, ground: Ground) -> tuple[NDArray, NDArray]:
+    """Return vertices (n, 3) and faces (m, 3) of what is there of some faces of a mesh, of a cut-out's material."""
+    texture, cutoff = material.texture, material.alpha_cutoff or 0.0
+    corners = mesh.vertices[mesh.faces[chosen]]
+    if texture is None or not texture.has_alpha or mesh.uv is None:
+        return corners.reshape(-1, 3), np.arange(3 * len(chosen), dtype=np.uint32).reshape(-1, 3)
+    uv = (mesh.uv[mesh.faces[chosen]] if mesh.uv.ndim == 2 else mesh.uv[chosen])[..., :2]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0) / ground.texel
+    sides *= min(1.0, math.sqrt(MOST_PIECES / max(float((sides * sides).sum()), 1.0)))
+    counts, parts = np.maximum(np.ceil(sides), 1).astype(int), []
+    for n in np.unique(counts).tolist():
+        lattice = _split(n)
+        middles = np.einsum("pk,fkc->fpc", lattice.mean(axis=1), uv[counts == n])
+        face, piece = np.nonzero(material.opacity * _alpha_at(texture, middles) >= cutoff)
+        parts.append(np.einsum("pik,pkc->pic", lattice[piece], corners[counts == n][face]).reshape(-1, 3))
+    found = np.concatenate(parts) if parts else np.empty((0, 3))
+    return found, np.arange(len(found), dtype=np.uint32).reshape(-1, 3)
+
+
+def _split(n: int) -> NDArray[np.float64]:
+    """Return the weights of the corners of n² equal pieces of a triangle, (n², 3, 3)."""
+    i, j = (each.ravel() for each in np.mgrid[:n, :n])
+    upright = np.stack([(i, j), (i + 1, j), (i, j + 1)], axis=0)[:, :, i + j < n]
+    turned = np.stack([(i + 1, j + 1), (i, j + 1), (i + 1, j)], axis=0)[:, :, i + j < n - 1]
+    places = np.concatenate([upright, turned], axis=2).transpose(2, 0, 1) / n
+    return np.concatenate([1.0 - places.sum(axis=2, keepdims=True), places], axis=2)
+
+
+def _alpha_at(texture: Texture, uv: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the alpha of the texels that texture coordinates (..., 2) lie in."""
+    (height, width), texels = texture.shape, []
+    for axis, (n, wrap) in enumerate(zip((width, height), texture.wrap, strict=True)):
+        place = uv[..., axis] if wrap != "mirror" else 1.0 - np.abs(uv[..., axis] % 2.0 - 1.0)
+        place = place % 1.0 if wrap == "repeat" else place
+        texels.append(np.clip(np.nan_to_num(np.floor(place * n)), 0, n - 1).astype(int))
+    return texture.image[height - 1 - texels[1], texels[0], 3]
 
 
 def _count_hidden(

@@ -238,3 +238,22 @@ def test_the_ground_comes_before_the_background_and_leaves_other_lights():
         assert any(getattr(light, "shadow", None) for light in lights) == casts and len(lights) == 4, shading
     with pytest.raises(rz.SceneError, match="ground must be True or False; given 3"):
         rz.render(CUBE, SIZE, ground=3)
+
+
+def test_cut_outs_are_there_or_not():
+    """A card with a hole in its middle casts the shadow of the frame that is left."""
+    card = np.array([[-1, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]], float)
+    image = np.full((16, 16, 4), 255, np.uint8)
+    image[4:12, 4:12, 3] = 0
+    cut_out = rz.Material(texture=image, alpha_cutoff=0.5)
+    stand = rz.Mesh([(0, 0, 0), (0, 0.01, 0), (0.01, 0, 0)], [[0, 1, 2]])
+    inner = 0.5 * card + (0, 0.5, 0)
+    ring = [[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+    for uv, wrap in (((0, 0), "clamp"), ((3, -2), "repeat"), ((2, 4), "mirror")):
+        corners = np.array([(0, 0), (0, 1), (1, 1), (1, 0)]) + uv
+        material = replace(cut_out, texture=rz.Texture(image, wrap=wrap))
+        whole = rz.Mesh(card, [[0, 1, 2, 3]], uv=corners, material=material)
+        found = GroundShadow(rz.Scene([stand, whole]), size=128, strength=1.0)
+        expected = GroundShadow(rz.Scene([stand, rz.Mesh(np.concatenate([card, inner]), ring)]), size=128, strength=1.0)
+        assert np.abs(found.opacity - expected.opacity).max() < 0.1, wrap
+    assert found.opacity[64, 64] < 0.5 < found.opacity.max()
