@@ -598,12 +598,6 @@ def _checked_image(image: Any) -> NDArray[Any]:
             part[..., 3] = source[..., -1] if has_alpha else 1.0
         if not (np.isfinite(part).all() and part.min() >= 0.0 and part[..., 3].max() <= 1.0):
             raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
-    most = float(out[..., :3].max())
-    if 2.0 <= most <= 255.0 and all((out[rows, :, :3] % 1.0 == 0.0).all() for rows in _strips(*array.shape[:2])):
-        hint = "of 0 to 255 are given as uint8; brighter light than white is a matter of lights and materials"
-        raise SceneError(
-            f"a texture's image of floats is linear, 1 is white; given whole numbers up to {most:g}: those {hint}"
-        )
     return fixed(out)
 
 

@@ -175,10 +175,3 @@ def test_colors_of_levels_are_multiplied_by_alpha_so_that_hidden_ones_add_nothin
     red, hidden = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 0.0)
     assert Texture(np.array([[red, hidden]])).pyramid[1].tolist() == [[[0.5, 0.0, 0.0, 0.5]]]
     assert Texture(np.array([[red, hidden]])).halved(1).image.tolist() == [[[1.0, 0.0, 0.0, 0.5]]]
-
-
-def test_floats_that_are_bytes_are_refused_and_bright_ones_are_not():
-    image = np.full((2, 2, 3), 128.0)
-    with pytest.raises(SceneError, match="whole numbers up to 128: those of 0 to 255 are given as uint8"):
-        Texture(image)
-    assert Texture(image + 0.5).image.max() == 128.5 and Texture(image / 128.0).image.max() == 1.0
