@@ -12,6 +12,7 @@ import reprlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from importlib import import_module
 from types import FrameType, ModuleType
 
@@ -106,7 +107,12 @@ def faults_of(whose: str) -> Iterator[None]:
 
 
 def warn_caller(text: str) -> None:
-    """Warn of what a user can change; the warning points at the line outside of this package that led to it."""
+    """Warn of what a user can change; the warning points at the line outside of this package that led to it. Inside of
+    `collected_warnings` it is kept instead."""
+    collected = _collected.get()
+    if collected is not None:
+        collected.extend([text] * (text not in collected))
+        return
     import warnings
 
     level = 1
@@ -114,6 +120,21 @@ def warn_caller(text: str) -> None:
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _INSIDE:
         level, frame = level + 1, frame.f_back
     warnings.warn(text, UserWarning, stacklevel=level + 1)
+
+
+_collected: ContextVar[list[str] | None] = ContextVar("collected", default=None)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Yield a list that gets the texts that this package warns of inside the block, each once. Filters of warnings,
+    which all threads of a process share, stay what they are."""
+    texts: list[str] = []
+    token = _collected.set(texts)
+    try:
+        yield texts
+    finally:
+        _collected.reset(token)
 
 
 # Between a user's line and ours stand calls of the standard library: of `replace`, context managers, finalizers.

@@ -17,7 +17,7 @@ import time
 import weakref
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from io import StringIO
 
 from .errors import RasterizerError
@@ -26,7 +26,6 @@ _GLANCE = 0.2  # seconds between looks at who has started a process
 # A thread a process for numpy's libraries. And a process that keeps a model is no leak, for which loky would end it.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _SETTINGS = {"PYTHONSAFEPATH": "1", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e18"}
-_NO_LEAKS = "ignore::UserWarning:loky.backend.resource_tracker"  # warned of where processes were killed
 _executors: "weakref.WeakSet[Executor]" = weakref.WeakSet()  # that run
 _folders: set[str] = set()  # that are there
 _starting = threading.Lock()
@@ -46,7 +45,7 @@ def start_processes(n: int, is_silent: bool = False) -> tuple[Executor, Future]:
         from loky.process_executor import ProcessPoolExecutor
 
         environment = {name: os.environ.get(name, "1") for name in _THREADS} | _SETTINGS
-        with _starting, _streams_open(), _helpers_started(), _interrupts_held():
+        with _starting, _streams_open(), _interrupts_held():
             executor = ProcessPoolExecutor(n, initializer=_begin, initargs=(os.getpid(), is_silent), env=environment)
             _executors.add(executor)
             try:
@@ -116,31 +115,12 @@ def _streams_open() -> Iterator[None]:
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)
-    with redirect_stdout(sys.stdout or StringIO()), redirect_stderr(sys.stderr or StringIO()):
+    with ExitStack() as stack:
+        if sys.stdout is None:
+            stack.enter_context(redirect_stdout(StringIO()))
+        if sys.stderr is None:
+            stack.enter_context(redirect_stderr(StringIO()))
         yield
-
-
-@contextmanager
-def _helpers_started() -> Iterator[None]:
-    """Start what cleans up after killed processes, which takes its settings from the environment alone."""
-    from multiprocessing import resource_tracker
-
-    from loky.backend import resource_tracker as loky_tracker
-
-    settings = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": _NO_LEAKS}
-    before = {name: os.environ.get(name) for name in settings}
-    os.environ.update(settings)
-    try:
-        loky_tracker.ensure_running()
-        if os.name == "posix":
-            resource_tracker.ensure_running()
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-    yield
 
 
 @contextmanager

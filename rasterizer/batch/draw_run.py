@@ -5,11 +5,10 @@ A run is some tasks of one model. Nothing is written here: the bytes of the file
 
 import os
 import pickle
-import warnings
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..errors import RasterizerError, SceneError, error_of
+from ..errors import RasterizerError, SceneError, collected_warnings, error_of
 from ..frame import Frame, Stats
 from ..io.loader import SceneFile, read_source
 from ..options import Options
@@ -121,15 +120,13 @@ def load_model_of(run: Run, shared: Any, kept: dict[str, Any]) -> Model:
         raise kept["fault"][1]
     drop(kept)
     files_read: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with collected_warnings() as texts:
         source = shared if run.path is None else run.path
         try:
             file = read_source(source, **run.load, files_read=files_read)
         except RasterizerError as fault:  # of the model; what else goes wrong may go well the next time
             kept["fault"], kept["source"] = (key, fault.with_traceback(None)), shared
             raise
-    texts = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, UserWarning))
     kept["model"] = Model(key, file, tuple(texts), tuple(dict.fromkeys(files_read)))
     kept["source"] = shared  # another one may not get its id
     return kept["model"]

@@ -12,7 +12,7 @@ IMPORTS = ("drawing", "processes")
 _EXAMPLES = """\
 examples:
   raster batch 'parts/*.stl' -o 'thumbs/{stem}-{view}.png' --view front,top -j 4
-  raster batch parts -o thumbs/ --format webp --changed      a folder, every night
+  raster batch parts -o thumbs/ --format webp --changed    a folder, every night
   raster batch parts/*.stl --array rgb --array depth --array object
       -o 'data/{stem}-{view}.{array}.png' --view iso,top -b white
       --manifest data/manifest.jsonl --coco data/coco.json

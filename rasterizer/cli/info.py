@@ -9,7 +9,7 @@ import os
 from dataclasses import asdict
 from time import perf_counter
 
-from ..errors import install_command
+from ..errors import collected_warnings, install_command
 from ..io import formats
 from .flags import add_json, add_messages, add_models
 from .messages import STDIO, Failures, print_text
@@ -87,12 +87,12 @@ def _describe(model, look, messages) -> dict:
     from ..io.loader import load
     from ..scene.framing import guess_up
     from ..scene.lights import light_type_of
-    from .models import noted_warnings, source_of
+    from .models import source_of
 
     start = perf_counter()
     source = source_of(model, look.format)
     said, files_read = [], []
-    with noted_warnings() as texts:
+    with collected_warnings() as texts:
         scene = load(source, camera="file", **look.reading, log=said.append, files_read=files_read)
     for text in said:
         messages.detail(text)

@@ -3,13 +3,12 @@
 import glob
 import os
 import sys
-import warnings
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import ModelError, SceneError, named_in_errors
+from ..errors import ModelError, SceneError, collected_warnings, named_in_errors
 from ..io import formats
 from ..io.loader import SceneFile, doubt_of_up, read_source
 from ..io.model_file import noticing_progress
@@ -79,7 +78,7 @@ def load_scene(model, request, messages, files_read=None, read=None) -> Loaded:
     ModelError : the file can't be read, or a mesh can't take the texture
     SceneError : a value that the file or one of its materials can't take
     """
-    with noted_warnings() as texts:
+    with collected_warnings() as texts:
         with closing(Bar(messages, _LONG)) as bar, noticing_progress(bar.show if bar.is_shown else None):
             read = _read(model, request, messages, files_read, read)
         with named_in_errors(f"{model}: options"):
@@ -92,18 +91,6 @@ def load_scene(model, request, messages, files_read=None, read=None) -> Loaded:
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
     messages.warn(*texts)
     return Loaded(scene, texts, request)
-
-
-@contextmanager
-def noted_warnings():
-    """Yield a list that holds what was warned of inside the block, once that has ended: each text once."""
-    texts = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        yield texts
-    for warning in caught:
-        if issubclass(warning.category, UserWarning) and str(warning.message) not in texts:
-            texts.append(str(warning.message))
 
 
 def _read(model, request, messages, files_read, read) -> SceneFile:

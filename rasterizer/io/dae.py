@@ -13,7 +13,6 @@ Formats: Khronos, COLLADA 1.4.1, 2008, p. 7-5; 1.5.0, 2008, p. 249 and 304.
 """
 
 import re
-import warnings
 from io import BytesIO
 
 import numpy as np
@@ -31,6 +30,7 @@ from .model_file import (
     make_opaque,
     mend_unused,
     name_in,
+    numbers_in,
     within_1,
 )
 from .other_formats import Graph, Pictures, beside, check_tree, member_of, unpacked
@@ -123,6 +123,10 @@ def _document(model, text):
 
         def _loadAssetInfo(self):
             super()._loadAssetInfo()
+            for element in self.xmlnode.iter():
+                if str(element.tag).rpartition("}")[2] in _NUMBERS and not _holds_numbers(element.text or ""):
+                    what = "numbers are wanted where other text stands"
+                    raise model.error(f"not a readable dae file: {what}: '{cut(element.text, 40)}'")
             ids = {element.get("id") for element in self.xmlnode.iter()}
             for above in [*self.xmlnode.iter()]:
                 for element in [*above]:
@@ -156,19 +160,22 @@ def _document(model, text):
                     self.materials.append(collada.material.Material(name, name, None, self.xmlnode))
 
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            warnings.filterwarnings("error", message=".*could not be read to its end")  # numpy: text that is no number
-            return Document(BytesIO(text), ignore=[DaeError], aux_file_loader=lambda name: b"")
+        return Document(BytesIO(text), ignore=[DaeError], aux_file_loader=lambda name: b"")
     except (MemoryError, ModelError):
         raise
     except RecursionError as fault:
         raise model.error("is nested too deeply") from fault
-    except DeprecationWarning as fault:
-        raise model.error("not a readable dae file: numbers are wanted where other text stands") from fault
     except Exception as fault:
         reason = f": {cut(fault)}" if isinstance(fault, (DaeError, ValueError)) else ""
         raise model.error(f"not a readable dae file{reason}") from fault
+
+
+# Elements whose text numpy reads up to the first word that is no number.
+_NUMBERS = {"float_array", "p", "v", "vcount", "matrix", "translate", "rotate", "scale", "lookat", "skew"}
+
+
+def _holds_numbers(text: str) -> bool:
+    return text.isascii() and numbers_in(text.encode()) is not None
 
 
 class _Reader:

@@ -16,7 +16,6 @@ meshio's formats, which trimesh gives up in 2027.
 import logging
 import re
 import threading
-import warnings
 import zipfile
 import zlib
 from io import BytesIO
@@ -291,12 +290,9 @@ def _read(model, format, data, pictures=None, **options) -> dict:
     log, logger = _Log(), logging.getLogger("trimesh")
     logger.addHandler(log)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            warnings.filterwarnings("error", message=".*could not be read to its end")  # numpy: text that is no number
-            from trimesh.exchange.load import mesh_loaders
+        from trimesh.exchange.load import mesh_loaders
 
-            found = mesh_loaders[format](BytesIO(data), file_type=format, resolver=pictures, **options)
+        found = mesh_loaders[format](BytesIO(data), file_type=format, resolver=pictures, **options)
     except (MemoryError, ModelError):
         raise
     except RecursionError as fault:

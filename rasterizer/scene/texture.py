@@ -12,10 +12,9 @@ picture, 1 to 4 a texel; what is linear needs 16, a third more with mipmaps, and
 import math
 import os
 import struct
-import warnings
 import zlib
-from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
@@ -42,7 +41,9 @@ ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MAX_IN_PI
 LEAST_TEXELS, TEXELS_A_BYTE = 5 * 2**21, 8  # of all textures of a file, whatever its size, or by its size; see `Budget`
 MOST_TEXELS_A_BYTE = 64  # of all pictures of a file that are decoded, or 8 times as many as one picture may have
 MAX_WEBP = 2**24  # texels of a WebP picture, each of which takes 13 bytes on the way, unless its file is large
+MAX_RLE = 2**20  # texels of a BMP picture in runs, which Pillow decodes in Python, unless its file is large
 MAX_SCANNED = 2**30  # texels of a JPEG picture times its scans, each of which goes through all of them
+_TILE_SIZE = 322, 323  # TIFF's tags of a tile's width and height
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
 _PICTURE_FAULTS = (
@@ -388,19 +389,21 @@ def read_picture(
     _silence_log()
     try:
         n_byte = 0 if isinstance(source, (str, os.PathLike)) else source.seek(0, os.SEEK_END) - source.seek(0)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
-            with Image.open(source, formats=FORMATS) as picture:
-                size = "{} x {}".format(*picture.size)
-                _check_size(picture, name)
-                if picture.format == "WEBP" and 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > MAX_WEBP:
-                    raise ModelError(f"{name}: a WebP picture of {size} in {n_byte} bytes is not read")
-                n_halving = 0 if budget is None else budget.read(picture.size, n_byte, name)
-                if n_halving:
-                    decoded = None
-                if decoded is None:
-                    with _silenced() if picture.format == "TIFF" else nullcontext():
-                        decoded = _pixels_of(picture, name) if n_halving == 0 else _reduced(picture, n_halving)
+        with Image.open(source, formats=FORMATS) as picture:
+            size = "{} x {}".format(*picture.size)
+            _check_size(picture, name)
+            most = {"WEBP": MAX_WEBP, "BMP": MAX_RLE}.get(picture.format or "", math.inf)
+            is_packed = picture.format != "BMP" or picture.info.get("compression") in (1, 2)  # in runs
+            if 0 < TEXELS_A_BYTE * n_byte < math.prod(picture.size) > most and is_packed:
+                raise ModelError(f"{name}: a {picture.format} picture of {size} in {n_byte} bytes is not read")
+            tile = [picture.tag_v2.get(tag, 1) for tag in _TILE_SIZE] if picture.format == "TIFF" else [1]
+            if math.prod(tile) > max_texels():
+                raise ModelError(f"{name}: a TIFF picture with tiles of {tile[0]} x {tile[1]} is not read")
+            n_halving = 0 if budget is None else budget.read(picture.size, n_byte, name)
+            if n_halving:
+                decoded = None
+            if decoded is None:
+                decoded = _pixels_of(picture, name) if n_halving == 0 else _reduced(picture, n_halving)
     except (ModelError, SceneError):
         raise
     except UnidentifiedImageError as fault:
@@ -431,28 +434,26 @@ def decode_ahead(pictures: Iterable[tuple[Any, bytes | memoryview]]) -> dict[Any
 
     _silence_log()
     budget, opened = Budget(), {}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # as in `read_picture`
-        for key, data in pictures:
-            try:
-                picture = Image.open(BytesIO(data), formats=_DECODED_AHEAD)
-                _check_size(picture, "")
-                n_texel = math.prod(picture.size)
-                if len(data) > 8 * n_texel + 2**16 or budget.read(picture.size, len(data), "") > 0:
-                    break
-            except (ModelError, SceneError, *_PICTURE_FAULTS, Image.DecompressionBombError):
+    for key, data in pictures:
+        try:
+            picture = Image.open(BytesIO(data), formats=_DECODED_AHEAD)
+            _check_size(picture, "")
+            n_texel = math.prod(picture.size)
+            if len(data) > 8 * n_texel + 2**16 or budget.read(picture.size, len(data), "") > 0:
                 break
-            if _is_plain(picture):
-                opened[key] = picture
-        n_thread = min(len(opened), n_core())
-        if n_thread < 2:
-            return {}
-        with Workers(n_thread) as workers:
-            decoded = zip(opened, workers.map(_pixels_or_none, opened.values()), strict=True)
-            return {key: pixels for key, pixels in decoded if pixels is not None}
+        except (ModelError, SceneError, *_PICTURE_FAULTS, Image.DecompressionBombError):
+            break
+        if _is_plain(picture):
+            opened[key] = picture
+    n_thread = min(len(opened), n_core())
+    if n_thread < 2:
+        return {}
+    with Workers(n_thread) as workers:
+        decoded = zip(opened, workers.map(_pixels_or_none, opened.values()), strict=True)
+        return {key: pixels for key, pixels in decoded if pixels is not None}
 
 
-_DECODED_AHEAD = ("PNG", "JPEG")  # what most pictures are; while a TIFF is decoded the process's stderr is redirected
+_DECODED_AHEAD = ("PNG", "JPEG")  # what most pictures are
 
 
 def _pixels_or_none(picture: "Image.Image") -> NDArray[np.uint8] | None:
@@ -471,24 +472,6 @@ def _silence_log() -> None:
     log = logging.getLogger("PIL")
     if not log.handlers:
         log.addHandler(logging.NullHandler())
-
-
-@contextmanager
-def _silenced() -> Iterator[None]:
-    """Let nothing be written to the process's stderr: libtiff writes there what it thinks of a file."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # the process was started without one
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def _check_size(picture: "Image.Image", name: str) -> None:

@@ -93,7 +93,7 @@ def test_collada_says_what_is_missing_and_draws_the_rest():
         (whole.replace("2 2 3 3", "2 2 9 3"), "beyond the limits"),
         (whole.replace("2 2 3 3", "2 2"), "3 corners, 4 are stated"),
         (whole.replace("2 2 3 3", "2 2 -1 3"), "refers to vertex -1"),
-        (whole.replace("0 0 0 2 0 0", "0 0 0 two 0 0"), "Corrupted float array"),
+        (whole.replace("0 0 0 2 0 0", "0 0 0 two 0 0"), "numbers are wanted"),
     ], rz.ModelError, "model: ")  # fmt: skip
 
 
