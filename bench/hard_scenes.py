@@ -29,6 +29,7 @@ class Scene(NamedTuple):
     has_reference: bool = True  # False where that would take minutes: `expect` says what is right then
     expect: Callable | None = None  # function from the Frame to None, or to what is wrong with it
     figure: Callable | None = None  # function from the Frame and the reference's Picture to a figure in words
+    warning: str = ""  # what its frames warn of holds this
 
 
 class Refused(NamedTuple):
@@ -645,10 +646,10 @@ def convex_polygon(_):
 
 @case("what is nearer than 2⁻²⁶ of the furthest distance", path="entries")
 def nearer_than_near(_):
-    """A limit: it is clipped, the rest is as it was."""
+    """A limit: it is clipped, which is warned of; the rest is as it was."""
     points = [(8, 60), (88, 60), (48, 8)] * 2
     faces, depths = [[0, 1, 2], [3, 4, 5]], np.repeat([2.0**-28, 1.0], 3)
-    return Scene(on_screen(SIZE, points, depths, faces, is_perspective=True), expect=only(1))
+    return Scene(on_screen(SIZE, points, depths, faces, is_perspective=True), expect=only(1), warning="near plane")
 
 
 def only(face):

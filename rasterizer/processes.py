@@ -46,6 +46,7 @@ def start_processes(n: int, is_silent: bool = False) -> tuple[Executor, Future]:
 
         environment = {name: os.environ.get(name, "1") for name in _THREADS} | _SETTINGS
         with _starting, _streams_open(), _interrupts_held():
+            _start_tracker()
             executor = ProcessPoolExecutor(n, initializer=_begin, initargs=(os.getpid(), is_silent), env=environment)
             _executors.add(executor)
             try:
@@ -121,6 +122,20 @@ def _streams_open() -> Iterator[None]:
         if sys.stderr is None:
             stack.enter_context(redirect_stderr(StringIO()))
         yield
+
+
+def _start_tracker() -> None:
+    """Start what cleans up after killed processes: its command line alone says that nothing is imported from the current
+    folder, and that nobody wants to be warned of what killed processes leave."""
+    from loky.backend import resource_tracker as tracker
+
+    spawn = tracker.spawnv_passfds
+    flags = ["-P"] * (sys.version_info >= (3, 11)) + ["-W", "ignore::UserWarning:loky.backend.resource_tracker"]
+    tracker.spawnv_passfds = lambda path, args, fds: spawn(path, [args[0], *flags, *args[1:]], fds)
+    try:
+        tracker.ensure_running()
+    finally:
+        tracker.spawnv_passfds = spawn
 
 
 @contextmanager

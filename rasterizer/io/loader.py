@@ -173,8 +173,9 @@ def read_source(
     """
     if isinstance(source, SceneFile):
         return source
-    read = _read(source, **words | ({} if up in (None, "auto") else {"up": up}))
-    doubt = doubt_of_up(read.scene, source, words.get("format")) if up == "auto" else None
+    is_auto = isinstance(up, str) and up == "auto"
+    read = _read(source, **words | ({} if up is None or is_auto else {"up": up}))
+    doubt = doubt_of_up(read.scene, source, words.get("format")) if is_auto else None
     return read if doubt is None else read._replace(scene=replace(read.scene, up=doubt[0]))
 
 

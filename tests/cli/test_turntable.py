@@ -55,7 +55,7 @@ def test_a_frame_each(folder, capsys):
     assert run(LIFE, GEAR, "-o", "f/{stem}-{frame:03}.png", "--background", "white") == 0
     assert sorted(os.listdir("f")) == [f"{stem}-{k:03}.png" for stem in ("gear", "still_life") for k in range(6)]
     assert len({(folder / "f" / f"still_life-{k:03}.png").read_bytes() for k in range(6)}) == 6
-    assert_refused(capsys, [([CUBE, "-o", "f/{frame}{nothing}.png"], "{stem}, {ext}, {folder}, {view}, {frame}")], "turntable")
+    assert_refused(capsys, [([CUBE, "-o", "f/{frame}{nothing}.png"], "{ext}, {folder}, {view}, {frame}")], "turntable")
 
 
 def test_a_video_has_a_background():
