@@ -125,8 +125,8 @@ def _streams_open() -> Iterator[None]:
 
 
 def _start_tracker() -> None:
-    """Start what cleans up after killed processes: its command line alone says that nothing is imported from the current
-    folder, and that nobody wants to be warned of what killed processes leave."""
+    """Start what cleans up after killed processes: its command line alone says that nothing is imported from the
+    current folder, and that nobody wants to be warned of what killed processes leave."""
     from loky.backend import resource_tracker as tracker
 
     spawn = tracker.spawnv_passfds
